@@ -1,0 +1,82 @@
+"""The one list of channels that a flight record can carry, with units and meaning.
+
+Body axes are forward-right-down, the world is north-east-down. IN1 is the helicopter's
+own input, recomputed from the four servo signals; IN2 is the pilot's sticks; OUT is the
+measured motion (Wu and Chen, section 2). IN1 and IN2 are unitised to [-0.5, 0.5].
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from helisim.errors import UnknownNameError
+
+Kind = Literal["IN1", "IN2", "OUT", "SERVO", "OTHER"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column of a record: its name, its unit (SI), its kind and its meaning."""
+
+    name: str
+    unit: str
+    kind: Kind
+    meaning: str = ""
+
+
+IN1 = ("col", "lon", "lat", "ped")
+IN2 = ("COL", "LON", "LAT", "PED")
+SERVOS = ("servo_front", "servo_left", "servo_right", "servo_tail")
+RATES = ("p", "q", "r")
+ATTITUDES = ("phi", "theta", "psi")
+VELOCITIES = ("u", "v", "w")
+ACCELERATIONS = ("ax", "ay", "az")
+POSITIONS = ("north", "east", "down")
+OUT = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS + POSITIONS
+
+AXES = IN1
+"""Control axes, in the order of IN1: collective, longitudinal, lateral, pedal."""
+
+_STANDARD = (
+    Channel("col", "1", "IN1", "collective at the swashplate"),
+    Channel("lon", "1", "IN1", "longitudinal cyclic at the swashplate, positive nose up"),
+    Channel("lat", "1", "IN1", "lateral cyclic at the swashplate, positive right"),
+    Channel("ped", "1", "IN1", "tail rotor collective, positive nose right"),
+    Channel("COL", "1", "IN2", "collective stick"),
+    Channel("LON", "1", "IN2", "longitudinal stick, positive nose up"),
+    Channel("LAT", "1", "IN2", "lateral stick, positive right"),
+    Channel("PED", "1", "IN2", "pedal stick, positive nose right"),
+    Channel("servo_front", "1", "SERVO", "command to the front swashplate servo"),
+    Channel("servo_left", "1", "SERVO", "command to the left swashplate servo"),
+    Channel("servo_right", "1", "SERVO", "command to the right swashplate servo"),
+    Channel("servo_tail", "1", "SERVO", "command to the tail servo"),
+    Channel("p", "rad/s", "OUT", "roll rate"),
+    Channel("q", "rad/s", "OUT", "pitch rate"),
+    Channel("r", "rad/s", "OUT", "yaw rate"),
+    Channel("phi", "rad", "OUT", "roll angle"),
+    Channel("theta", "rad", "OUT", "pitch angle"),
+    Channel("psi", "rad", "OUT", "yaw angle, unwrapped"),
+    Channel("u", "m/s", "OUT", "forward velocity at the centre of gravity"),
+    Channel("v", "m/s", "OUT", "right velocity at the centre of gravity"),
+    Channel("w", "m/s", "OUT", "down velocity at the centre of gravity"),
+    Channel("ax", "m/s^2", "OUT", "forward specific force at the centre of gravity"),
+    Channel("ay", "m/s^2", "OUT", "right specific force at the centre of gravity"),
+    Channel("az", "m/s^2", "OUT", "down specific force at the centre of gravity"),
+    Channel("north", "m", "OUT", "position north of the start"),
+    Channel("east", "m", "OUT", "position east of the start"),
+    Channel("down", "m", "OUT", "position below the start"),
+)
+
+CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}
+"""Every standard channel by name. Names tell IN1 (col) from IN2 (COL) by case."""
+
+
+def channel(name: str) -> Channel:
+    """Return the standard channel of that name.
+
+    Raises:
+        UnknownNameError: no such channel; the message lists those that exist.
+    """
+    try:
+        return CHANNELS[name]
+    except KeyError:
+        raise UnknownNameError("channel", name, CHANNELS) from None

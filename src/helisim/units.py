@@ -1,0 +1,13 @@
+"""Conversions between SI, used everywhere inside, and what people type and read."""
+
+import math
+
+RAD_PER_DEG = math.pi / 180.0
+RAD_S_PER_RPM = 2.0 * math.pi / 60.0
+METRE_PER_FOOT = 0.3048
+"""Exact, by the international yard and pound agreement of 1959."""
+
+
+def decibel(magnitude: float) -> float:
+    """Return 20 log10 of a magnitude ratio, in dB."""
+    return 20.0 * math.log10(magnitude)
