@@ -1,0 +1,21 @@
+"""The vehicle: MJCF and parameters to a model that is trimmed and can be linearised."""
+
+from helisim.vehicle.calibrate import calibrate
+from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
+from helisim.vehicle.parameters import Parameter, Parameters, read_parameters
+from helisim.vehicle.trim import Trim, find_hover
+from helisim.vehicle.vehicle import Vehicle, load
+
+__all__ = [
+    "Linearization",
+    "Parameter",
+    "Parameters",
+    "Trim",
+    "Vehicle",
+    "calibrate",
+    "find_hover",
+    "linearize",
+    "load",
+    "read_parameters",
+    "stability_derivatives",
+]

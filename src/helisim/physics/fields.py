@@ -1,0 +1,197 @@
+"""Byte offsets of the fields of mjModel and mjData, found by introspection and checked.
+
+`mujoco.introspect` describes MuJoCo's C structures; ctypes lays them out as the C compiler
+did. The offsets are verified against the live objects before any compiled code uses them.
+"""
+
+import ctypes
+from functools import cache
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from mujoco.introspect import ast_nodes, structs
+
+from helisim.errors import CallbackError
+
+_SCALARS: dict[str, Any] = {
+    "int": ctypes.c_int,
+    "unsigned int": ctypes.c_uint,
+    "char": ctypes.c_char,
+    "unsigned char": ctypes.c_ubyte,
+    "float": ctypes.c_float,
+    "double": ctypes.c_double,
+    "size_t": ctypes.c_size_t,
+    "uint64_t": ctypes.c_uint64,
+    "uintptr_t": ctypes.c_size_t,
+    "int64_t": ctypes.c_int64,
+    "mjtNum": ctypes.c_double,
+    "mjtByte": ctypes.c_ubyte,
+    "mjtBool": ctypes.c_bool,
+    "mjtSize": ctypes.c_int64,
+}
+
+
+class Offsets(NamedTuple):
+    """Byte offsets of the fields that the callbacks read or write; `fingerprint` is no field."""
+
+    nactuator: int
+    nuser_actuator: int
+    nsensor: int
+    timestep: int
+    wind: int
+    integrator: int
+    actuator_user: int
+    actuator_trnid: int
+    actuator_actadr: int
+    actuator_ctrladr: int
+    actuator_history: int
+    actuator_historyadr: int
+    actuator_delay: int
+    jnt_bodyid: int
+    body_rootid: int
+    body_dofadr: int
+    body_dofnum: int
+    dof_parentid: int
+    sensor_type: int
+    sensor_dim: int
+    sensor_adr: int
+    sensor_objtype: int
+    sensor_objid: int
+    time: int
+    act: int
+    act_dot: int
+    ctrl: int
+    history: int
+    xpos: int
+    xmat: int
+    cvel: int
+    cdof: int
+    subtree_com: int
+    qfrc_passive: int
+    sensordata: int
+    fingerprint: int = 0
+
+
+_OPTION = ("timestep", "wind", "integrator")
+_DATA = (
+    "time",
+    "act",
+    "act_dot",
+    "ctrl",
+    "history",
+    "xpos",
+    "xmat",
+    "cvel",
+    "cdof",
+    "subtree_com",
+    "qfrc_passive",
+    "sensordata",
+)
+_FIELDS = Offsets._fields[:-1]
+
+
+@cache
+def offsets() -> Offsets:
+    """Return the byte offset of every field.
+
+    Raises:
+        CallbackError: this MuJoCo's structures are not laid out as it describes them.
+    """
+    model = _structure("mjModel")
+    data = _structure("mjData")
+    option = _structure("mjOption")
+    try:
+        found = Offsets(*(_offset(name, model, data, option) for name in _FIELDS))
+    except AttributeError as error:
+        raise CallbackError(
+            f"MuJoCo {mujoco.__version__} has no field that helisim needs: {error}; "
+            "install a version that this helisim supports"
+        ) from None
+    _verify(found)
+    return found
+
+
+def _offset(name: str, model: Any, data: Any, option: Any) -> int:
+    if name in _OPTION:
+        return model.opt.offset + getattr(option, name).offset
+    return getattr(data if name in _DATA else model, name).offset
+
+
+@cache
+def _structure(name: str) -> type[ctypes.Structure]:
+    declared = structs.STRUCTS.get(name) or structs.STRUCTS[name.rstrip("_")]
+    return _layout(name, declared.fields)
+
+
+def _layout(name: str, fields: Any) -> type[ctypes.Structure]:
+    members = []
+    for index, field in enumerate(fields):
+        label = getattr(field, "name", None) or f"anonymous_{index}"
+        members.append((label, _ctype(getattr(field, "type", field), f"{name}_{label}")))
+    return type(name, (ctypes.Structure,), {"_fields_": members})
+
+
+def _ctype(node: Any, name: str) -> Any:
+    if isinstance(node, ast_nodes.PointerType):
+        return ctypes.c_void_p
+    if isinstance(node, ast_nodes.ArrayType):
+        element = _ctype(node.inner_type, name)
+        for extent in reversed(node.extents):
+            element = element * extent
+        return element
+    if isinstance(node, ast_nodes.AnonymousStructDecl):
+        return _layout(name, node.fields)
+    if node.name in _SCALARS:
+        return _SCALARS[node.name]
+    declared = structs.STRUCTS.get(node.name) or structs.STRUCTS.get(f"{node.name}_")
+    if declared is not None:
+        return _layout(node.name, declared.fields)
+    return ctypes.c_int  # enumerations
+
+
+_PROBE = """
+<mujoco>
+  <option timestep="0.00137" integrator="RK4" wind="1.25 2.5 3.75"/>
+  <size nuser_actuator="3"/>
+  <worldbody>
+    <body name="b">
+      <freejoint name="j"/>
+      <geom size="0.1"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <general joint="j" dyntype="user" actdim="2" delay="0.01" nsample="9" user="1 2 3"/>
+    <general joint="j" dyntype="user" actdim="1"/>
+  </actuator>
+  <sensor>
+    <user dim="2" objtype="body" objname="b" needstage="acc" datatype="real"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def _verify(found: Offsets) -> None:
+    model = mujoco.MjModel.from_xml_string(_PROBE)
+    data = mujoco.MjData(model)
+    data.time = 0.625
+    for name in _FIELDS:
+        owner = data if name in _DATA else model.opt if name in _OPTION else model
+        base = data._address if name in _DATA else model._address
+        if not _agrees(base + getattr(found, name), getattr(owner, name), name):
+            raise CallbackError(
+                f"MuJoCo {mujoco.__version__}: field {name!r} is not where the introspection "
+                "says; the compiled force laws would read the wrong memory. Install a version "
+                "of MuJoCo that this helisim supports"
+            )
+
+
+def _agrees(address: int, expected: Any, name: str) -> bool:
+    if isinstance(expected, np.ndarray):
+        held = expected.__array_interface__["data"][0]
+        by_value = name in _OPTION
+        return held == (address if by_value else ctypes.c_void_p.from_address(address).value)
+    if isinstance(expected, float):
+        return ctypes.c_double.from_address(address).value == expected
+    size = ctypes.c_int if name == "integrator" else ctypes.c_int64
+    return size.from_address(address).value == int(expected)

@@ -1,0 +1,36 @@
+"""Tip-path-plane dynamics: longitudinal tilt a (rearwards) and lateral tilt b (right).
+
+Wu and Chen, eq. (8), rows three and four; with the flap-back of forward speed added.
+"""
+
+from numba import njit
+
+
+@njit
+def flap_back(pitch, inflow, advance):
+    """Return the tilt away from the airspeed, rad, by the advance ratio in that direction.
+
+    The classical a1 = 2 mu (4/3 theta - lambda) of a rotor with free flapping (Bramwell,
+    Helicopter Dynamics, eq. 3.60, for small mu).
+    """
+    return 2.0 * advance * (4.0 / 3.0 * pitch - inflow)
+
+
+@njit
+def flapping_rates(a, b, p, q, a_target, b_target, tau_f, a_b, b_a):
+    """Return da/dt and db/dt, rad/s.
+
+    Args:
+        a: rearward tilt, rad.
+        b: right tilt, rad.
+        p: roll rate, rad/s.
+        q: pitch rate, rad/s.
+        a_target: rearward tilt that cyclic and airspeed call for, rad.
+        b_target: right tilt that cyclic and airspeed call for, rad.
+        tau_f: rotor time constant, s.
+        a_b: coupling of b into a.
+        b_a: coupling of a into b.
+    """
+    a_rate = (-a + a_b * b + a_target) / tau_f - q
+    b_rate = (-b + b_a * a + b_target) / tau_f - p
+    return a_rate, b_rate

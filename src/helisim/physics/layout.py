@@ -1,0 +1,173 @@
+"""Where a vehicle's numbers live inside MuJoCo's arrays.
+
+A vehicle is nine consecutive actuators: four sticks, four servos and
+the rotor. The first two user numbers of each tell that it is ours and which of the nine it
+is; the rotor's user numbers carry every parameter of the vehicle, in the order of `PARAM`.
+"""
+
+from typing import NamedTuple
+
+MAGIC = 48756173.0
+"""First user number of every actuator of a helisim vehicle; any other model is left alone."""
+
+ACTUATORS = (
+    "COL",
+    "LON",
+    "LAT",
+    "PED",
+    "servo_front",
+    "servo_left",
+    "servo_right",
+    "servo_tail",
+    "rotor",
+)
+"""The vehicle's actuators, consecutive and in this order."""
+
+ROTOR = 8
+"""Ordinal of the rotor among the vehicle's actuators."""
+
+
+class StateIndex(NamedTuple):
+    """Activations of a vehicle, from the address of its first one."""
+
+    gyro_q_filter: int
+    gyro_q_integral: int
+    gyro_q_derivative: int
+    gyro_p_filter: int
+    gyro_p_integral: int
+    gyro_p_derivative: int
+    gyro_r_lead: int
+    gyro_r_integral: int
+    front_position: int
+    front_rate: int
+    left_position: int
+    left_rate: int
+    right_position: int
+    right_rate: int
+    tail_position: int
+    tail_rate: int
+    flap_a: int
+    flap_b: int
+
+
+STATE = StateIndex(*range(len(StateIndex._fields)))
+
+
+class ParamIndex(NamedTuple):
+    """Parameters of a vehicle, by index into the rotor actuator's user numbers. SI."""
+
+    magic: int
+    ordinal: int
+    air_density: int
+    # main rotor
+    main_radius: int
+    main_speed: int
+    main_solidity: int
+    main_lift_slope: int
+    main_induced_factor: int
+    main_profile_drag: int
+    main_pitch_trim: int
+    main_pitch_range: int
+    main_stall: int
+    main_inflow_floor: int
+    hub_x: int
+    hub_z: int
+    hub_stiffness: int
+    # flapping of the tip-path plane
+    tau_f: int
+    a_b: int
+    b_a: int
+    a_lat: int
+    a_lon: int
+    b_lat: int
+    b_lon: int
+    flap_back: int
+    flap_stop: int
+    # tail rotor
+    tail_radius: int
+    tail_speed: int
+    tail_solidity: int
+    tail_lift_slope: int
+    tail_pitch_trim: int
+    tail_pitch_range: int
+    tail_stall: int
+    tail_inflow_floor: int
+    tail_x: int
+    tail_z: int
+    # drag areas
+    drag_x: int
+    drag_y: int
+    drag_z: int
+    fin_area: int
+    # servos
+    swash_frequency: int
+    swash_damping: int
+    tail_frequency: int
+    tail_damping: int
+    servo_rate_limit: int
+    servo_travel: int
+    # gyro
+    gyro_on: int
+    gyro_k_p: int
+    gyro_k_i: int
+    gyro_k_delta: int
+    gyro_k_a: int
+    gyro_lead: int
+    gyro_lead_filter: int
+    gyro_kp_lat: int
+    gyro_kp_lon: int
+    gyro_ki_lat: int
+    gyro_ki_lon: int
+    gyro_kd_lat: int
+    gyro_kd_lon: int
+    gyro_filter: int
+    gyro_derivative_filter: int
+    gyro_phase: int
+    gyro_p_per_lat: int
+    gyro_p_per_lon: int
+    gyro_q_per_lat: int
+    gyro_q_per_lon: int
+    # pilot: hover hold
+    pilot_on: int
+    pilot_north: int
+    pilot_east: int
+    pilot_down: int
+    pilot_psi: int
+    pilot_phi: int
+    pilot_theta: int
+    pilot_col: int
+    pilot_lon: int
+    pilot_lat: int
+    pilot_ped: int
+    pilot_k_attitude: int
+    pilot_k_velocity: int
+    pilot_k_position: int
+    pilot_k_heave: int
+    pilot_k_height: int
+    pilot_k_heading: int
+    # pilot: remnant, white at knots, linear between them
+    pilot_seed: int
+    remnant_col: int
+    remnant_lon: int
+    remnant_lat: int
+    remnant_ped: int
+    remnant_interval: int
+    # excitation
+    excitation: int
+    excitation_start: int
+    excitation_duration: int
+    excitation_col: int
+    excitation_lon: int
+    excitation_lat: int
+    excitation_ped: int
+    sweep_w_min: int
+    sweep_w_max: int
+    sweep_fade: int
+    sweep_unsteadiness: int
+
+
+PARAM = ParamIndex(*range(len(ParamIndex._fields)))
+
+NO_EXCITATION = 0
+SWEEP = 1
+DOUBLET = 2

@@ -1,0 +1,110 @@
+"""Compile the callbacks and lend them to MuJoCo for the length of a `with` block."""
+
+import hashlib
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import mujoco
+import numba
+from numba import cfunc, types
+
+from helisim.errors import CallbackError
+from helisim.physics import callbacks
+from helisim.physics.fields import Offsets, offsets
+
+_HOOKS = ("passive", "control", "act_dyn", "sensor")
+_lock = threading.Lock()
+_depth = 0
+
+
+def fingerprint() -> int:
+    """Return a number that changes with the sources of the physics and with the libraries.
+
+    numba's cache on disk knows a function by its own file only; this number is part of
+    what it is cached by, so neither an edited force law nor another MuJoCo meets stale code.
+    """
+    digest = hashlib.sha256(f"{mujoco.__version__} {numba.__version__}".encode())
+    for source in sorted(files("helisim.physics").iterdir(), key=lambda file: file.name):
+        if source.name.endswith(".py"):
+            digest.update(source.read_bytes())
+    return int.from_bytes(digest.digest()[:7], "little")
+
+
+@cache
+def compiled() -> dict[str, Any]:
+    """Return the compiled callback of each hook.
+
+    The code is cached on disk beside the package or in the user's cache folder; where
+    neither can be written it is compiled anew in each process.
+    """
+    layout = offsets()._replace(fingerprint=fingerprint())
+    try:
+        return _compile(layout, cached=True)
+    except RuntimeError as error:
+        if "cache" not in str(error):
+            raise
+        return _compile(layout, cached=False)
+
+
+def _compile(layout: Offsets, *, cached: bool) -> dict[str, Any]:
+    address = types.int64
+
+    @cfunc(types.void(address, address), cache=cached)
+    def passive(m, d):
+        callbacks.passive(m, d, layout)
+
+    @cfunc(types.void(address, address), cache=cached)
+    def control(m, d):
+        callbacks.control(m, d, layout)
+
+    @cfunc(types.float64(address, address, types.int32), cache=cached)
+    def act_dyn(m, d, actuator):
+        return callbacks.activation_rates(m, d, layout, actuator)
+
+    @cfunc(types.void(address, address, types.int32), cache=cached)
+    def sensor(m, d, stage):
+        callbacks.sensor(m, d, layout, stage)
+
+    return {"passive": passive, "control": control, "act_dyn": act_dyn, "sensor": sensor}
+
+
+@contextmanager
+def installed() -> Iterator[None]:
+    """Lend MuJoCo the helicopter's force laws while the block runs.
+
+    The callbacks are global to the process, so blocks may nest and overlap between threads;
+    the last to leave removes them. They leave every model alone that is not ours.
+
+    Raises:
+        CallbackError: someone else's callback is installed, or this MuJoCo's memory layout
+            is not what it says.
+    """
+    global _depth
+    with _lock:
+        if _depth == 0:
+            _install(compiled())
+        _depth += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _depth -= 1
+            if _depth == 0:
+                for hook in _HOOKS:
+                    getattr(mujoco, f"set_mjcb_{hook}")(None)
+
+
+def _install(functions: dict[str, Any]) -> None:
+    taken = [hook for hook in _HOOKS if getattr(mujoco, f"get_mjcb_{hook}")() is not None]
+    if taken:
+        names = ", ".join(f"mjcb_{hook}" for hook in taken)
+        raise CallbackError(
+            f"MuJoCo already has a callback of another owner: {names}. MuJoCo keeps one for "
+            f"the whole process; remove it first, with mujoco.set_{names.split(', ')[0]}(None)"
+        )
+    for hook in _HOOKS:
+        getattr(mujoco, f"set_mjcb_{hook}")(functions[hook].ctypes)

@@ -1,0 +1,97 @@
+"""The pilot: holds the hover, flies sweeps and doublets, and is human about both.
+
+Everything is a function of time, state and parameters, so a flight is the same for any
+number of threads, and halving the time step changes neither the sweep nor the remnant.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_2 = np.uint64(0x94D049BB133111EB)
+_CHANNEL_STRIDE = np.uint64(0xD1342543DE82EF95)
+_LANE = np.uint64(0xFFFF)
+_EXPONENT = 4.0
+"""C1 of the exponential sweep (Tischler and Remple, section 5.11)."""
+
+
+@njit
+def hashed_noise(seed, channel, knot):
+    """Return one number of zero mean and unit variance for a seed, a channel and a knot.
+
+    The mix is SplitMix64 (Steele, Lea and Flood, 2014); the sum of four of its 16-bit lanes
+    is close to normal. No state: the same arguments give the same number.
+    """
+    x = np.uint64(np.int64(seed)) * _GOLDEN + np.uint64(np.int64(channel)) * _CHANNEL_STRIDE
+    x = x + np.uint64(np.int64(knot)) * _MIX_1
+    for _ in range(2):
+        x = x + _GOLDEN
+        x = (x ^ (x >> np.uint64(30))) * _MIX_1
+        x = (x ^ (x >> np.uint64(27))) * _MIX_2
+        x = x ^ (x >> np.uint64(31))
+    total = (x & _LANE) + ((x >> np.uint64(16)) & _LANE)
+    total = total + ((x >> np.uint64(32)) & _LANE) + (x >> np.uint64(48))
+    return (float(total) / 65535.0 - 2.0) * math.sqrt(3.0)
+
+
+@njit
+def remnant(time, interval, seed, channel):
+    """Return noise of unit variance, white at knots `interval` apart and linear between."""
+    position = time / interval
+    knot = math.floor(position)
+    ahead = position - knot
+    before = hashed_noise(seed, channel, int(knot))
+    after = hashed_noise(seed, channel, int(knot) + 1)
+    return ((1.0 - ahead) * before + ahead * after) * math.sqrt(1.5)
+
+
+@njit
+def sweep_phase(time, duration, w_min, w_max):
+    """Return the phase (rad) of an exponential frequency sweep.
+
+    The frequency is w_min + C2 (exp(C1 t/T) - 1)(w_max - w_min), with C1 = 4 and
+    C2 = 1/(e^4 - 1); this is its integral.
+    """
+    grown = math.expm1(_EXPONENT * time / duration)
+    span = (w_max - w_min) / math.expm1(_EXPONENT)
+    return w_min * time + span * (duration / _EXPONENT * grown - time)
+
+
+@njit
+def sweep(time, duration, w_min, w_max, fade, unsteadiness, seed):
+    """Return an imperfect sweep of about unit amplitude; zero before 0 and after `duration`.
+
+    Args:
+        time: s since the sweep's start.
+        duration: s.
+        w_min: rad/s.
+        w_max: rad/s.
+        fade: s, over which the sweep grows and dies.
+        unsteadiness: wobble of the amplitude, and of the phase in rad, 0 for a machine.
+        seed: of the wobble.
+    """
+    if time <= 0.0 or time >= duration:
+        return 0.0
+    envelope = min(1.0, time / fade, (duration - time) / fade)
+    phase = sweep_phase(time, duration, w_min, w_max)
+    if unsteadiness > 0.0:
+        envelope *= 1.0 + unsteadiness * remnant(time, 2.0, seed, 11)
+        phase += unsteadiness * remnant(time, 3.0, seed, 12)
+    return envelope * math.sin(phase)
+
+
+@njit
+def doublet(time, duration):
+    """Return +1 for the first half of `duration`, -1 for the second, 0 elsewhere."""
+    if time < 0.0 or time >= duration:
+        return 0.0
+    return 1.0 if time < 0.5 * duration else -1.0
+
+
+@njit
+def turn(angle):
+    """Return an angle's equal in [-pi, pi], rad."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))

@@ -1,0 +1,131 @@
+"""Thrust, inflow and power of a rotor: blade elements in uniform momentum inflow.
+
+Coefficients are those of the field: CT = T / (rho A (Omega R)^2), CP likewise with the
+third power; inflow and climb ratios are over Omega R, positive when air passes the disc
+against the thrust, as in a climb.
+"""
+
+import math
+
+from numba import njit
+
+_TOLERANCE = 1e-15
+_MAX_ITERATIONS = 60
+_STALL_CORE = 0.7
+"""Below this fraction of the stall limit the blades are untouched by it."""
+
+
+@njit
+def soft_limit(x, limit, core):
+    """Return x itself while |x| <= core * limit, then approach the limit smoothly."""
+    edge = core * limit
+    room = limit - edge
+    if x > edge:
+        return edge + room * math.tanh((x - edge) / room)
+    if x < -edge:
+        return -edge + room * math.tanh((x + edge) / room)
+    return x
+
+
+@njit
+def blade_element_thrust(pitch, inflow, advance, solidity, lift_slope):
+    """Return CT of untwisted, unstalled blades (Padfield, Helicopter Flight Dynamics, eq. 3.28).
+
+    Args:
+        pitch: collective pitch, rad.
+        inflow: total inflow ratio lambda.
+        advance: advance ratio mu.
+        solidity: sigma = blades x chord / (pi R).
+        lift_slope: effective lift slope, 1/rad.
+    """
+    return (
+        0.5 * lift_slope * solidity * (pitch / 3.0 * (1.0 + 1.5 * advance**2) - 0.5 * inflow)
+    )
+
+
+@njit
+def mass_flow(inflow, advance, floor):
+    """Return the mass-flow ratio sqrt(mu^2 + lambda^2) and its derivative by the inflow.
+
+    For |lambda| < floor the modulus is rounded off (twice continuously differentiable), so
+    that there is one thrust for every descent speed: momentum theory has none in the vortex
+    ring. Hover, climb and forward flight stay untouched.
+    """
+    if abs(inflow) >= floor:
+        axial = abs(inflow)
+        slope = math.copysign(1.0, inflow)
+    else:
+        s = inflow / floor
+        axial = floor * (0.375 + 0.75 * s**2 - 0.125 * s**4)
+        slope = 1.5 * s - 0.5 * s**3
+    flow = math.sqrt(advance**2 + axial**2)
+    if flow == 0.0:
+        return 0.0, 0.0
+    return flow, slope * axial / flow
+
+
+@njit
+def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, floor):
+    """Solve Glauert's momentum balance: 2 (lambda - climb) sqrt(mu^2 + lambda^2) = CT.
+
+    Newton's method inside a bracket that always holds the root, to rounding.
+
+    Args:
+        pitch: collective pitch, rad.
+        climb: climb ratio along the thrust.
+        advance: advance ratio mu.
+        solidity: sigma.
+        lift_slope: 1/rad.
+        stall: greatest |CT| / sigma that the blades carry.
+        floor: inflow ratio below which the mass flow is rounded off.
+
+    Returns:
+        Total inflow ratio lambda, and CT.
+    """
+    reach = 1.0 + abs(pitch) + abs(climb)
+    low, high = climb - reach, climb + reach
+    inflow = climb + 2.0 * floor
+    limit = stall * solidity
+    edge = _STALL_CORE * limit
+    for _ in range(_MAX_ITERATIONS):
+        flow, flow_slope = mass_flow(inflow, advance, floor)
+        linear = blade_element_thrust(pitch, inflow, advance, solidity, lift_slope)
+        thrust = soft_limit(linear, limit, _STALL_CORE)
+        fade = 1.0
+        if abs(linear) > edge:
+            fade = 1.0 - ((abs(thrust) - edge) / (limit - edge)) ** 2
+        residual = 2.0 * (inflow - climb) * flow - thrust
+        slope = 2.0 * flow + 2.0 * (inflow - climb) * flow_slope
+        slope += 0.25 * lift_slope * solidity * fade
+        if residual > 0.0:
+            high = inflow
+        else:
+            low = inflow
+        step = residual / slope if slope > 0.0 else math.inf
+        following = inflow - step
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        if abs(following - inflow) <= _TOLERANCE:
+            inflow = following
+            break
+        inflow = following
+    thrust = blade_element_thrust(pitch, inflow, advance, solidity, lift_slope)
+    return inflow, soft_limit(thrust, limit, _STALL_CORE)
+
+
+@njit
+def power(thrust, inflow, climb, advance, solidity, induced_factor, profile_drag):
+    """Return CP: induced, climb and profile power (Leishman, eqs. 5.18 and 5.25).
+
+    Args:
+        thrust: CT.
+        inflow: total inflow ratio.
+        climb: climb ratio.
+        advance: advance ratio.
+        solidity: sigma.
+        induced_factor: kappa, ratio of induced power to that of uniform inflow.
+        profile_drag: c_d0 of the blades.
+    """
+    induced = induced_factor * (inflow - climb) * thrust
+    profile = 0.125 * solidity * profile_drag * (1.0 + 4.65 * advance**2)
+    return induced + climb * thrust + profile

@@ -1,0 +1,57 @@
+"""Servos, and the mixing of three of them at 120 degrees under one swashplate (CCPM)."""
+
+import math
+
+from numba import njit
+
+_HALF_ROOT_3 = 0.5 * math.sqrt(3.0)
+
+
+@njit
+def mix(col, lon, lat):
+    """Return the positions of the front, left and right servo for a swashplate position.
+
+    The front servo sits at the nose; left and right are 120 degrees from it. Positive `lon`
+    lowers the rear (nose up), so the front rises; positive `lat` raises the left.
+    """
+    return (
+        col + lon,
+        col - 0.5 * lon + _HALF_ROOT_3 * lat,
+        col - 0.5 * lon - _HALF_ROOT_3 * lat,
+    )
+
+
+@njit
+def unmix(front, left, right):
+    """Return collective, longitudinal and lateral from three servo positions; undoes `mix`."""
+    col = (front + left + right) / 3.0
+    lon = (2.0 * front - left - right) / 3.0
+    lat = (left - right) / (2.0 * _HALF_ROOT_3)
+    return col, lon, lat
+
+
+@njit
+def servo_rates(position, rate, command, frequency, damping, rate_limit, travel):
+    """Return d(position)/dt and d(rate)/dt of a second-order servo with two limits.
+
+    The command saturates at the travel; the speed saturates at the rate limit.
+
+    Args:
+        position: unitised.
+        rate: 1/s.
+        command: unitised.
+        frequency: natural frequency, rad/s.
+        damping: damping ratio.
+        rate_limit: 1/s.
+        travel: greatest |position|.
+    """
+    target = min(travel, max(-travel, command))
+    limited = min(rate_limit, max(-rate_limit, rate))
+    acceleration = frequency**2 * (target - position) - 2.0 * damping * frequency * rate
+    return limited, acceleration
+
+
+@njit
+def equivalent_delay(frequency, damping):
+    """Return the delay that a second-order servo looks like at low frequency, s."""
+    return 2.0 * damping / frequency

@@ -1,0 +1,40 @@
+"""How the pilot is set up for a flight: what is held, and how human the hand is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import InputError
+from helisim.physics.layout import PARAM
+from helisim.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pilot:
+    """A pilot who holds the hover at the place where the flight starts.
+
+    Attributes:
+        remnant: rms of the stick movement that no purpose explains, unitised, each axis.
+        remnant_interval: s between its knots; it is flat up to about 1/interval rad/s.
+    """
+
+    remnant: float = 0.006
+    remnant_interval: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.remnant <= 0.5:
+            raise InputError(f"remnant must be in [0, 0.5] of unitised stick, got {self.remnant}")
+        if not 0.0 < self.remnant_interval < np.inf:
+            raise InputError(f"remnant_interval must be positive, got {self.remnant_interval}")
+
+    def write(self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int, height: float) -> None:
+        """Put the pilot into a vehicle's numbers for the force laws."""
+        par[PARAM.pilot_on] = 1.0
+        par[PARAM.pilot_north : PARAM.pilot_psi + 1] = [0.0, 0.0, -height, 0.0]
+        par[PARAM.pilot_phi], par[PARAM.pilot_theta] = vehicle.trim.phi, vehicle.trim.theta
+        par[PARAM.pilot_col] = vehicle.trim.col
+        par[PARAM.pilot_lon : PARAM.pilot_ped + 1] = 0.0
+        par[PARAM.pilot_seed] = seed
+        par[PARAM.remnant_col : PARAM.remnant_ped + 1] = self.remnant
+        par[PARAM.remnant_interval] = self.remnant_interval

@@ -1,0 +1,144 @@
+"""What truly happened in a flight, at the simulation's own rate and in the field's axes."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from helisim.errors import DivergedError
+from helisim.physics.frames import flip
+from helisim.vehicle import Vehicle
+
+_GREATEST_TILT = 1.2
+"""rad: beyond it the hover's small angles, and the pilot, are lost."""
+_GREATEST_RATE = 20.0
+"""rad/s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Time histories of one flight, all of the same instants.
+
+    Attributes:
+        time: (n,) s.
+        timestep: s, of the simulation.
+        sticks: (n, 4) COL, LON, LAT, PED.
+        servo_commands: (n, 4) front, left, right, tail.
+        servo_positions: (n, 4).
+        flapping: (n, 2) a, b in rad.
+        rotor: (n, 4) thrust N, torque N m, inflow ratio, tail thrust N.
+        rates: (n, 3) p, q, r in rad/s.
+        attitudes: (n, 3) phi, theta, psi in rad, psi unwrapped.
+        velocities: (n, 3) u, v, w in m/s at the IMU.
+        specific_forces: (n, 3) ax, ay, az in m/s^2 at the IMU.
+        positions: (n, 3) north, east, down in m of the IMU.
+        imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
+    """
+
+    time: NDArray[np.float64]
+    timestep: float
+    sticks: NDArray[np.float64]
+    servo_commands: NDArray[np.float64]
+    servo_positions: NDArray[np.float64]
+    flapping: NDArray[np.float64]
+    rotor: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    attitudes: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    specific_forces: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    imu_offset: NDArray[np.float64]
+
+
+def read_truth(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Truth:
+    """Sort the sensor data of one flight into a `Truth`.
+
+    Args:
+        vehicle: that flew.
+        sensordata: (n_step, nsensordata), as mj_step leaves it: of the time before the step.
+
+    Raises:
+        DivergedError: the flight left the validity of the model.
+    """
+    model = vehicle.model
+
+    def seen(name: str) -> NDArray[np.float64]:
+        sensor = model.sensor(name)
+        return sensordata[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+
+    time = seen("clock")[:, 0]
+    _check_finite(time, sensordata, model.opt.timestep)
+    attitudes = _attitudes(seen("imu_attitude"))
+    rates = _flipped(seen("imu_gyro"))
+    _check_validity(time, attitudes, rates, seen("imu_position"))
+    return Truth(
+        time=time,
+        timestep=float(model.opt.timestep),
+        sticks=seen("stick"),
+        servo_commands=seen("servo_command"),
+        servo_positions=seen("servo_position"),
+        flapping=seen("flapping"),
+        rotor=seen("rotor"),
+        rates=rates,
+        attitudes=attitudes,
+        velocities=_flipped(seen("imu_velocity")),
+        specific_forces=_flipped(seen("imu_accelerometer")),
+        positions=_flipped(seen("imu_position")),
+        imu_offset=imu_offset(vehicle),
+    )
+
+
+def imu_offset(vehicle: Vehicle) -> NDArray[np.float64]:
+    """Return the IMU's place from the centre of gravity, m, body axes (FRD), (3,)."""
+    model = vehicle.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    body = model.body(vehicle.name).id
+    arm = data.site("imu").xpos - data.subtree_com[body]
+    return np.array(flip.py_func(*(data.xmat[body].reshape(3, 3).T @ arm)))
+
+
+def _flipped(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.column_stack(flip.py_func(*columns.T))
+
+
+def _attitudes(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    x, y, z = flip.py_func(*quaternions[:, 1:].T)
+    turned = Rotation.from_quat(np.column_stack([quaternions[:, 0], x, y, z]), scalar_first=True)
+    angles = turned.as_euler("ZYX")[:, ::-1]
+    angles[:, 2] = np.unwrap(angles[:, 2])
+    return angles
+
+
+def _check_finite(
+    time: NDArray[np.float64], sensordata: NDArray[np.float64], timestep: float
+) -> None:
+    broken = ~np.isfinite(sensordata).all(axis=1)
+    if broken.any():
+        raise DivergedError(f"the flight has no finite state from {np.argmax(broken) * timestep:.2f} s")
+    stopped = np.diff(time) <= 0.0
+    if stopped.any():
+        raise DivergedError(f"the simulation stopped at {time[np.argmax(stopped)]:.2f} s")
+
+
+def _check_validity(
+    time: NDArray[np.float64],
+    attitudes: NDArray[np.float64],
+    rates: NDArray[np.float64],
+    positions: NDArray[np.float64],
+) -> None:
+    limits = {
+        f"rolled or pitched beyond {_GREATEST_TILT} rad": np.abs(attitudes[:, :2]).max(axis=1)
+        > _GREATEST_TILT,
+        f"turned faster than {_GREATEST_RATE} rad/s": np.abs(rates).max(axis=1) > _GREATEST_RATE,
+        "touched the ground": positions[:, 2] < 0.5,
+    }
+    for what, broken in limits.items():
+        if broken.any():
+            raise DivergedError(
+                f"the helicopter {what} at {time[np.argmax(broken)]:.2f} s; "
+                "fly a smaller amplitude or a narrower band, or check the gyro's gains"
+            )

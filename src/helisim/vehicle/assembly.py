@@ -1,0 +1,152 @@
+"""From a model folder to a compiled MuJoCo model that carries the vehicle's parameters."""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import InputError, ModelError, UnknownNameError
+from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, STATE
+from helisim.vehicle.parameters import Parameters, force_law_block
+
+USER_SENSORS = ("stick", "servo_command", "servo_position", "flapping", "rotor")
+"""The vehicle's own sensors; their eighteen numbers are consecutive."""
+
+
+def models_folder() -> Path:
+    """Return the folder of the vehicle models: in the package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    inside, beside = package / "models", package.parents[1] / "models"
+    return inside if inside.is_dir() else beside
+
+
+def vehicle_names() -> tuple[str, ...]:
+    """Return the names of the vehicles that exist."""
+    folder = models_folder()
+    found = (item.name for item in folder.iterdir() if (item / "parameters.toml").is_file())
+    return tuple(sorted(found))
+
+
+def model_folder(name: str) -> Path:
+    """Return the folder of one vehicle.
+
+    Raises:
+        UnknownNameError: no such vehicle; the message lists those that exist.
+    """
+    if name not in vehicle_names():
+        raise UnknownNameError("vehicle", name, vehicle_names())
+    return models_folder() / name
+
+
+def assemble(
+    name: str,
+    parameters: Parameters,
+    *,
+    timestep: float | None = None,
+    delays: bool = True,
+    scene: bool = False,
+) -> mujoco.MjModel:
+    """Compile a vehicle's MJCF with its parameters in place.
+
+    Args:
+        name: of the vehicle.
+        parameters: all of its parameters.
+        timestep: s; the MJCF's own if None.
+        delays: False takes the sticks' delays out, as a linearisation needs.
+        scene: True adds ground, light and sky.
+
+    Raises:
+        InputError: the time step is not a positive number.
+        ModelError: the MJCF lacks what a vehicle needs, or MuJoCo refuses it.
+    """
+    path = model_folder(name) / ("scene.xml" if scene else f"{name}.xml")
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        if timestep is not None:
+            if not (math.isfinite(timestep) and timestep > 0.0):
+                raise InputError(f"timestep must be a positive number of seconds, got {timestep}")
+            spec.option.timestep = timestep
+        _set_latency(spec, parameters["gyro.ped_latency"] if delays else 0.0)
+        _set_force_laws(spec, force_law_block(parameters))
+        _close_inertia(spec, name, [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")])
+        model = spec.compile()
+    except (ValueError, KeyError) as error:
+        raise ModelError(f"{path}: {error}") from None
+    check_interface(model, name)
+    return model
+
+
+def _set_latency(spec: mujoco.MjSpec, latency: float) -> None:
+    pedal = spec.actuator("PED")
+    if latency <= 0.0:
+        pedal.delay, pedal.nsample = 0.0, 0
+        return
+    pedal.delay = latency
+    pedal.nsample = math.ceil(latency / spec.option.timestep) + 3
+
+
+def _set_force_laws(spec: mujoco.MjSpec, block: NDArray[np.float64]) -> None:
+    for ordinal, label in enumerate(ACTUATORS):
+        user = np.zeros(len(PARAM))
+        user[PARAM.magic], user[PARAM.ordinal] = MAGIC, ordinal
+        spec.actuator(label).userdata = block if ordinal == ROTOR else user
+
+
+def _close_inertia(spec: mujoco.MjSpec, root: str, wanted: list[float]) -> None:
+    """Give the fuselage what the other parts lack of the vehicle's moments of inertia."""
+    model = spec.compile()
+    missing = np.diag(wanted) - total_inertia(model, root)
+    fuselage = spec.body("fuselage")
+    terms = [missing[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    fuselage.fullinertia = np.asarray(fuselage.fullinertia) + terms
+
+
+def total_inertia(model: mujoco.MjModel, root: str) -> NDArray[np.float64]:
+    """Return the inertia of the vehicle about its centre of gravity, MuJoCo axes, (3, 3)."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    body = model.body(root).id
+    centre = data.subtree_com[body]
+    total = np.zeros((3, 3))
+    for part in range(model.nbody):
+        if model.body_rootid[part] != body:
+            continue
+        matrix = data.ximat[part].reshape(3, 3)
+        arm = data.xipos[part] - centre
+        total += matrix @ np.diag(model.body_inertia[part]) @ matrix.T
+        total += model.body_mass[part] * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    frame = data.xmat[body].reshape(3, 3)
+    return frame.T @ total @ frame
+
+
+def check_interface(model: mujoco.MjModel, root: str) -> None:
+    """Check that the model has the actuators and sensors that the force laws count on.
+
+    Raises:
+        ModelError: something is missing or out of order.
+    """
+    actuators = [model.actuator(k).name for k in range(model.nactuator)]
+    sensors = [model.sensor(k).name for k in range(model.nsensor)]
+    _require_run(actuators, ACTUATORS, "actuators")
+    _require_run(sensors, USER_SENSORS, "user sensors")
+    rotor = model.actuator("rotor").id
+    states = model.actuator_actadr[rotor] + 2 - model.actuator_actadr[rotor - ROTOR + 1]
+    if states != len(STATE):
+        raise ModelError(f"the vehicle needs {len(STATE)} activations, the MJCF has {states}")
+    if model.nuser_actuator < len(PARAM):
+        raise ModelError(f"nuser_actuator is {model.nuser_actuator}, needs {len(PARAM)} or more")
+    if model.body(root).dofnum[0] == 0:
+        raise ModelError(f"body {root!r} needs a joint")
+
+
+def _require_run(found: list[str], expected: Iterable[str], what: str) -> None:
+    names = list(expected)
+    start = found.index(names[0]) if names[0] in found else -1
+    if start < 0 or found[start : start + len(names)] != names:
+        raise ModelError(
+            f"{what} must be, one after the other, {', '.join(names)}; found {', '.join(found)}"
+        )

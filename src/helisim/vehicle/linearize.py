@@ -1,0 +1,182 @@
+"""The exact linearisation of a vehicle at its hover: the truth that identification must find."""
+
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import control
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
+from helisim.errors import InputError
+from helisim.physics import servo
+from helisim.physics.layout import PARAM, ROTOR, STATE, StateIndex
+from helisim.physics.native import installed
+from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
+from helisim.vehicle.trim import Trim, place
+
+Inputs = Literal["IN1", "IN2"]
+
+MOTION = tuple(field.name for field in fields(Motion))
+OUTPUTS = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS
+_GYRO = STATE.gyro_r_integral + 1
+_STEP = 1e-5
+"""Central difference: truncation of order 1e-10 beside rounding of order 1e-11, in SI."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """A linear model x' = A x + B u, y = C x + D u about a hover, without its delays.
+
+    Attributes:
+        system: python-control StateSpace with named states, inputs and outputs.
+        delays: s, by input name, where one acts before the input does.
+        trim: the hover it belongs to.
+    """
+
+    system: control.StateSpace
+    delays: dict[str, float]
+    trim: Trim
+
+    def derivative(self, rate: str, cause: str) -> float:
+        """Return d(rate of a state)/d(state or input) by name, such as ("r", "r") for N_r."""
+        row = self.system.state_labels.index(rate)
+        if cause in self.system.state_labels:
+            return float(self.system.A[row, self.system.state_labels.index(cause)])
+        return float(self.system.B[row, self.system.input_labels.index(cause)])
+
+    def response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the frequency response with delays, (n_out, n_in, n_freq), omega in rad/s."""
+        response = np.asarray(self.system(1j * np.asarray(omega), squeeze=False))
+        lags = np.array([self.delays.get(name, 0.0) for name in self.system.input_labels])
+        return response * np.exp(-1j * lags[None, :, None] * np.asarray(omega))
+
+
+def linearize(model: mujoco.MjModel, trim: Trim, *, inputs: Inputs = "IN1") -> Linearization:
+    """Linearise a delay-free model by central differences of its continuous dynamics.
+
+    Args:
+        model: compiled without delays.
+        trim: its hover.
+        inputs: "IN1" for the base helicopter (gyro off), "IN2" for sticks to motion.
+
+    Raises:
+        InputError: no such set of inputs.
+    """
+    if inputs not in ("IN1", "IN2"):
+        raise InputError(f"inputs must be 'IN1' or 'IN2', got {inputs!r}")
+    dynamics = _Dynamics(model, trim, inputs)
+    point = np.zeros(dynamics.size)
+    with installed():
+        columns = [
+            (dynamics(point + _STEP * unit) - dynamics(point - _STEP * unit)) / (2.0 * _STEP)
+            for unit in np.eye(dynamics.size)
+        ]
+    jacobian = np.column_stack(columns)
+    n = len(dynamics.states)
+    system = control.StateSpace(
+        jacobian[:n, :n],
+        jacobian[:n, n:],
+        jacobian[n:, :n],
+        jacobian[n:, n:],
+        states=list(dynamics.states),
+        inputs=list(dynamics.inputs),
+        outputs=list(OUTPUTS),
+        name=f"{inputs}_to_OUT",
+    )
+    return Linearization(system, {}, trim)
+
+
+class _Dynamics:
+    """Deviations of states and inputs from the trim -> rates of the states, and outputs."""
+
+    def __init__(self, model: mujoco.MjModel, trim: Trim, inputs: Inputs) -> None:
+        self.model = _copy(model)
+        self.where = addresses(self.model)
+        self.model.actuator_user[self.where.rotor, PARAM.gyro_on] = float(inputs == "IN2")
+        self.model.actuator_user[self.where.rotor, PARAM.pilot_on] = 0.0
+        self.first = _GYRO if inputs == "IN1" else 0
+        self.inputs = IN1 if inputs == "IN1" else IN2
+        self.states = (*MOTION, *StateIndex._fields[self.first :])
+        self.size = len(self.states) + len(self.inputs)
+        self.data = mujoco.MjData(self.model)
+        place(self.model, self.data, trim)
+        self.act = self.data.act.copy()
+        self.ctrl = self.data.ctrl.copy()
+        self.motion = np.array(
+            [getattr(trim, name, 0.0) if name in ("phi", "theta") else 0.0 for name in MOTION]
+        )
+        self.motion[MOTION.index("down")] = -10.0
+
+    def __call__(self, deviation: NDArray[np.float64]) -> NDArray[np.float64]:
+        n_motion, n = len(MOTION), len(self.states)
+        motion = Motion(*(self.motion + deviation[:n_motion]))
+        write_motion(self.model, self.data, motion)
+        self.data.act[:] = self.act
+        start = self.where.state + self.first
+        self.data.act[start : start + n - n_motion] += deviation[n_motion:n]
+        self._command(deviation[n:])
+        mujoco.mj_forward(self.model, self.data)
+        rates = self.data.act_dot[start : start + n - n_motion]
+        felt = specific_force(self.data, self.model, motion)
+        seen = [getattr(motion, name) for name in OUTPUTS[:-3]]
+        return np.concatenate([motion_rates(self.data, motion), rates, seen, felt])
+
+    def _command(self, deviation: NDArray[np.float64]) -> None:
+        control = self.data.ctrl[self.where.control : self.where.control + ROTOR + 1]
+        control[:] = self.ctrl[self.where.control : self.where.control + ROTOR + 1]
+        if self.inputs == IN1:
+            col, lon, lat, ped = deviation
+            control[4:7] += servo.mix.py_func(col, lon, lat)
+            control[7] += ped
+        else:
+            control[:4] += deviation
+
+
+def _copy(model: mujoco.MjModel) -> mujoco.MjModel:
+    return model.__copy__()
+
+
+def stability_derivatives(base: Linearization) -> dict[str, float]:
+    """Return the derivatives of the base helicopter by their names in the field.
+
+    Those of Wu and Chen's equations (1), (8) and (10), and those that their structures leave
+    out; control derivatives are per unit of servo position. SI.
+
+    Args:
+        base: a linearisation with inputs IN1.
+    """
+    swash = {name: _swash_derivatives(base, name) for name in ("w", "flap_a", "flap_b")}
+    tau_a = -1.0 / base.derivative("flap_a", "flap_a")
+    tau_b = -1.0 / base.derivative("flap_b", "flap_b")
+    return {
+        "N_r": base.derivative("r", "r"),
+        "N_ped": base.derivative("r", "tail_position"),
+        "N_v": base.derivative("r", "v"),
+        "Y_v": base.derivative("v", "v"),
+        "Y_ped": base.derivative("v", "tail_position"),
+        "P_v": base.derivative("flap_b", "v"),
+        "tau_f": tau_a,
+        "L_b": base.derivative("p", "flap_b"),
+        "M_a": base.derivative("q", "flap_a"),
+        "A_b": tau_a * base.derivative("flap_a", "flap_b"),
+        "B_a": tau_b * base.derivative("flap_b", "flap_a"),
+        "A_lat": tau_a * swash["flap_a"]["lat"],
+        "A_lon": tau_a * swash["flap_a"]["lon"],
+        "B_lat": tau_b * swash["flap_b"]["lat"],
+        "B_lon": tau_b * swash["flap_b"]["lon"],
+        "Z_w": base.derivative("w", "w"),
+        "Z_col": swash["w"]["col"],
+        "X_u": base.derivative("u", "u"),
+        "Q_u": base.derivative("flap_a", "u"),
+    }
+
+
+def _swash_derivatives(base: Linearization, rate: str) -> dict[str, float]:
+    servos = ("front_position", "left_position", "right_position")
+    by_servo = np.array([base.derivative(rate, name) for name in servos])
+    return {
+        name: float(by_servo @ servo.mix.py_func(*unit))
+        for name, unit in zip(("col", "lon", "lat"), np.eye(3))
+    }

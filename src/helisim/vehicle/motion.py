@@ -1,0 +1,93 @@
+"""Rigid-body motion in the field's axes, to and from MuJoCo's."""
+
+from dataclasses import astuple, dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from helisim.physics.frames import flip
+from helisim.physics.layout import ROTOR, STATE
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Position and velocity of the centre of gravity, attitude and rates. SI, FRD in NED."""
+
+    u: float = 0.0
+    v: float = 0.0
+    w: float = 0.0
+    p: float = 0.0
+    q: float = 0.0
+    r: float = 0.0
+    phi: float = 0.0
+    theta: float = 0.0
+    psi: float = 0.0
+    north: float = 0.0
+    east: float = 0.0
+    down: float = 0.0
+
+
+@dataclass(frozen=True)
+class Addresses:
+    """Where a vehicle's numbers start: rotor actuator, first activation, first control."""
+
+    rotor: int
+    state: int
+    control: int
+
+
+def addresses(model: mujoco.MjModel, prefix: str = "") -> Addresses:
+    """Find a vehicle in a model; `prefix` names one of several."""
+    rotor = model.actuator(f"{prefix}rotor").id
+    return Addresses(
+        rotor=rotor,
+        state=int(model.actuator_actadr[rotor]) - STATE.flap_a,
+        control=int(model.actuator_ctrladr[rotor]) - ROTOR,
+    )
+
+
+def rotation_matrix(phi: float, theta: float, psi: float) -> NDArray[np.float64]:
+    """Return the (3, 3) rotation from body (FRD) to earth (NED) axes."""
+    return Rotation.from_euler("ZYX", [psi, theta, phi]).as_matrix()
+
+
+def _flip_matrix(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    signs = np.array(flip.py_func(1.0, 1.0, 1.0))
+    return signs[:, None] * matrix * signs
+
+
+def write_motion(model: mujoco.MjModel, data: mujoco.MjData, motion: Motion) -> None:
+    """Put a vehicle with a free joint into a motion."""
+    u, v, w, p, q, r, phi, theta, psi, north, east, down = astuple(motion)
+    earth = rotation_matrix(phi, theta, psi)
+    matrix = _flip_matrix(earth)
+    quaternion = Rotation.from_matrix(matrix).as_quat(scalar_first=True)
+    data.qpos[:3] = flip.py_func(north, east, down)
+    data.qpos[3:7] = quaternion
+    data.qvel[:3] = flip.py_func(*(earth @ [u, v, w]))
+    data.qvel[3:6] = flip.py_func(p, q, r)
+
+
+def motion_rates(data: mujoco.MjData, motion: Motion) -> NDArray[np.float64]:
+    """Return the time derivative of each field of `Motion`, (12,), after mj_forward."""
+    u, v, w, p, q, r, phi, theta, psi, *_ = astuple(motion)
+    earth = rotation_matrix(phi, theta, psi)
+    velocity, rates = np.array([u, v, w]), np.array([p, q, r])
+    acceleration = earth.T @ flip.py_func(*data.qacc[:3]) - np.cross(rates, velocity)
+    angular = flip.py_func(*data.qacc[3:6])
+    sine, cosine, tangent = np.sin(phi), np.cos(phi), np.tan(theta)
+    euler = [
+        p + (q * sine + r * cosine) * tangent,
+        q * cosine - r * sine,
+        (q * sine + r * cosine) / np.cos(theta),
+    ]
+    return np.concatenate([acceleration, angular, euler, earth @ velocity])
+
+
+def specific_force(data: mujoco.MjData, model: mujoco.MjModel, motion: Motion) -> NDArray[np.float64]:
+    """Return ax, ay, az (m/s^2) at the centre of gravity, (3,), after mj_forward."""
+    earth = rotation_matrix(motion.phi, motion.theta, motion.psi)
+    felt = data.qacc[:3] - model.opt.gravity
+    return earth.T @ flip.py_func(*felt)
