@@ -1,0 +1,19 @@
+"""The simulated experiment: truth in flight, and what the flight computer records of it."""
+
+from helisim.sim.excitation import Doublet, Excitation, Sweep
+from helisim.sim.fly import fly, simulate
+from helisim.sim.instruments import Recorder
+from helisim.sim.pilot import Pilot
+from helisim.sim.truth import Truth, read_truth
+
+__all__ = [
+    "Doublet",
+    "Excitation",
+    "Pilot",
+    "Recorder",
+    "Sweep",
+    "Truth",
+    "fly",
+    "read_truth",
+    "simulate",
+]

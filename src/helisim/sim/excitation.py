@@ -10,7 +10,9 @@ from helisim.channels import AXES
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import DOUBLET, PARAM, SWEEP
 
-_AMPLITUDE = {"col": 0.03, "lon": 0.07, "lat": 0.07, "ped": 0.05}
+_AMPLITUDE = {"col": 0.03, "lon": 0.07, "lat": 0.07, "ped": 0.01}
+"""Unitised stick. The pedals' is small because the gyro makes a tail servo command of four to
+ten times it near 20 rad/s, where twice this already changes the tail's inflow noticeably."""
 _SWEEP_BAND = {"col": (0.25, 15.0), "lon": (0.8, 45.0), "lat": (0.8, 45.0), "ped": (0.3, 30.0)}
 """rad/s. Roll and pitch bracket the rotor's modes at 15 and 27 rad/s; yaw and heave reach
 below their poles near 0.8 and 0.9 rad/s."""

@@ -19,7 +19,7 @@ class Pilot:
         remnant_interval: s between its knots; it is flat up to about 1/interval rad/s.
     """
 
-    remnant: float = 0.006
+    remnant: float = 0.003
     remnant_interval: float = 0.1
 
     def __post_init__(self) -> None:

@@ -48,6 +48,10 @@ class Vehicle:
         delays = {"PED": self.parameters["gyro.ped_latency"]} if inputs == "IN2" else {}
         return Linearization(linear.system, delays, self.trim)
 
+    def visual_model(self) -> mujoco.MjModel:
+        """Return the same vehicle with all its parts and the scene around it, to look at."""
+        return assemble(self.name, self.parameters, visual=True)
+
     @cached_property
     def derivatives(self) -> dict[str, float]:
         """Stability and control derivatives of the base helicopter by name, SI."""
@@ -66,7 +70,6 @@ def load(
     *,
     parameters: Mapping[str, float] | None = None,
     timestep: float | None = None,
-    scene: bool = False,
 ) -> Vehicle:
     """Load a vehicle, calibrated and trimmed.
 
@@ -75,7 +78,6 @@ def load(
         parameters: values that replace the calibrated ones, such as
             {"main_rotor.hub_stiffness": 100.0}; the truth then follows them.
         timestep: s; the MJCF's own if None.
-        scene: True adds ground, light and sky.
 
     Raises:
         UnknownNameError: no such vehicle or parameter.
@@ -86,5 +88,5 @@ def load(
     folder = model_folder(name)
     values = read_parameters(folder / "parameters.toml", folder / "calibrated.toml")
     values = values.replace(parameters or {})
-    model = assemble(name, values, timestep=timestep, scene=scene)
+    model = assemble(name, values, timestep=timestep)
     return Vehicle(name, values, model, find_hover(model))

@@ -1,0 +1,266 @@
+"""The paper's experiment from end to end: fly, record, identify, compare."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from helisim import ident
+from helisim.channels import AXES
+from helisim.comparison import ComparisonTable, ParameterRow, Results, paper_tolerance
+from helisim.errors import InputError
+from helisim.experiment import MODELS, Model
+from helisim.record import FlightRecord
+from helisim.reference import ReferenceTable, jr700
+from helisim.sim import Recorder, Sweep, fly
+from helisim.storage import atomic_write, write_record
+from helisim.vehicle import Vehicle, load
+
+_RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
+"""Axis -> the stick and the motion by whose coherence a sweep is judged."""
+
+Flights = dict[str, list[FlightRecord]]
+
+
+def reproduce(
+    *,
+    out: Path | None = None,
+    flights: int = 10,
+    seed: int = 1,
+    jobs: int | None = None,
+    parameters: Mapping[str, float] | None = None,
+    timestep: float | None = None,
+    on_progress: Callable[[str], None] | None = None,
+) -> tuple[Results, Flights]:
+    """Fly sweeps on all four axes, keep the best, identify the models, set them beside truth.
+
+    Args:
+        out: folder for `results.json` and `flights/`; nothing is written if None.
+        flights: kept on each axis; some more are flown and the least coherent left out.
+        seed: of pilots and sensors.
+        jobs: threads; all processors if None.
+        parameters: physical parameters that replace the calibrated ones, for another truth;
+            the paper is then printed but not judged by.
+        timestep: s, of the simulation; the model's own if None.
+        on_progress: called with a word after each flight and each model.
+
+    Returns:
+        The results, and the kept records by axis.
+
+    Raises:
+        InputError: a number is out of range, or `out` is not a folder.
+        DivergedError: a flight left the validity of the model.
+        StorageError: `out` can't be written.
+    """
+    if flights < 1:
+        raise InputError(f"flights must be 1 or more, got {flights}")
+    folder = _prepared_folder(out)
+    vehicle = load("jr700", parameters=parameters, timestep=timestep)
+    tell = on_progress or (lambda _: None)
+    recorder = Recorder()
+    kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, folder, tell)
+    tables = []
+    for model in MODELS:
+        tables.append(identify_model(vehicle, model, kept, recorder, judge_paper=not parameters))
+        tell(model.name)
+    results = Results(
+        tables=tuple(tables),
+        seed=seed,
+        versions={name: version(name) for name in ("helisim", "mujoco", "numpy", "scipy", "numba")},
+        configuration={
+            "flights_kept_each_axis": flights,
+            "flown_each_axis": _flown(flights),
+            "timestep_s": float(vehicle.model.opt.timestep),
+            "parameters": dict(parameters or {}),
+            "recorder": recorder.as_dict(),
+        },
+        excluded=excluded,
+    )
+    if folder is not None:
+        with atomic_write(folder / "results.json") as path:
+            path.write_text(json.dumps(results.to_dict(), indent=2, allow_nan=False) + "\n")
+    return results, kept
+
+
+def flights_in_all(flights: int) -> int:
+    """Return how many sweeps are flown to keep `flights` on each axis."""
+    return _flown(flights) * len(AXES)
+
+
+def _flown(flights: int) -> int:
+    return flights + max(1, round(0.2 * flights))
+
+
+def _prepared_folder(out: Path | None) -> Path | None:
+    if out is None:
+        return None
+    try:
+        (out / "flights").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"can't make the folder {out / 'flights'}: {error.strerror}") from None
+    return out
+
+
+def fly_sweeps(
+    vehicle: Vehicle,
+    flights: int,
+    seed: int,
+    jobs: int | None,
+    recorder: Recorder,
+    folder: Path | None,
+    tell: Callable[[str], None],
+) -> tuple[Flights, tuple[str, ...]]:
+    """Fly every axis, write every record, and keep the most coherent ones.
+
+    Returns:
+        The kept records by axis, and one sentence for each that was left out.
+    """
+    kept: Flights = {}
+    excluded: list[str] = []
+    for number, axis in enumerate(AXES):
+        records = fly(
+            vehicle,
+            Sweep(axis=axis),
+            count=_flown(flights),
+            seed=seed * len(AXES) + number,
+            jobs=jobs,
+            recorder=recorder,
+            on_flight=lambda axis=axis: tell(axis),
+        )
+        names = [f"{axis}_{k + 1:02d}" for k in range(len(records))]
+        if folder is not None:
+            for name, record in zip(names, records):
+                write_record(record, folder / "flights" / f"{name}.parquet")
+        scores = [sweep_coherence(record, axis) for record in records]
+        best = sorted(np.argsort(scores)[::-1][:flights])
+        kept[axis] = [records[k] for k in best]
+        excluded += [
+            f"flight {names[k]}: its mean coherence of {scores[k]:.4f} is not among the best "
+            f"{flights} (the least coherent kept has {min(scores[i] for i in best):.4f})"
+            for k in range(len(records))
+            if k not in best
+        ]
+    return kept, tuple(excluded)
+
+
+def sweep_coherence(record: FlightRecord, axis: str) -> float:
+    """Return the mean coherence between the swept stick and its motion, one flight alone."""
+    stick, motion = _RESPONSE[axis]
+    sweep = Sweep(axis=axis)
+    band = (max(1.0, sweep.omega[0]), 0.8 * sweep.omega[1])
+    frf = ident.frequency_response(record, inputs=stick, outputs=motion, band=band)
+    return float(np.mean(frf.coherence))
+
+
+def frequency_response(model: Model, flights: Flights) -> ident.FrequencyResponse:
+    """Return the frequency response of one model from the pooled records of its sweeps."""
+    records = [record for axis in model.sweeps for record in flights[axis]]
+    return ident.frequency_response(
+        records,
+        inputs=model.inputs,
+        outputs=model.outputs,
+        conditioning=model.conditioning or None,
+        reference=model.reference or None,
+        band=model.band,
+    )
+
+
+def identify_model(
+    vehicle: Vehicle, model: Model, flights: Flights, recorder: Recorder, *, judge_paper: bool = True
+) -> ComparisonTable:
+    """Identify one model from the records and set it beside the truth and the paper."""
+    fit = ident.identify(frequency_response(model, flights), model.structure)
+    truth = true_values(vehicle, model, recorder)
+    paper = jr700.table(model.name)
+    rows = [_row(fit, name, truth, paper, model, judge_paper) for name in fit.values]
+    return ComparisonTable(
+        name=model.name,
+        input=model.input,
+        cost=fit.cost,
+        band_rad_s=fit.band,
+        parameters=tuple(rows),
+    )
+
+
+def _row(
+    fit: ident.Fit,
+    name: str,
+    truth: Mapping[str, float],
+    paper: ReferenceTable,
+    model: Model,
+    judge_paper: bool,
+) -> ParameterRow:
+    fitted = fit[name]
+    published = paper[name] if name in paper else None
+    tolerance = model.tolerances.get(name)
+    limits: dict[str, Any] = {}
+    if tolerance is not None:
+        limits |= {
+            "tolerance_percent": tolerance.percent,
+            "tolerance_reason": tolerance.reason,
+        }
+        if judge_paper and published is not None:
+            percent, reason = paper_tolerance(published.cr_percent)
+            limits |= {"paper_tolerance_percent": percent, "paper_tolerance_reason": reason}
+    return ParameterRow(
+        name=name,
+        unit=fitted.unit,
+        identified=fitted.value,
+        truth=truth.get(name),
+        paper=None if published is None else published.value,
+        cr_percent=fitted.cr_percent,
+        insensitivity_percent=fitted.insensitivity_percent,
+        **limits,
+    )
+
+
+def true_values(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str, float]:
+    """Return the true parameters of a model from the exact linearisation of the vehicle.
+
+    Delays are the servos' equivalent delay and the recorder's latencies. The overall yaw
+    model has no parameters of its own in the vehicle: its truth is the structure fitted to
+    the exact frequency response.
+    """
+    if model.input == "IN2":
+        return _fitted_truth(vehicle, model, recorder)
+    late = recorder.latency
+    true = dict(vehicle.derivatives)
+    for delay, axis, motion in (
+        ("tau_r_base", "ped", "r"),
+        ("tau_lat", "lat", "p"),
+        ("tau_lon", "lon", "q"),
+        ("tau_col", "col", "w"),
+    ):
+        true[delay] = vehicle.servo_delay(axis) + late.get(motion, 0.0) - late.get(axis, 0.0)
+    return true
+
+
+def _fitted_truth(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str, float]:
+    exact = exact_response(vehicle, model, recorder)
+    return dict(ident.identify(exact, model.structure).values)
+
+
+def exact_response(
+    vehicle: Vehicle, model: Model, recorder: Recorder, points: int = 200
+) -> ident.FrequencyResponse:
+    """Return the exact response of a model's channels, recorder latencies included."""
+    linear = vehicle.linearize("IN2" if model.input == "IN2" else "IN1")
+    omega = np.geomspace(*model.band, points)
+    rows = [linear.system.output_labels.index(name) for name in model.outputs]
+    columns = [linear.system.input_labels.index(name) for name in model.inputs]
+    response = linear.response(omega)[np.ix_(rows, columns)]
+    for i, output in enumerate(model.outputs):
+        for j, input_ in enumerate(model.inputs):
+            late = recorder.latency.get(output, 0.0) - recorder.latency.get(input_, 0.0)
+            response[i, j] *= np.exp(-1j * omega * late)
+    return ident.FrequencyResponse.exact(
+        omega, response, inputs=model.inputs, outputs=model.outputs
+    )
+
+
+def records_of(flights: Flights) -> Sequence[FlightRecord]:
+    """Return all kept records, axis by axis."""
+    return [record for axis in AXES for record in flights[axis]]
