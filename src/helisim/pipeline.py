@@ -169,7 +169,12 @@ def frequency_response(model: Model, flights: Flights) -> ident.FrequencyRespons
 
 
 def identify_model(
-    vehicle: Vehicle, model: Model, flights: Flights, recorder: Recorder, *, judge_paper: bool = True
+    vehicle: Vehicle,
+    model: Model,
+    flights: Flights,
+    recorder: Recorder,
+    *,
+    judge_paper: bool = True,
 ) -> ComparisonTable:
     """Identify one model from the records and set it beside the truth and the paper."""
     fit = ident.identify(frequency_response(model, flights), model.structure)

@@ -1,0 +1,1 @@
+"""Value objects become things that people look at; nothing is computed here."""

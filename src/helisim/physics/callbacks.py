@@ -7,10 +7,11 @@ read and write nothing but those two, so any number of threads and vehicles can 
 import math
 
 import mujoco
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 
 from helisim.physics import flapping, frames, gyro, pilot, rotor, servo
+from helisim.physics.kernel import kernel
 from helisim.physics.layout import DOUBLET, MAGIC, PARAM, ROTOR, STATE, SWEEP
 
 _NPARAM = len(PARAM)
@@ -41,71 +42,71 @@ _ints_at = _pointer_intrinsic(types.int32)
 _longs_at = _pointer_intrinsic(types.int64)
 
 
-@njit
+@kernel()
 def doubles(base, offset):
     """Return the double array that a pointer field holds."""
     return _doubles_at(_longs_at(base + offset)[0])
 
 
-@njit
+@kernel()
 def ints(base, offset):
     """Return the int array that a pointer field holds."""
     return _ints_at(_longs_at(base + offset)[0])
 
 
-@njit
+@kernel()
 def long(base, offset):
     """Return the value of a 64-bit integer field."""
     return _longs_at(base + offset)[0]
 
 
-@njit
+@kernel()
 def double(base, offset):
     """Return the value of a double field."""
     return _doubles_at(base + offset)[0]
 
 
-@njit
+@kernel()
 def parameters(m, offsets, actuator):
     """Return the user numbers of an actuator; the rotor's are the vehicle's parameters."""
     stride = 8 * long(m, offsets.nuser_actuator)
     return _doubles_at(_longs_at(m + offsets.actuator_user)[0] + actuator * stride)
 
 
-@njit
+@kernel()
 def is_rotor(m, offsets, actuator):
     """Tell whether an actuator is the rotor of one of our vehicles."""
     user = parameters(m, offsets, actuator)
     return user[PARAM.magic] == MAGIC and user[PARAM.ordinal] == ROTOR
 
 
-@njit
+@kernel()
 def body_of(m, offsets, rotor_id):
     """Return the body that a vehicle's rotor actuator acts on."""
     joint = ints(m, offsets.actuator_trnid)[2 * rotor_id]
     return ints(m, offsets.jnt_bodyid)[joint]
 
 
-@njit
+@kernel()
 def state_of(m, d, offsets, rotor_id):
     """Return the address of a vehicle's first activation."""
     address = ints(m, offsets.actuator_actadr)[rotor_id]
     return address - STATE.flap_a
 
 
-@njit
+@kernel()
 def control_of(m, offsets, rotor_id):
     """Return the address of a vehicle's first control, the collective stick."""
     return ints(m, offsets.actuator_ctrladr)[rotor_id] - ROTOR
 
 
-@njit
+@kernel()
 def rotation(d, offsets, body):
     """Return the nine numbers of a body's rotation to the world."""
     return _doubles_at(_longs_at(d + offsets.xmat)[0] + 72 * body)
 
 
-@njit
+@kernel()
 def rates(d, offsets, body):
     """Return p, q, r (rad/s)."""
     cvel = doubles(d, offsets.cvel)
@@ -113,7 +114,7 @@ def rates(d, offsets, body):
     return frames.to_body(rotation(d, offsets, body), cvel[k], cvel[k + 1], cvel[k + 2])
 
 
-@njit
+@kernel()
 def velocity(m, d, offsets, body):
     """Return the velocity of the body's origin in the world, north-west-up, m/s."""
     cvel = doubles(d, offsets.cvel)
@@ -131,7 +132,7 @@ def velocity(m, d, offsets, body):
     )
 
 
-@njit
+@kernel()
 def air_velocity(m, d, offsets, body):
     """Return the body's velocity through the air in body axes u, v, w, m/s."""
     x, y, z = velocity(m, d, offsets, body)
@@ -139,7 +140,7 @@ def air_velocity(m, d, offsets, body):
     return frames.to_body(rotation(d, offsets, body), x - wind[0], y - wind[1], z - wind[2])
 
 
-@njit
+@kernel()
 def main_rotor(par, u, v, w, p, q, speed_ratio, collective):
     """Return thrust (N), torque (N m), inflow ratio, tip speed (m/s) and pitch (rad)."""
     tip_speed = par[PARAM.main_speed] * speed_ratio * par[PARAM.main_radius]
@@ -173,7 +174,7 @@ def main_rotor(par, u, v, w, p, q, speed_ratio, collective):
     return force * ct, force * radius * cp, inflow, tip_speed, pitch
 
 
-@njit
+@kernel()
 def tail_rotor(par, v, p, r, speed_ratio, pedal):
     """Return the tail rotor's thrust, N; it pushes the tail to the left (nose right)."""
     tip_speed = par[PARAM.tail_speed] * speed_ratio * par[PARAM.tail_radius]
@@ -193,7 +194,7 @@ def tail_rotor(par, v, p, r, speed_ratio, pedal):
     return par[PARAM.air_density] * math.pi * par[PARAM.tail_radius] ** 2 * tip_speed**2 * ct
 
 
-@njit
+@kernel()
 def wrench(par, act, first, u, v, w, p, q, r, speed_ratio):
     """Return the aerodynamic force (N) and moment (N m) at the body's origin, body axes."""
     front = act[first + STATE.front_position]
@@ -205,13 +206,14 @@ def wrench(par, act, first, u, v, w, p, q, r, speed_ratio):
     stop = par[PARAM.flap_stop]
     a = rotor.soft_limit(act[first + STATE.flap_a], stop, 0.7)
     b = rotor.soft_limit(act[first + STATE.flap_b], stop, 0.7)
+    stiffness = par[PARAM.hub_stiffness] if speed_ratio >= _STOPPED else 0.0
     # hub: thrust along the tip-path plane's normal, springs, torque (blades turn clockwise)
     hub_x = -thrust * math.sin(a)
     hub_y = thrust * math.sin(b)
     hub_z = -thrust * math.cos(a) * math.cos(b)
     arm_x, arm_z = par[PARAM.hub_x], par[PARAM.hub_z]
-    moment_l = par[PARAM.hub_stiffness] * b - arm_z * hub_y
-    moment_m = par[PARAM.hub_stiffness] * a + arm_z * hub_x - arm_x * hub_z
+    moment_l = stiffness * b - arm_z * hub_y
+    moment_m = stiffness * a + arm_z * hub_x - arm_x * hub_z
     moment_n = arm_x * hub_y - torque
     # drag of fuselage and fin
     density = par[PARAM.air_density]
@@ -229,7 +231,7 @@ def wrench(par, act, first, u, v, w, p, q, r, speed_ratio):
     )
 
 
-@njit
+@kernel()
 def apply_wrench(m, d, offsets, body, fx, fy, fz, mx, my, mz):
     """Add a wrench at the body's origin, body axes, to the passive forces of its joints."""
     matrix = rotation(d, offsets, body)
@@ -255,7 +257,7 @@ def apply_wrench(m, d, offsets, body, fx, fy, fz, mx, my, mz):
         dof = parent[dof]
 
 
-@njit
+@kernel()
 def passive(m, d, offsets):
     """Add the aerodynamic forces of every vehicle: what mjcb_passive does."""
     if long(m, offsets.nuser_actuator) < _NPARAM:
@@ -274,17 +276,13 @@ def passive(m, d, offsets):
         apply_wrench(m, d, offsets, body, *force)
 
 
-@njit
-def excitation(par, time, axis):
-    """Return what the pilot adds to a stick on purpose: sweep or doublet, with leakage."""
-    kind = par[PARAM.excitation]
-    amplitude = par[PARAM.excitation_col + axis]
-    if kind == 0.0 or amplitude == 0.0:
-        return 0.0
+@kernel()
+def excitation(par, time):
+    """Return what the pilot does on purpose, a sweep or a doublet of about unit amplitude."""
     since = time - par[PARAM.excitation_start]
     duration = par[PARAM.excitation_duration]
-    if kind == SWEEP:
-        return amplitude * pilot.sweep(
+    if par[PARAM.excitation] == SWEEP:
+        return pilot.sweep(
             since,
             duration,
             par[PARAM.sweep_w_min],
@@ -293,12 +291,12 @@ def excitation(par, time, axis):
             par[PARAM.sweep_unsteadiness],
             par[PARAM.pilot_seed],
         )
-    if kind == DOUBLET:
-        return amplitude * pilot.doublet(since, duration)
+    if par[PARAM.excitation] == DOUBLET:
+        return pilot.doublet(since, duration)
     return 0.0
 
 
-@njit
+@kernel()
 def hold(par, matrix, north, east, down, u, v, w):
     """Return the sticks COL, LON, LAT, PED that keep the hover, slowly."""
     phi, theta, psi = frames.euler_angles(matrix)
@@ -321,7 +319,7 @@ def hold(par, matrix, north, east, down, u, v, w):
     )
 
 
-@njit
+@kernel()
 def fly(m, d, offsets, rotor_id, par, body, control):
     """Write the pilot's four sticks."""
     time = double(d, offsets.time)
@@ -333,15 +331,16 @@ def fly(m, d, offsets, rotor_id, par, body, control):
     u, v, w = frames.to_body(matrix, *velocity(m, d, offsets, body))
     held = hold(par, matrix, north, east, down, u, v, w)
     seed, interval = par[PARAM.pilot_seed], par[PARAM.remnant_interval]
+    excited = excitation(par, time)
     for axis in range(4):
-        stick = held[axis] + excitation(par, time, axis)
+        stick = held[axis] + par[PARAM.excitation_col + axis] * excited
         level = par[PARAM.remnant_col + axis]
         if level > 0.0:
             stick += level * pilot.remnant(time, interval, seed, axis)
         control[axis] = min(0.5, max(-0.5, stick))
 
 
-@njit
+@kernel()
 def delayed_control(m, d, offsets, actuator, address, shift):
     """Return an actuator's control as it was one delay ago, linear between samples.
 
@@ -375,7 +374,7 @@ def delayed_control(m, d, offsets, actuator, address, shift):
     return history[values + later]
 
 
-@njit
+@kernel()
 def yaw_law(m, d, offsets, rotor_id, par, act, first, control, r):
     """Return the yaw gyro's rate error, the derivative of its lead, and the tail command."""
     shift = 0.0
@@ -396,7 +395,7 @@ def yaw_law(m, d, offsets, rotor_id, par, act, first, control, r):
     return error, lead_rate, command
 
 
-@njit
+@kernel()
 def cyclic_law(par, act, first, lat_stick, lon_stick):
     """Return the two rate errors and the cyclic commands lat, lon of the gyro."""
     p = act[first + STATE.gyro_p_filter]
@@ -407,7 +406,8 @@ def cyclic_law(par, act, first, lat_stick, lon_stick):
     p_rate = (p - act[first + STATE.gyro_p_derivative]) / slow
     q_rate = (q - act[first + STATE.gyro_q_derivative]) / slow
     lat, lon = gyro.rotate(
-        par[PARAM.gyro_phase],
+        par[PARAM.gyro_phase_cosine],
+        par[PARAM.gyro_phase_sine],
         par[PARAM.gyro_ki_lat] * act[first + STATE.gyro_p_integral]
         - par[PARAM.gyro_kd_lat] * p_rate,
         par[PARAM.gyro_ki_lon] * act[first + STATE.gyro_q_integral]
@@ -418,7 +418,7 @@ def cyclic_law(par, act, first, lat_stick, lon_stick):
     return p_error, q_error, lat, lon
 
 
-@njit
+@kernel()
 def control(m, d, offsets):
     """Fly every vehicle: pilot to sticks, gyro to servo commands. What mjcb_control does."""
     if long(m, offsets.nuser_actuator) < _NPARAM:
@@ -444,7 +444,7 @@ def control(m, d, offsets):
             controls[7] = min(0.5, max(-0.5, ped))
 
 
-@njit
+@kernel()
 def activation_rates(m, d, offsets, actuator):
     """Write the derivatives of one actuator's activations. What mjcb_act_dyn does."""
     if long(m, offsets.nuser_actuator) < _NPARAM:
@@ -465,7 +465,7 @@ def activation_rates(m, d, offsets, actuator):
     return 0.0
 
 
-@njit
+@kernel()
 def flapping_derivatives(m, d, offsets, rotor_id, par, first):
     """Write da/dt and db/dt of the tip-path plane."""
     body = body_of(m, offsets, rotor_id)
@@ -492,7 +492,7 @@ def flapping_derivatives(m, d, offsets, rotor_id, par, first):
     )
 
 
-@njit
+@kernel()
 def servo_derivatives(d, offsets, par, first, ordinal, address):
     """Write the derivatives of one servo's position and rate."""
     act = doubles(d, offsets.act)
@@ -513,7 +513,7 @@ def servo_derivatives(d, offsets, par, first, ordinal, address):
     )
 
 
-@njit
+@kernel()
 def gyro_derivatives(m, d, offsets, rotor_id, par, first, ordinal):
     """Write the derivatives of the gyro's states that belong to one stick."""
     body = body_of(m, offsets, rotor_id)
@@ -525,9 +525,7 @@ def gyro_derivatives(m, d, offsets, rotor_id, par, first, ordinal):
     if par[PARAM.gyro_on] == 0.0:
         return
     if ordinal == 3:
-        error, lead_rate, command = yaw_law(
-            m, d, offsets, rotor_id, par, act, first, address, r
-        )
+        error, lead_rate, command = yaw_law(m, d, offsets, rotor_id, par, act, first, address, r)
         rate[first + STATE.gyro_r_lead] = lead_rate
         rate[first + STATE.gyro_r_integral] = gyro.hold_when_saturated(error, error, command, 0.5)
         return
@@ -544,7 +542,7 @@ def gyro_derivatives(m, d, offsets, rotor_id, par, first, ordinal):
     rate[first + k + 2] = gyro.filter_rate(act[first + k + 2], act[first + k], slow)
 
 
-@njit
+@kernel()
 def sensor(m, d, offsets, stage):
     """Write what the recorder needs beside MuJoCo's own sensors. What mjcb_sensor does."""
     if stage != _ACCELERATION_STAGE or long(m, offsets.nuser_actuator) < _NPARAM:
@@ -561,15 +559,13 @@ def sensor(m, d, offsets, stage):
                 break
 
 
-@njit
+@kernel()
 def report(m, d, offsets, rotor_id, body, address):
     """Write a vehicle's eighteen user-sensor numbers; they are consecutive."""
     par = parameters(m, offsets, rotor_id)
     first = state_of(m, d, offsets, rotor_id)
     act = doubles(d, offsets.act)
-    control = _doubles_at(
-        _longs_at(d + offsets.ctrl)[0] + 8 * control_of(m, offsets, rotor_id)
-    )
+    control = _doubles_at(_longs_at(d + offsets.ctrl)[0] + 8 * control_of(m, offsets, rotor_id))
     out = _doubles_at(_longs_at(d + offsets.sensordata)[0] + 8 * address)
     for k in range(8):
         out[k] = control[k]

@@ -3,10 +3,10 @@
 Wu and Chen, eq. (8), rows three and four; with the flap-back of forward speed added.
 """
 
-from numba import njit
+from helisim.physics.kernel import kernel
 
 
-@njit
+@kernel()
 def flap_back(pitch, inflow, advance):
     """Return the tilt away from the airspeed, rad, by the advance ratio in that direction.
 
@@ -16,7 +16,7 @@ def flap_back(pitch, inflow, advance):
     return 2.0 * advance * (4.0 / 3.0 * pitch - inflow)
 
 
-@njit
+@kernel()
 def flapping_rates(a, b, p, q, a_target, b_target, tau_f, a_b, b_a):
     """Return da/dt and db/dt, rad/s.
 

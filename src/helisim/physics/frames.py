@@ -6,16 +6,16 @@ world turns from north-west-up to north-east-down likewise.
 
 import math
 
-from numba import njit
+from helisim.physics.kernel import kernel
 
 
-@njit
+@kernel()
 def flip(x, y, z):
     """Turn a vector from forward-left-up to forward-right-down, or back. Floats or arrays."""
     return x, -y, -z
 
 
-@njit
+@kernel()
 def euler_angles(xmat):
     """Return roll, pitch and yaw (rad) of a forward-right-down body in north-east-down.
 
@@ -29,7 +29,7 @@ def euler_angles(xmat):
     return phi, theta, psi
 
 
-@njit
+@kernel()
 def to_body(xmat, x, y, z):
     """Return a world vector (north-west-up) in body axes (forward-right-down)."""
     return flip(
@@ -39,7 +39,7 @@ def to_body(xmat, x, y, z):
     )
 
 
-@njit
+@kernel()
 def to_world(xmat, x, y, z):
     """Return a body vector (forward-right-down) in the world (north-west-up)."""
     x, y, z = flip(x, y, z)

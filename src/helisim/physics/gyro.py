@@ -5,12 +5,10 @@ d are tracked by u = (Kp + M Ki/s)(R d - y) - M Kd s/(td s + 1) y, where y is th
 rate and M turns by the phase angle of the swashplate.
 """
 
-import math
-
-from numba import njit
+from helisim.physics.kernel import kernel
 
 
-@njit
+@kernel()
 def yaw_error(ped_stick, r, lead_state, k_delta, k_a, lead, lead_filter):
     """Return the rate error k_delta PED - k_a r of the yaw gyro and d(lead_state)/dt.
 
@@ -21,26 +19,25 @@ def yaw_error(ped_stick, r, lead_state, k_delta, k_a, lead, lead_filter):
     return k_delta * ped_stick - k_a * led, lead_rate
 
 
-@njit
+@kernel()
 def yaw_command(error, integral, k_p, k_i):
     """Return the tail servo's command (unsaturated) of a PI controller."""
     return k_p * error + k_i * integral
 
 
-@njit
-def rotate(phase, lat, lon):
-    """Turn the pair (lat, lon) by the swashplate phase angle, rad."""
-    c, s = math.cos(phase), math.sin(phase)
-    return c * lat + s * lon, -s * lat + c * lon
+@kernel()
+def rotate(cosine, sine, lat, lon):
+    """Turn the pair (lat, lon) by the swashplate phase angle."""
+    return cosine * lat + sine * lon, -sine * lat + cosine * lon
 
 
-@njit
+@kernel()
 def filter_rate(state, signal, time_constant):
     """Return d(state)/dt of a first-order low-pass filter."""
     return (signal - state) / time_constant
 
 
-@njit
+@kernel()
 def hold_when_saturated(rate, error, command, limit):
     """Stop an integral from growing while its command is beyond the limit (anti-windup)."""
     if abs(command) > limit and error * command > 0.0:

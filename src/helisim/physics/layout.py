@@ -122,7 +122,8 @@ class ParamIndex(NamedTuple):
     gyro_kd_lon: int
     gyro_filter: int
     gyro_derivative_filter: int
-    gyro_phase: int
+    gyro_phase_cosine: int
+    gyro_phase_sine: int
     gyro_p_per_lat: int
     gyro_p_per_lon: int
     gyro_q_per_lat: int

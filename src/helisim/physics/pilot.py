@@ -7,7 +7,8 @@ number of threads, and halving the time step changes neither the sweep nor the r
 import math
 
 import numpy as np
-from numba import njit
+
+from helisim.physics.kernel import kernel
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -18,7 +19,7 @@ _EXPONENT = 4.0
 """C1 of the exponential sweep (Tischler and Remple, section 5.11)."""
 
 
-@njit
+@kernel()
 def hashed_noise(seed, channel, knot):
     """Return one number of zero mean and unit variance for a seed, a channel and a knot.
 
@@ -37,7 +38,7 @@ def hashed_noise(seed, channel, knot):
     return (float(total) / 65535.0 - 2.0) * math.sqrt(3.0)
 
 
-@njit
+@kernel()
 def remnant(time, interval, seed, channel):
     """Return noise of unit variance, white at knots `interval` apart and linear between."""
     position = time / interval
@@ -48,7 +49,7 @@ def remnant(time, interval, seed, channel):
     return ((1.0 - ahead) * before + ahead * after) * math.sqrt(1.5)
 
 
-@njit
+@kernel()
 def sweep_phase(time, duration, w_min, w_max):
     """Return the phase (rad) of an exponential frequency sweep.
 
@@ -60,7 +61,7 @@ def sweep_phase(time, duration, w_min, w_max):
     return w_min * time + span * (duration / _EXPONENT * grown - time)
 
 
-@njit
+@kernel()
 def sweep(time, duration, w_min, w_max, fade, unsteadiness, seed):
     """Return an imperfect sweep of about unit amplitude; zero before 0 and after `duration`.
 
@@ -83,7 +84,7 @@ def sweep(time, duration, w_min, w_max, fade, unsteadiness, seed):
     return envelope * math.sin(phase)
 
 
-@njit
+@kernel()
 def doublet(time, duration):
     """Return +1 for the first half of `duration`, -1 for the second, 0 elsewhere."""
     if time < 0.0 or time >= duration:
@@ -91,7 +92,7 @@ def doublet(time, duration):
     return 1.0 if time < 0.5 * duration else -1.0
 
 
-@njit
+@kernel()
 def turn(angle):
     """Return an angle's equal in [-pi, pi], rad."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))

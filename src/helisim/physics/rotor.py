@@ -7,15 +7,16 @@ against the thrust, as in a climb.
 
 import math
 
-from numba import njit
+from helisim.physics.kernel import kernel
 
-_TOLERANCE = 1e-15
+_LAST_STEP = 1e-9
+"""Newton converges quadratically: after a step this small the error is near rounding."""
 _MAX_ITERATIONS = 60
 _STALL_CORE = 0.7
 """Below this fraction of the stall limit the blades are untouched by it."""
 
 
-@njit
+@kernel()
 def soft_limit(x, limit, core):
     """Return x itself while |x| <= core * limit, then approach the limit smoothly."""
     edge = core * limit
@@ -27,7 +28,7 @@ def soft_limit(x, limit, core):
     return x
 
 
-@njit
+@kernel()
 def blade_element_thrust(pitch, inflow, advance, solidity, lift_slope):
     """Return CT of untwisted, unstalled blades (Padfield, Helicopter Flight Dynamics, eq. 3.28).
 
@@ -38,12 +39,10 @@ def blade_element_thrust(pitch, inflow, advance, solidity, lift_slope):
         solidity: sigma = blades x chord / (pi R).
         lift_slope: effective lift slope, 1/rad.
     """
-    return (
-        0.5 * lift_slope * solidity * (pitch / 3.0 * (1.0 + 1.5 * advance**2) - 0.5 * inflow)
-    )
+    return 0.5 * lift_slope * solidity * (pitch / 3.0 * (1.0 + 1.5 * advance**2) - 0.5 * inflow)
 
 
-@njit
+@kernel()
 def mass_flow(inflow, advance, floor):
     """Return the mass-flow ratio sqrt(mu^2 + lambda^2) and its derivative by the inflow.
 
@@ -64,7 +63,18 @@ def mass_flow(inflow, advance, floor):
     return flow, slope * axial / flow
 
 
-@njit
+@kernel()
+def axial_inflow(pitch, climb, solidity, lift_slope):
+    """Return the inflow ratio of hover and axial flight, where the balance is quadratic.
+
+    2 (lambda - climb) lambda = CT(lambda) for lambda > 0; the start of the general solution.
+    """
+    half = 0.25 * (0.25 * lift_slope * solidity - 2.0 * climb)
+    loading = lift_slope * solidity * pitch / 12.0
+    return -half + math.sqrt(max(0.0, half * half + loading))
+
+
+@kernel()
 def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, floor):
     """Solve Glauert's momentum balance: 2 (lambda - climb) sqrt(mu^2 + lambda^2) = CT.
 
@@ -84,7 +94,7 @@ def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, floor)
     """
     reach = 1.0 + abs(pitch) + abs(climb)
     low, high = climb - reach, climb + reach
-    inflow = climb + 2.0 * floor
+    inflow = axial_inflow(pitch, climb, solidity, lift_slope)
     limit = stall * solidity
     edge = _STALL_CORE * limit
     for _ in range(_MAX_ITERATIONS):
@@ -102,18 +112,17 @@ def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, floor)
         else:
             low = inflow
         step = residual / slope if slope > 0.0 else math.inf
-        following = inflow - step
-        if not low < following < high:
-            following = 0.5 * (low + high)
-        if abs(following - inflow) <= _TOLERANCE:
-            inflow = following
+        if abs(step) <= _LAST_STEP:
+            inflow -= step
             break
-        inflow = following
+        inflow -= step
+        if not low < inflow < high:
+            inflow = 0.5 * (low + high)
     thrust = blade_element_thrust(pitch, inflow, advance, solidity, lift_slope)
     return inflow, soft_limit(thrust, limit, _STALL_CORE)
 
 
-@njit
+@kernel()
 def power(thrust, inflow, climb, advance, solidity, induced_factor, profile_drag):
     """Return CP: induced, climb and profile power (Leishman, eqs. 5.18 and 5.25).
 

@@ -2,12 +2,12 @@
 
 import math
 
-from numba import njit
+from helisim.physics.kernel import kernel
 
 _HALF_ROOT_3 = 0.5 * math.sqrt(3.0)
 
 
-@njit
+@kernel()
 def mix(col, lon, lat):
     """Return the positions of the front, left and right servo for a swashplate position.
 
@@ -21,7 +21,7 @@ def mix(col, lon, lat):
     )
 
 
-@njit
+@kernel()
 def unmix(front, left, right):
     """Return collective, longitudinal and lateral from three servo positions; undoes `mix`."""
     col = (front + left + right) / 3.0
@@ -30,7 +30,7 @@ def unmix(front, left, right):
     return col, lon, lat
 
 
-@njit
+@kernel()
 def servo_rates(position, rate, command, frequency, damping, rate_limit, travel):
     """Return d(position)/dt and d(rate)/dt of a second-order servo with two limits.
 
@@ -51,7 +51,7 @@ def servo_rates(position, rate, command, frequency, damping, rate_limit, travel)
     return limited, acceleration
 
 
-@njit
+@kernel()
 def equivalent_delay(frequency, damping):
     """Return the delay that a second-order servo looks like at low frequency, s."""
     return 2.0 * damping / frequency

@@ -172,7 +172,9 @@ class _Sampling:
             "positions": POSITIONS,
         }
         return {
-            name: late[group][:, k] for group, names in groups.items() for k, name in enumerate(names)
+            name: late[group][:, k]
+            for group, names in groups.items()
+            for k, name in enumerate(names)
         }
 
     def _lever_arm(

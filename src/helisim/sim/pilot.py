@@ -28,7 +28,9 @@ class Pilot:
         if not 0.0 < self.remnant_interval < np.inf:
             raise InputError(f"remnant_interval must be positive, got {self.remnant_interval}")
 
-    def write(self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int, height: float) -> None:
+    def write(
+        self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int, height: float
+    ) -> None:
         """Put the pilot into a vehicle's numbers for the force laws."""
         par[PARAM.pilot_on] = 1.0
         par[PARAM.pilot_north : PARAM.pilot_psi + 1] = [0.0, 0.0, -height, 0.0]

@@ -118,7 +118,9 @@ def _check_finite(
 ) -> None:
     broken = ~np.isfinite(sensordata).all(axis=1)
     if broken.any():
-        raise DivergedError(f"the flight has no finite state from {np.argmax(broken) * timestep:.2f} s")
+        raise DivergedError(
+            f"the flight has no finite state from {np.argmax(broken) * timestep:.2f} s"
+        )
     stopped = np.diff(time) <= 0.0
     if stopped.any():
         raise DivergedError(f"the simulation stopped at {time[np.argmax(stopped)]:.2f} s")

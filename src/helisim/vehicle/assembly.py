@@ -75,7 +75,9 @@ def assemble(
         _set_latency(spec, parameters["gyro.ped_latency"] if delays else 0.0)
         _set_force_laws(spec, force_law_block(parameters))
         spec.compiler.discardvisual = not visual
-        _close_inertia(spec, name, [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")])
+        _close_inertia(
+            spec, name, [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
+        )
         spec.compiler.fusestatic = not visual
         model = spec.compile()
     except (ValueError, KeyError) as error:

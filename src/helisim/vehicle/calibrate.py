@@ -34,7 +34,9 @@ _TOLERANCE = 1e-8
 """Relative error allowed in each condition: five digits beyond the paper's."""
 
 
-def calibrate(name: str, given: Parameters, targets: Mapping[str, float], source: str) -> Parameters:
+def calibrate(
+    name: str, given: Parameters, targets: Mapping[str, float], source: str
+) -> Parameters:
     """Return the solved parameters of a vehicle: those that `given` leaves open.
 
     Root finding on the nonlinear force laws: at the solution the hover needs no control

@@ -86,7 +86,9 @@ def motion_rates(data: mujoco.MjData, motion: Motion) -> NDArray[np.float64]:
     return np.concatenate([acceleration, angular, euler, earth @ velocity])
 
 
-def specific_force(data: mujoco.MjData, model: mujoco.MjModel, motion: Motion) -> NDArray[np.float64]:
+def specific_force(
+    data: mujoco.MjData, model: mujoco.MjModel, motion: Motion
+) -> NDArray[np.float64]:
     """Return ax, ay, az (m/s^2) at the centre of gravity, (3,), after mj_forward."""
     earth = rotation_matrix(motion.phi, motion.theta, motion.psi)
     felt = data.qacc[:3] - model.opt.gravity

@@ -49,7 +49,9 @@ class Parameters(Mapping[str, float]):
         except KeyError:
             raise UnknownNameError("parameter", name, sorted(self._entries)) from None
 
-    def replace(self, changes: Mapping[str, float], source: str = "set by the user") -> "Parameters":
+    def replace(
+        self, changes: Mapping[str, float], source: str = "set by the user"
+    ) -> "Parameters":
         """Return a copy with some values changed.
 
         Raises:
@@ -159,7 +161,6 @@ _DIRECT = {
     "gyro_kd_lon": "gyro.kd_lon",
     "gyro_filter": "gyro.filter",
     "gyro_derivative_filter": "gyro.derivative_filter",
-    "gyro_phase": "gyro.phase",
     "gyro_p_per_lat": "gyro.p_per_lat",
     "gyro_p_per_lon": "gyro.p_per_lon",
     "gyro_q_per_lat": "gyro.q_per_lat",
@@ -220,6 +221,8 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         block[getattr(PARAM, slot)] = parameters[name]
     block[PARAM.main_solidity] = _solidity(parameters, "main_rotor")
     block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
+    block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
+    block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
     block[PARAM.gyro_on] = 1.0
     block[PARAM.remnant_interval] = 1.0
     block[PARAM.excitation_duration] = 1.0

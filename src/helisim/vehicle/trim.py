@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from helisim.errors import TrimError
-from helisim.physics import servo
+from helisim.physics import gyro, servo
 from helisim.physics.layout import PARAM, ROTOR, STATE
 from helisim.physics.native import installed
 from helisim.vehicle.motion import Motion, addresses, write_motion
@@ -39,8 +39,11 @@ def find_hover(model: mujoco.MjModel) -> Trim:
     """
     data = mujoco.MjData(model)
     with installed():
-        solution = root(_imbalance, np.zeros(8), args=(model, data), method="hybr", tol=1e-13)
-    trim = Trim(*(float(value) for value in solution.x))
+        # about one, because the solver's differences are relative to the unknowns
+        solution = root(
+            lambda near_one: _imbalance(near_one - 1.0, model, data), np.ones(8), tol=1e-14
+        )
+    trim = Trim(*(float(value) for value in solution.x - 1.0))
     worst = float(np.max(np.abs(solution.fun)))
     if not worst < _RESIDUAL:
         raise TrimError(
@@ -90,9 +93,8 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, trim: Trim, *, height: flo
 
 
 def _settle_gyro(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim) -> None:
-    phase = par[PARAM.gyro_phase]
-    turned = np.array([[np.cos(phase), np.sin(phase)], [-np.sin(phase), np.cos(phase)]])
-    lat, lon = turned.T @ [trim.lat, trim.lon]
+    cosine, sine = par[PARAM.gyro_phase_cosine], par[PARAM.gyro_phase_sine]
+    lat, lon = gyro.rotate.py_func(cosine, -sine, trim.lat, trim.lon)
     act[STATE.gyro_p_integral] = lat / par[PARAM.gyro_ki_lat]
     act[STATE.gyro_q_integral] = lon / par[PARAM.gyro_ki_lon]
     act[STATE.gyro_r_integral] = trim.ped / par[PARAM.gyro_k_i]

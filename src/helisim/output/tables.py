@@ -1,0 +1,145 @@
+"""Comparison tables as text of 80 columns, in colour on a terminal."""
+
+import math
+import os
+import textwrap
+from collections.abc import Mapping
+from typing import TextIO
+
+from helisim.comparison import ComparisonTable, ParameterRow, Results, Verdict
+
+WIDTH = 80
+_HEADINGS = (
+    "parameter",
+    "unit",
+    "paper",
+    "truth",
+    "identified",
+    "CR %",
+    "insens. %",
+    "verdict",
+)
+_LEFT = frozenset({"parameter", "unit", "verdict"})
+_DIGITS = 4
+"""Significant digits: bounds are of the order of a percent, so a fifth would say nothing."""
+
+_NO_BREAK = "\u00a0"
+_RESET = "\x1b[0m"
+_BOLD = "\x1b[1m"
+_COLOURS: dict[Verdict, str] = {
+    "ok": "\x1b[32m",
+    "off truth": "\x1b[31m",
+    "off paper": "\x1b[31m",
+    "off both": "\x1b[31m",
+    "not judged": "\x1b[2m",
+}
+
+
+def wants_color(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
+    """Return whether to colour text for a stream: on a terminal, unless NO_COLOR is set."""
+    if environment.get("NO_COLOR") or environment.get("TERM") == "dumb":
+        return False
+    return stream.isatty()
+
+
+def render_table(table: ComparisonTable, *, color: bool = False) -> str:
+    """Return a table as lines of at most 80 columns, without a final line end."""
+    cells = [_cells(row) for row in table.parameters]
+    widths = [max(map(len, column)) for column in zip(_HEADINGS, *cells)]
+    low, high = table.band_rad_s
+    title = (
+        f"{table.name}: from {table.input}, {low:.3g} to {high:.3g} rad/s, "
+        f"average cost {table.cost:.3g}"
+    )
+    lines = [_paint(title, _BOLD, color), _line(_HEADINGS, widths)]
+    lines.append("-" * len(lines[-1]))
+    for row, row_cells in zip(table.parameters, cells):
+        text = _line(row_cells, widths)
+        verdict = row_cells[-1]
+        start = text.removesuffix(verdict)
+        lines.append(start + _paint(verdict, _COLOURS[row.verdict], color))
+    return "\n".join(lines)
+
+
+def render_results(results: Results, *, color: bool = False) -> str:
+    """Return all tables, then what was left out and the tolerances that were missed."""
+    blocks = [render_table(table, color=color) for table in results.tables]
+    if results.excluded:
+        blocks.append(_list("Left out:", results.excluded))
+    if results.misses:
+        heading = f"{len(results.misses)} missed:"
+        blocks.append(_list(_paint(heading, _COLOURS["off truth"], color), results.misses))
+    elif results.tables:
+        blocks.append(_paint("All tolerances hold.", _COLOURS["ok"], color))
+    return "\n\n".join(blocks)
+
+
+def _cells(row: ParameterRow) -> tuple[str, ...]:
+    decimals = _decimals(row.paper, row.truth, row.identified)
+    return (
+        row.name,
+        row.unit,
+        _number(row.paper, decimals),
+        _number(row.truth, decimals),
+        _number(row.identified, decimals),
+        _percent(row.cr_percent),
+        _percent(row.insensitivity_percent),
+        row.verdict,
+    )
+
+
+def _decimals(*values: float | None) -> int | None:
+    """Return the decimals that give the largest value its digits; None asks for an exponent."""
+    largest = max((abs(value) for value in values if value is not None), default=0.0)
+    if largest == 0.0:
+        return _DIGITS - 1
+    exponent = math.floor(math.log10(largest))
+    if not -4 <= exponent < 7:
+        return None
+    return max(_DIGITS - 1 - exponent, 0)
+
+
+def _number(value: float | None, decimals: int | None) -> str:
+    if value is None:
+        return "-"
+    if decimals is None:
+        return f"{value:.{_DIGITS - 1}e}"
+    return f"{value:.{decimals}f}"
+
+
+def _percent(value: float | None) -> str:
+    """Two significant digits, as is usual for an uncertainty."""
+    if value is None:
+        return "-"
+    if not math.isfinite(value):
+        return "inf"
+    if value >= 1000.0:
+        return f"{value:.0e}"
+    if value < 1.0:
+        return f"{value:.2g}"
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.1f}"
+
+
+def _line(cells: tuple[str, ...], widths: list[int]) -> str:
+    gap = "  " if sum(widths) + 2 * (len(widths) - 1) <= WIDTH else " "
+    return gap.join(
+        cell.ljust(width) if heading in _LEFT else cell.rjust(width)
+        for heading, cell, width in zip(_HEADINGS, cells, widths)
+    ).rstrip()
+
+
+def _list(heading: str, sentences: tuple[str, ...]) -> str:
+    items = [
+        textwrap.fill(_keep_percent(item), WIDTH, initial_indent="- ", subsequent_indent="  ")
+        for item in sentences
+    ]
+    return "\n".join([heading, *items]).replace(_NO_BREAK, " ")
+
+
+def _keep_percent(text: str) -> str:
+    """Return the text with each number tied to its percent sign."""
+    return text.replace(" %", f"{_NO_BREAK}%")
+
+
+def _paint(text: str, code: str, color: bool) -> str:
+    return f"{code}{text}{_RESET}" if color else text

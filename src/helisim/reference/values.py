@@ -1,0 +1,62 @@
+"""Published numbers with their sources: compared with, never fed to an identification."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from helisim.errors import UnknownNameError
+
+
+@dataclass(frozen=True)
+class ReferenceValue:
+    """One published number.
+
+    Attributes:
+        name: the parameter's name in this project.
+        value: in `unit`, as printed unless `source` says how it was derived.
+        unit: SI, except for values kept as printed.
+        cr_percent: published Cramér-Rao bound, percent of the value; None where none is printed.
+        insensitivity_percent: published insensitivity, percent; None where none is printed.
+        source: table or equation, and what is known to be wrong with it.
+    """
+
+    name: str
+    value: float
+    unit: str
+    cr_percent: float | None = None
+    insensitivity_percent: float | None = None
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class ReferenceTable:
+    """The published numbers of one model, addressed by name.
+
+    Attributes:
+        name: the table's name in this project.
+        input: the signals that drive the model: "IN1", "IN2", or "" where nothing is fitted.
+        cost: published average cost of the fit; None where none is printed.
+        values: in the order of the paper.
+    """
+
+    name: str
+    input: str
+    cost: float | None
+    values: tuple[ReferenceValue, ...]
+
+    def __getitem__(self, name: str) -> ReferenceValue:
+        """Return the value of that name. Raises UnknownNameError."""
+        for value in self.values:
+            if value.name == name:
+                return value
+        raise UnknownNameError(f"parameter of {self.name}", name, self.names)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.names
+
+    def __iter__(self) -> Iterator[ReferenceValue]:
+        return iter(self.values)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameter names, in the order of the paper."""
+        return tuple(value.name for value in self.values)

@@ -1,0 +1,86 @@
+"""The wheel works on its own, outside the checkout.
+
+The fresh environment sees the dependencies of the environment that runs the tests through a
+path file, so that nothing heavy is downloaded twice. It lists only folders of that
+environment's site-packages: neither the checkout nor an editable install of it is on the path.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.slow
+
+
+def run(command: list[str | Path], cwd: Path) -> str:
+    environment = {key: text for key, text in os.environ.items() if key != "PYTHONPATH"}
+    done = subprocess.run(
+        command, cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{command} failed:\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    """The wheel of this checkout, built with the build tools of the test extra."""
+    folder = tmp_path_factory.mktemp("wheel")
+    run([sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, "."], ROOT)
+    (path,) = folder.glob("helisim-*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory) -> Path:
+    """The programs folder of a fresh environment that has the wheel installed."""
+    home = tmp_path_factory.mktemp("fresh") / "venv"
+    venv.create(home, symlinks=os.name != "nt")
+    programs = home / ("Scripts" if os.name == "nt" else "bin")
+    python = programs / "python"
+    run([sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", wheel], home)
+    ask = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    site = Path(run([python, "-c", ask], home).strip())
+    ours = {Path(sysconfig.get_path(kind)) for kind in ("purelib", "platlib")}
+    shared = [entry for entry in sys.path if ours & {Path(entry), *Path(entry).parents} and entry]
+    (site / "dependencies.pth").write_text("\n".join(shared) + "\n")
+    return programs
+
+
+def test_the_wheel_holds_what_it_needs(wheel):
+    """Sources, model files, type marker and license are inside; tests and caches are not."""
+    names = zipfile.ZipFile(wheel).namelist()
+    assert "helisim/models/jr700/jr700.xml" in names
+    assert "helisim/models/jr700/scene.xml" in names
+    assert "helisim/py.typed" in names
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    sources = {path.relative_to(ROOT / "src") for path in (ROOT / "src").rglob("*.py")}
+    assert {path.as_posix() for path in sources} <= set(names)
+    assert not [name for name in names if "tests" in Path(name).parts or "__pycache__" in name]
+
+
+def test_the_installed_package_finds_its_models(installed, tmp_path):
+    """Outside the checkout the vehicle loads from the folder that the wheel installed."""
+    code = (
+        "import pathlib, helisim, mujoco\n"
+        "folder = pathlib.Path(helisim.__file__).parent\n"
+        "mujoco.MjModel.from_xml_path(str(folder / 'models' / 'jr700' / 'scene.xml'))\n"
+        "print(folder)\n"
+    )
+    folder = Path(run([installed / "python", "-c", code], tmp_path).strip())
+    assert installed.parent in folder.parents
+    assert ROOT not in folder.parents
+
+
+def test_the_installed_command_linearizes(installed, tmp_path):
+    """`helisim linearize --json` prints the truth as JSON, from the installed wheel alone."""
+    truth = json.loads(run([installed / "helisim", "linearize", "--json"], tmp_path))
+    assert truth
+    assert list(tmp_path.iterdir()) == []  # it leaves nothing where it was run
