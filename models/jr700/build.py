@@ -3,13 +3,15 @@
 Run it as `python models/jr700/build.py` with one of
 
 - `parts`: print mass, position and inertia part by part, and the totals;
-- `close`: rewrite the fuselage's inertial element in jr700.xml, so that the totals are exact;
+- `close`: rewrite the fuselage's inertial element in jr700.xml, so that the totals are those of
+  parameters.toml and calibrated.toml;
 - `meshes`: write the drawn shapes to assets/;
 - `picture`: render jr700.png (headless: MUJOCO_GL=egl or osmesa).
 """
 
 import re
 import sys
+import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +24,13 @@ ASSETS = FOLDER / "assets"
 VEHICLE = FOLDER / "jr700.xml"
 
 TOTAL_MASS_KG = 8.01  # paper, Table 1
-TOTAL_INERTIA_KG_M2 = np.diag([0.200, 0.3424, 0.4187])  # README, "Totals"
+
+
+def wanted_inertia():
+    """The vehicle's chosen and solved moments of inertia about its centre of gravity."""
+    chosen = tomllib.loads((FOLDER / "parameters.toml").read_text(encoding="utf-8"))["airframe"]
+    solved = tomllib.loads((FOLDER / "calibrated.toml").read_text(encoding="utf-8"))["airframe"]
+    return np.diag([{**chosen, **solved}[axis]["value"] for axis in ("ixx", "iyy", "izz")])
 
 
 def parts(model):
@@ -58,7 +66,7 @@ def closing_fuselage(model):
     mass, centre, inertia = total(others)
     own_mass = TOTAL_MASS_KG - mass
     own_centre = -mass * centre / own_mass
-    return own_mass, own_centre, TOTAL_INERTIA_KG_M2 - inertia - steiner(own_mass, own_centre)
+    return own_mass, own_centre, wanted_inertia() - inertia - steiner(own_mass, own_centre)
 
 
 def inertial_element(mass, centre, inertia):

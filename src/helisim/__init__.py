@@ -1,3 +1,87 @@
-"""helisim: fly, sweep, identify and verify a nonlinear helicopter in MuJoCo."""
+"""helisim: fly, sweep, identify and verify a nonlinear helicopter in MuJoCo.
+
+import helisim as hs
+
+vehicle = hs.load("jr700")
+flights = hs.fly(vehicle, hs.Sweep(axis="lat"), count=10, seed=1)
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from helisim.ident import (
+        Fit,
+        FrequencyResponse,
+        Structure,
+        Verification,
+        frequency_response,
+        identify,
+        structures,
+        verify,
+    )
+    from helisim.physics.native import installed
+    from helisim.pipeline import reproduce
+    from helisim.record import FlightRecord
+    from helisim.sim import Doublet, Pilot, Recorder, Sweep, fly
+    from helisim.storage import read_record, write_record
+    from helisim.vehicle import Vehicle, load
 
 __version__ = "0.1.0"
+
+_HOMES = {
+    "Doublet": "helisim.sim",
+    "Fit": "helisim.ident",
+    "FlightRecord": "helisim.record",
+    "FrequencyResponse": "helisim.ident",
+    "Pilot": "helisim.sim",
+    "Recorder": "helisim.sim",
+    "Structure": "helisim.ident",
+    "Sweep": "helisim.sim",
+    "Vehicle": "helisim.vehicle",
+    "Verification": "helisim.ident",
+    "fly": "helisim.sim",
+    "frequency_response": "helisim.ident",
+    "identify": "helisim.ident",
+    "installed": "helisim.physics.native",
+    "load": "helisim.vehicle",
+    "read_record": "helisim.storage",
+    "reproduce": "helisim.pipeline",
+    "structures": "helisim.ident",
+    "verify": "helisim.ident",
+    "write_record": "helisim.storage",
+}
+"""Public name -> module. Loaded on first use, so that identifying a log needs no simulator."""
+
+__all__ = [
+    "Doublet",
+    "Fit",
+    "FlightRecord",
+    "FrequencyResponse",
+    "Pilot",
+    "Recorder",
+    "Structure",
+    "Sweep",
+    "Vehicle",
+    "Verification",
+    "fly",
+    "frequency_response",
+    "identify",
+    "installed",
+    "load",
+    "read_record",
+    "reproduce",
+    "structures",
+    "verify",
+    "write_record",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'helisim' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

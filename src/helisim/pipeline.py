@@ -1,7 +1,7 @@
 """The paper's experiment from end to end: fly, record, identify, compare."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,16 +11,22 @@ import numpy as np
 from helisim import ident
 from helisim.channels import AXES
 from helisim.comparison import ComparisonTable, ParameterRow, Results, paper_tolerance
-from helisim.errors import InputError
+from helisim.errors import InputError, StorageError
 from helisim.experiment import MODELS, Model
 from helisim.record import FlightRecord
 from helisim.reference import ReferenceTable, jr700
 from helisim.sim import Recorder, Sweep, fly
-from helisim.storage import atomic_write, write_record
-from helisim.vehicle import Vehicle, load
+from helisim.storage import atomic_write, check_destination, write_record
+from helisim.vehicle import Vehicle, calibrate, load, read_parameters
+from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.parameters import to_toml
 
 _RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
 """Axis -> the stick and the motion by whose coherence a sweep is judged."""
+
+_CALIBRATED_HEADER = """\
+Written by `helisim calibrate --write`; not by hand.
+Solved so that the linearised nonlinear model has the paper's derivatives."""
 
 Flights = dict[str, list[FlightRecord]]
 
@@ -51,7 +57,7 @@ def reproduce(
         The results, and the kept records by axis.
 
     Raises:
-        InputError: a number is out of range, or `out` is not a folder.
+        InputError: a number is out of range.
         DivergedError: a flight left the validity of the model.
         StorageError: `out` can't be written.
     """
@@ -100,7 +106,8 @@ def _prepared_folder(out: Path | None) -> Path | None:
     try:
         (out / "flights").mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"can't make the folder {out / 'flights'}: {error.strerror}") from None
+        raise StorageError(f"can't make the folder {out / 'flights'}: {error.strerror}") from None
+    check_destination(out / "flights" / "probe.parquet")
     return out
 
 
@@ -266,6 +273,20 @@ def exact_response(
     )
 
 
-def records_of(flights: Flights) -> Sequence[FlightRecord]:
-    """Return all kept records, axis by axis."""
-    return [record for axis in AXES for record in flights[axis]]
+def named_records(flights: Flights) -> dict[str, FlightRecord]:
+    """Return all kept records by a name such as "lat_01"."""
+    return {
+        f"{axis}_{k + 1:02d}": record for axis in AXES for k, record in enumerate(flights[axis])
+    }
+
+
+def calibrated_text(name: str) -> str:
+    """Return a vehicle's `calibrated.toml`, solved from the paper's tables.
+
+    Raises:
+        ModelError: the tables can't be met.
+    """
+    tables = (jr700.YAW_BASE, jr700.ROLLPITCH_IN1, jr700.HEAVE)
+    targets = {value.name: value.value for table in tables for value in table}
+    given = read_parameters(model_folder(name) / "parameters.toml")
+    return to_toml(calibrate(name, given, targets, "paper, Tables 2 to 4"), _CALIBRATED_HEADER)

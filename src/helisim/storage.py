@@ -101,11 +101,25 @@ def read_record(path: str | Path) -> FlightRecord:
         raise RecordError(f"{path}: {error}") from None
 
 
+def check_destination(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
+    """Return `path` if a file could be written there now, so that long work is not in vain.
+
+    Raises:
+        StorageError: unknown suffix, or the folder or an existing file can't be written.
+    """
+    path = Path(path)
+    _suffix(path, suffixes)
+    with atomic_write(path, keep=False) as temporary:
+        temporary.touch()
+    return path
+
+
 @contextmanager
-def atomic_write(path: str | Path) -> Iterator[Path]:
+def atomic_write(path: str | Path, *, keep: bool = True) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to, and put it in place at the end.
 
-    When the block raises, `path` stays as it was and the temporary file is removed.
+    When the block raises, or `keep` is false, `path` stays as it was and the temporary file
+    is removed.
 
     Raises:
         StorageError: the folder doesn't exist or can't be written, `path` is not a regular
@@ -120,8 +134,9 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.tmp{target.suffix}")
     try:
         yield temporary
-        _sync(temporary)
-        os.replace(temporary, target)
+        if keep:
+            _sync(temporary)
+            os.replace(temporary, target)
     except OSError as error:
         raise StorageError(f"{path}: can't write it: {error.strerror or error}") from error
     finally:
@@ -134,11 +149,11 @@ def _sync(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _suffix(path: Path) -> str:
+def _suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> str:
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in suffixes:
         raise StorageError(
-            f"{path}: unknown suffix {path.suffix!r}; available: {', '.join(SUFFIXES)}"
+            f"{path}: unknown suffix {path.suffix!r}; available: {', '.join(suffixes)}"
         )
     return suffix
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TextIO
 
 from helisim.comparison import ComparisonTable, ParameterRow, Results, Verdict
+from helisim.vehicle import Linearization
 
 WIDTH = 80
 _HEADINGS = (
@@ -22,6 +23,8 @@ _HEADINGS = (
 _LEFT = frozenset({"parameter", "unit", "verdict"})
 _DIGITS = 4
 """Significant digits: bounds are of the order of a percent, so a fifth would say nothing."""
+_ZERO_POLE = 1e-6
+"""rad/s: smaller eigenvalues are position and heading, which nothing holds."""
 
 _NO_BREAK = "\u00a0"
 _RESET = "\x1b[0m"
@@ -143,3 +146,24 @@ def _keep_percent(text: str) -> str:
 
 def _paint(text: str, code: str, color: bool) -> str:
     return f"{code}{text}{_RESET}" if color else text
+
+
+def render_derivatives(linear: Linearization, derivatives: Mapping[str, float]) -> str:
+    """Return a hover, its derivatives and its eigenvalues as lines of at most 80 columns."""
+    trim = linear.trim
+    lines = [
+        f"Hover: phi {trim.phi:.5f} rad, theta {trim.theta:.5f} rad, controls "
+        f"col {trim.col:.4f}, lon {trim.lon:.4f}, lat {trim.lat:.4f}, ped {trim.ped:.4f}",
+        "",
+        "Derivatives of the base helicopter (SI, per unit of servo position)",
+    ]
+    lines += [f"  {name:<6} {value:12.6g}" for name, value in derivatives.items()]
+    lines += ["", f"Eigenvalues of {linear.system.name}, rad/s"]
+    for pole in sorted(linear.system.poles(), key=lambda pole: (abs(pole), pole.imag)):
+        if abs(pole) > _ZERO_POLE and pole.imag >= 0.0:
+            pair = f" +- {pole.imag:.5g}j" if pole.imag > _ZERO_POLE else ""
+            lines.append(f"  {pole.real:.5g}{pair}")
+    if linear.delays:
+        waits = ", ".join(f"{name} {delay:.4g} s" for name, delay in linear.delays.items())
+        lines += ["", f"Delays before the inputs act, not in the matrices: {waits}"]
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""The force laws, compiled, and the callbacks that lend them to MuJoCo."""

@@ -1,7 +1,7 @@
 """The exact linearisation of a vehicle at its hover: the truth that identification must find."""
 
-from dataclasses import dataclass, fields
-from typing import Literal
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Literal
 
 import control
 import mujoco
@@ -45,6 +45,20 @@ class Linearization:
         if cause in self.system.state_labels:
             return float(self.system.A[row, self.system.state_labels.index(cause)])
         return float(self.system.B[row, self.system.input_labels.index(cause)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data: matrices, names, delays and the hover."""
+        system = self.system
+        matrices = {name: np.asarray(getattr(system, name)).tolist() for name in "ABCD"}
+        return {
+            "name": system.name,
+            "states": list(system.state_labels),
+            "inputs": list(system.input_labels),
+            "outputs": list(system.output_labels),
+            **matrices,
+            "delays_s": dict(self.delays),
+            "hover": asdict(self.trim),
+        }
 
     def response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the frequency response with delays, (n_out, n_in, n_freq), omega in rad/s."""
