@@ -171,8 +171,17 @@ def frequency_response(model: Model, flights: Flights) -> ident.FrequencyRespons
         outputs=model.outputs,
         conditioning=model.conditioning or None,
         reference=model.reference or None,
-        band=model.band,
+        band=_usable_band(model.band, records),
     )
+
+
+def _usable_band(band: tuple[float, float], records: list[FlightRecord]) -> tuple[float, float]:
+    """Raise the lower edge to what few flights can resolve (window <= T_F / 5)."""
+    longest_window = min(
+        0.5 * min(record.duration for record in records),
+        0.2 * sum(record.duration for record in records),
+    )
+    return max(band[0], 1.01 * 2.0 * np.pi / longest_window), band[1]
 
 
 def identify_model(

@@ -46,6 +46,11 @@ class Sweep:
         if not (math.isfinite(w_max) and 0.0 < w_min < w_max):
             raise InputError(f"sweep band must be 0 < w_min < w_max in rad/s, got {self.band}")
         _check_amplitude(self.stick)
+        if not (0.0 <= self.leakage <= 1.0 and 0.0 <= self.unsteadiness <= 1.0):
+            raise InputError(
+                f"leakage and unsteadiness must be in [0, 1], got {self.leakage}, "
+                f"{self.unsteadiness}"
+            )
 
     @property
     def stick(self) -> float:
@@ -90,8 +95,11 @@ class Doublet:
 
     def __post_init__(self) -> None:
         _check(self.axis, self.duration, self.trim_time)
-        if not 0.0 < self.width < self.duration:
-            raise InputError(f"doublet width must be between 0 and the duration, got {self.width}")
+        if not 0.0 < self.width <= self.duration - self.trim_time:
+            raise InputError(
+                f"doublet width must be above 0 and at most {self.duration - self.trim_time:g} s "
+                f"(what the trimmed stretch leaves), got {self.width}"
+            )
         _check_amplitude(self.stick)
 
     @property

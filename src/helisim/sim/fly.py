@@ -91,7 +91,9 @@ def simulate(
     numbers = range(count)
     for start in range(0, count, jobs):
         batch = numbers[start : start + jobs]
-        models = [_prepared(vehicle, excitation, pilot or Pilot(), seed, k) for k in batch]
+        models = [
+            prepare(vehicle, excitation, pilot or Pilot(), seed=seed, number=k) for k in batch
+        ]
         for sensordata in _run(vehicle, models, excitation.duration):
             yield read_truth(vehicle, sensordata)
 
@@ -118,9 +120,10 @@ def _run(
     return sensordata
 
 
-def _prepared(
-    vehicle: Vehicle, excitation: Excitation, pilot: Pilot, seed: int, number: int
+def prepare(
+    vehicle: Vehicle, excitation: Excitation, pilot: Pilot, *, seed: int, number: int
 ) -> mujoco.MjModel:
+    """Return a copy of the vehicle's model with pilot and manoeuvre of one flight in place."""
     model = copy.copy(vehicle.model)
     par = model.actuator_user[addresses(model).rotor]
     hand = int(_generator(seed, number, "pilot").integers(2**31))

@@ -120,7 +120,7 @@ class _Sampling:
         self.recorder = recorder
         self.truth = truth
         self.rng = rng
-        count = int(np.floor((truth.time[-1] - truth.time[0]) * recorder.rate_hz + 1e-9)) + 1
+        count = int(np.floor((truth.time[-1] - truth.time[0]) * recorder.rate_hz + 1e-6)) + 1
         self.time = truth.time[0] + np.arange(count) / recorder.rate_hz
         rate_hz = 1.0 / truth.timestep
         self._sos = None

@@ -65,12 +65,12 @@ def assemble(
         InputError: the time step is not a positive number.
         ModelError: the MJCF lacks what a vehicle needs, or MuJoCo refuses it.
     """
+    if timestep is not None and not (math.isfinite(timestep) and timestep > 0.0):
+        raise InputError(f"timestep must be a positive number of seconds, got {timestep}")
     path = model_folder(name) / ("scene.xml" if visual else f"{name}.xml")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         if timestep is not None:
-            if not (math.isfinite(timestep) and timestep > 0.0):
-                raise InputError(f"timestep must be a positive number of seconds, got {timestep}")
             spec.option.timestep = timestep
         _set_latency(spec, parameters["gyro.ped_latency"] if delays else 0.0)
         _set_force_laws(spec, force_law_block(parameters))

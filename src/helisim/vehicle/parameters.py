@@ -90,6 +90,8 @@ def _read(path: Path) -> dict[str, Parameter]:
         raise ModelError(f"can't read parameters from {path}: {error}") from None
     entries = {}
     for section, members in content.items():
+        if not isinstance(members, dict):
+            raise ModelError(f"{path}: {section} must stand in a section, such as [air]")
         for key, item in members.items():
             name = f"{section}.{key}"
             try:
@@ -238,15 +240,15 @@ def _solidity(parameters: Parameters, rotor: str) -> float:
 def to_toml(parameters: Parameters, header: str) -> str:
     """Return parameters as the text of a parameter file, sections in order of appearance."""
     lines = [f"# {line}".rstrip() for line in header.splitlines()]
-    section = None
-    for name in parameters:
-        entry = parameters.entry(name)
-        prefix, key = name.split(".")
-        if prefix != section:
-            lines += ["", f"[{prefix}]"]
-            section = prefix
-        lines.append(
-            f'{key} = {{ value = {entry.value!r}, unit = "{entry.unit}", '
-            f'source = "{entry.source}" }}'
-        )
+    for section in dict.fromkeys(name.split(".")[0] for name in parameters):
+        lines += ["", f"[{section}]"]
+        for name in parameters:
+            prefix, key = name.split(".")
+            if prefix != section:
+                continue
+            entry = parameters.entry(name)
+            lines.append(
+                f'{key} = {{ value = {entry.value!r}, unit = "{entry.unit}", '
+                f'source = "{entry.source}" }}'
+            )
     return "\n".join(lines) + "\n"
