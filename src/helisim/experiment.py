@@ -67,7 +67,7 @@ YAW_BASE = Model(
     conditioning=("v", "col"),
     reference=("PED", "LAT", "COL"),
     band=(0.6, 25.0),
-    structure=ident.structures.yaw_first_order,
+    structure=ident.structures.yaw_base,
     tolerances={"N_r": TIGHT, "N_ped": TIGHT, "tau_r_base": TIGHT},
     note=(
         "The tail sees sideslip, and its thrust makes some: without conditioning on v the "

@@ -215,7 +215,7 @@ def _row(
     judge_paper: bool,
 ) -> ParameterRow:
     fitted = fit[name]
-    published = paper[name] if name in paper else None
+    published = paper.get(name)
     tolerance = model.tolerances.get(name)
     limits: dict[str, Any] = {}
     if tolerance is not None:

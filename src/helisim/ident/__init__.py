@@ -1,0 +1,26 @@
+"""From flight records to identified models, by the frequency-response method.
+
+Knows no simulator: a real flight log is identified by the same calls.
+"""
+
+from helisim.ident import structures
+from helisim.ident.conditioning import CrossControlWarning
+from helisim.ident.fit import identify
+from helisim.ident.frf import FrequencyResponse, frequency_response
+from helisim.ident.result import Fit, FittedParameter
+from helisim.ident.structure import Parameter, Structure
+from helisim.ident.verify import Verification, verify
+
+__all__ = [
+    "CrossControlWarning",
+    "Fit",
+    "FittedParameter",
+    "FrequencyResponse",
+    "Parameter",
+    "Structure",
+    "Verification",
+    "frequency_response",
+    "identify",
+    "structures",
+    "verify",
+]

@@ -50,6 +50,10 @@ class ReferenceTable:
                 return value
         raise UnknownNameError(f"parameter of {self.name}", name, self.names)
 
+    def get(self, name: str) -> ReferenceValue | None:
+        """Return the value of that name, or None."""
+        return next((value for value in self.values if value.name == name), None)
+
     def __contains__(self, name: str) -> bool:
         return name in self.names
 

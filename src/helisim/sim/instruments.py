@@ -126,6 +126,7 @@ class _Sampling:
         self._sos = None
         if recorder.antialias_hz < 0.5 * rate_hz:
             self._sos = butter(4, recorder.antialias_hz, fs=rate_hz, output="sos")
+        self._input_noise = {name: self._noise(name) for name in (*IN2, *SERVOS)}
 
     def inputs(self, name: str) -> NDArray[np.float64]:
         """Return a stick, a servo command, or an input recomputed from the servo commands."""
@@ -135,12 +136,11 @@ class _Sampling:
         if name in SERVOS:
             return self._digitised(name, truth.servo_commands[:, SERVOS.index(name)])
         commands = [
-            self._rounded(servo_name, self._sampled(truth.servo_commands[:, k], name))
+            self._digitised(servo_name, truth.servo_commands[:, k], late_as=name)
             for k, servo_name in enumerate(SERVOS)
         ]
-        if name == "ped":
-            return commands[3]
-        return servo.unmix.py_func(*commands[:3])[("col", "lon", "lat").index(name)]
+        mixed = (*servo.unmix.py_func(*commands[:3]), commands[3])[IN1.index(name)]
+        return self._rounded(name, mixed + self._noise(name))
 
     def motion(self) -> dict[str, NDArray[np.float64]]:
         """Return rates, attitudes, velocities, specific forces and positions by name."""
@@ -172,7 +172,7 @@ class _Sampling:
             "positions": POSITIONS,
         }
         return {
-            name: late[group][:, k]
+            name: self._rounded(name, late[group][:, k])
             for group, names in groups.items()
             for k, name in enumerate(names)
         }
@@ -205,8 +205,11 @@ class _Sampling:
         ]
         return np.column_stack(columns)
 
-    def _digitised(self, name: str, signal: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._rounded(name, self._sampled(signal, name))
+    def _digitised(
+        self, name: str, signal: NDArray[np.float64], *, late_as: str | None = None
+    ) -> NDArray[np.float64]:
+        sampled = self._sampled(signal, late_as or name)
+        return self._rounded(name, sampled + self._input_noise[name])
 
     def _sampled(self, signal: NDArray[np.float64], name: str | None) -> NDArray[np.float64]:
         """Return a signal filtered and sampled, late by the latency of a named channel."""
@@ -222,4 +225,6 @@ class _Sampling:
 
     def _noise(self, name: str) -> NDArray[np.float64]:
         level = self.recorder.noise.get(name, 0.0)
+        if level == 0.0:
+            return np.zeros(self.time.size)
         return level * self.rng.standard_normal(self.time.size)

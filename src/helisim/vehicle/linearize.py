@@ -43,8 +43,8 @@ class Linearization:
         """Return d(rate of a state)/d(state or input) by name, such as ("r", "r") for N_r."""
         row = self.system.state_labels.index(rate)
         if cause in self.system.state_labels:
-            return float(self.system.A[row, self.system.state_labels.index(cause)])
-        return float(self.system.B[row, self.system.input_labels.index(cause)])
+            return float(np.asarray(self.system.A)[row, self.system.state_labels.index(cause)])
+        return float(np.asarray(self.system.B)[row, self.system.input_labels.index(cause)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data: matrices, names, delays and the hover."""

@@ -1,0 +1,97 @@
+"""How well a fit determines its parameters: Cramér-Rao bounds and insensitivities.
+
+With H the Hessian of the summed cost J (second derivatives, so 2 J_r^T J_r for residuals r):
+
+    CR_i = 2 sqrt((H^-1)_ii)   the bound, with Tischler and Remple's factor 2 for real data
+    I_i  = 1 / sqrt(H_ii)      change that raises the cost by as much with all others held
+
+Both assume unit residual noise. The residual-scaled standard error uses the noise that the
+fit left over: sqrt(2 s^2 (H^-1)_ii) with s^2 = J / (n_residual - n_free). J printed in a fit is
+the average over responses; these figures use the sum, as Tischler and Remple's do.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.ident.cost import Cost
+
+_NULL = 1e-13
+"""A direction of the scaled Hessian with a smaller eigenvalue is not seen in the data."""
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """Accuracy of the free parameters, in their units.
+
+    Attributes:
+        cramer_rao: (n_free,) CR_i; infinite where the data do not see the parameter.
+        insensitivity: (n_free,) I_i.
+        standard_error: (n_free,) residual-scaled standard error.
+        correlation: (n_free, n_free).
+    """
+
+    cramer_rao: NDArray[np.float64]
+    insensitivity: NDArray[np.float64]
+    standard_error: NDArray[np.float64]
+    correlation: NDArray[np.float64]
+
+
+def accuracy(cost: Cost, x: NDArray[np.float64]) -> Accuracy:
+    """Return the accuracy of a fit that ended at x."""
+    jacobian = cost.log_jacobian(x)
+    residual = cost.log(x, unwrap=False)
+    hessian = gauss_newton_hessian(jacobian)
+    inverse, seen = _inverse(hessian)
+    variance = np.diagonal(inverse)
+    freedom = max(residual.size - x.size, 1)
+    noise = float(residual @ residual) / freedom
+    with np.errstate(divide="ignore"):
+        insensitivity = 1.0 / np.sqrt(np.diagonal(hessian))
+    unseen = np.where(seen, 0.0, np.inf)
+    root = np.sqrt(np.where(variance > 0.0, variance, 1.0))
+    correlation = inverse / root[:, None] / root[None, :]
+    np.fill_diagonal(correlation, 1.0)
+    return Accuracy(
+        cramer_rao=2.0 * np.sqrt(variance) + unseen,
+        insensitivity=insensitivity,
+        standard_error=np.sqrt(2.0 * noise * variance) + unseen,
+        correlation=np.clip(correlation, -1.0, 1.0),
+    )
+
+
+def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Hessian of J = sum r^2 without the residuals' curvature."""
+    return 2.0 * jacobian.T @ jacobian
+
+
+def exact_hessian(cost: Cost, x: NDArray[np.float64], step: float = 1e-5) -> NDArray[np.float64]:
+    """Return the full Hessian of J by central differences of its exact gradient."""
+    columns = []
+    for k in range(x.size):
+        shift = np.zeros_like(x)
+        shift[k] = step * max(abs(x[k]), 1e-3)
+        upper, lower = _gradient(cost, x + shift), _gradient(cost, x - shift)
+        columns.append((upper - lower) / (2.0 * shift[k]))
+    hessian = np.stack(columns, axis=1)
+    return 0.5 * (hessian + hessian.T)
+
+
+def _gradient(cost: Cost, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    return 2.0 * cost.log_jacobian(x).T @ cost.log(x, unwrap=False)
+
+
+def _inverse(
+    hessian: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the (pseudo-)inverse and which parameters are seen, scaled to a unit diagonal."""
+    if hessian.size == 0:
+        return hessian, np.ones(0, dtype=np.bool_)
+    diagonal = np.sqrt(np.diagonal(hessian))
+    scale = np.where(diagonal > 0.0, diagonal, 1.0)
+    eigenvalue, vector = np.linalg.eigh(hessian / scale[:, None] / scale[None, :])
+    null = eigenvalue < _NULL * max(float(eigenvalue[-1]), 1.0)
+    seen = np.sum(vector[:, null] ** 2, axis=1) < 1e-6
+    inverse = (vector[:, ~null] / eigenvalue[~null]) @ vector[:, ~null].T
+    return inverse / scale[:, None] / scale[None, :], seen

@@ -1,0 +1,192 @@
+"""Multi-input conditioning: one estimator for the direct and the joint input-output method.
+
+With y = H u + e and a reference r, the part of u that r explains is u^ = G_ur G_rr^-1 r and
+
+    H = G_yu^ G_u^u^^-1 .
+
+With r = u this is MISO, H = G_yu G_uu^-1. With as many references as inputs it is the
+joint input-output method, H = H_yr H_ur^-1: what feedback carries from e into u is not
+explained by r and drops out. Each pair is then described by conditioned spectra, so that
+coherence, random error and composite windows are the same formulas for both methods.
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import IdentificationError
+from helisim.ident.spectra import Spectra
+
+CROSS_CONTROL_LIMIT = 0.5
+"""Mean coherence between inputs above which the estimate is doubtful (Tischler and Remple)."""
+
+CROSS_CONTROL_SINGULAR = 0.98
+"""Mean coherence between inputs above which they can't be told apart: the condition number
+of their spectral matrix exceeds 100."""
+
+
+class CrossControlWarning(UserWarning):
+    """Inputs moved together, so the responses to each are separated poorly."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioned:
+    """Spectra of each input-output pair with the other inputs' effect removed.
+
+    Attributes:
+        gxx: (n_out, n_in, n_freq) input power that is the input's own.
+        gyy: (n_out, n_in, n_freq) output power from that input and from noise.
+        gxy: (n_out, n_in, n_freq) cross spectrum; the response is gxy / gxx.
+        multiple: (n_out, n_freq) coherence of the output with all inputs together.
+        averages: equivalent number of independent windows.
+        periods: (n_freq,) how many periods of the frequency the window holds.
+    """
+
+    gxx: NDArray[np.float64]
+    gyy: NDArray[np.float64]
+    gxy: NDArray[np.complex128]
+    multiple: NDArray[np.float64]
+    averages: float
+    periods: NDArray[np.float64]
+
+    @property
+    def coherence(self) -> NDArray[np.float64]:
+        """Partial coherence, (n_out, n_in, n_freq)."""
+        return coherence(self.gxx, self.gyy, self.gxy)
+
+
+def coherence(
+    gxx: NDArray[np.float64], gyy: NDArray[np.float64], gxy: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """Return |Gxy|^2 / (Gxx Gyy), kept within [0, 1]."""
+    return np.clip(np.abs(gxy) ** 2 / (gxx * gyy), 0.0, 1.0)
+
+
+def random_error(
+    coherence: NDArray[np.float64], averages: float | NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the normalised random error of the response, sqrt(1 - g2) / (|g| sqrt(2 n_e)).
+
+    n_e = n_d / C_eps^2 is the equivalent number of independent windows.
+    """
+    bounded = np.clip(coherence, 1e-12, 1.0)
+    return np.sqrt((1.0 - bounded) / (bounded * 2.0 * averages))
+
+
+def condition(
+    spectra: Spectra,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    others: Sequence[str],
+    reference: Sequence[str] | None,
+) -> Conditioned:
+    """Return the conditioned spectra of outputs over inputs, with `others` removed."""
+    active = [*inputs, *others]
+    guu = spectra.block(active, active)
+    gyu = spectra.block(outputs, active)
+    gyy = np.real(np.diagonal(spectra.block(outputs, outputs), axis1=1, axis2=2))
+    explained, cross = guu, gyu
+    if reference is not None:
+        projection = _right_divide(
+            spectra.block(active, reference), spectra.block(reference, reference)
+        )
+        explained = projection @ spectra.block(reference, active)
+        cross = spectra.block(outputs, reference) @ _adjoint(projection)
+    response = _right_divide(cross, explained)
+    noise = _residual_power(response, guu, gyu, gyy)
+    own = _own_power(explained)[:, None, : len(inputs)]
+    wanted = response[:, :, : len(inputs)]
+    signal = np.real(np.sum((response @ explained) * response.conj(), axis=2))
+    return Conditioned(
+        gxx=_frequency_last(np.broadcast_to(own, wanted.shape)),
+        gyy=_frequency_last(np.abs(wanted) ** 2 * own + noise[:, :, None]),
+        gxy=_frequency_last(wanted * own),
+        multiple=(signal / (signal + noise)).T,
+        averages=spectra.averages,
+        periods=spectra.frequency * (spectra.window / (2.0 * np.pi)),
+    )
+
+
+def cross_control(spectra: Spectra, inputs: Sequence[str]) -> NDArray[np.float64]:
+    """Return the coherence between inputs, (n_in, n_in, n_freq)."""
+    matrix = spectra.block(inputs, inputs)
+    power = np.real(np.diagonal(matrix, axis1=1, axis2=2))
+    return _frequency_last(np.abs(matrix) ** 2 / (power[:, :, None] * power[:, None, :]))
+
+
+def gate(
+    cross: NDArray[np.float64], inputs: Sequence[str], frequency: NDArray[np.float64]
+) -> tuple[str, ...]:
+    """Judge the coherence between inputs; return the warnings that were raised.
+
+    Raises:
+        IdentificationError: two inputs moved as one.
+    """
+    flags = []
+    for i, first in enumerate(inputs):
+        for j, second in enumerate(inputs[:i]):
+            mean = float(np.mean(cross[i, j]))
+            worst = frequency[int(np.argmax(cross[i, j]))]
+            told = (
+                f"inputs {second!r} and {first!r} have a mean cross-control coherence of "
+                f"{mean:.2f} (largest at {worst:.3g} rad/s)"
+            )
+            advice = "add records where the other input is swept, or sweep with less off-axis input"
+            if mean > CROSS_CONTROL_SINGULAR:
+                raise IdentificationError(
+                    f"{told}, so their effects can't be told apart; {advice}, "
+                    "or leave out the one that is known to have no effect"
+                )
+            if mean > CROSS_CONTROL_LIMIT:
+                flags.append(f"{told}, expected at most {CROSS_CONTROL_LIMIT}; {advice}")
+    for flag in flags:
+        warnings.warn(flag, CrossControlWarning, stacklevel=3)
+    return tuple(flags)
+
+
+def _adjoint(matrix: NDArray) -> NDArray[np.complex128]:
+    return matrix.conj().transpose(0, 2, 1)
+
+
+def _right_divide(
+    left: NDArray[np.complex128], hermitian: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return left @ hermitian^-1, with the signals scaled to unit power first."""
+    scale = 1.0 / np.sqrt(np.real(np.diagonal(hermitian, axis1=1, axis2=2)))
+    scaled = hermitian * scale[:, :, None] * scale[:, None, :]
+    try:
+        return (
+            _adjoint(np.linalg.solve(scaled, _adjoint(left * scale[:, None, :])))
+            * (scale[:, None, :])
+        )
+    except np.linalg.LinAlgError:
+        raise IdentificationError(
+            "the inputs are fully coherent, so their effects can't be told apart; "
+            "leave one out, or add records where they move independently"
+        ) from None
+
+
+def _residual_power(
+    response: NDArray[np.complex128],
+    guu: NDArray[np.complex128],
+    gyu: NDArray[np.complex128],
+    gyy: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the power of y - H u, (n_freq, n_out)."""
+    explained = np.real(np.sum(response * gyu.conj(), axis=2))
+    fed = np.real(np.sum((response @ guu) * response.conj(), axis=2))
+    return np.clip(gyy - 2.0 * explained + fed, 1e-14 * gyy, None)
+
+
+def _own_power(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the power of each input that no other input explains, 1 / (G^-1)_ii."""
+    scale = np.sqrt(np.real(np.diagonal(matrix, axis1=1, axis2=2)))
+    inverse = np.linalg.inv(matrix / (scale[:, :, None] * scale[:, None, :]))
+    return scale**2 / np.real(np.diagonal(inverse, axis1=1, axis2=2))
+
+
+def _frequency_last(array: NDArray) -> NDArray:
+    return np.ascontiguousarray(np.moveaxis(array, 0, -1))

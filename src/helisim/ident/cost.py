@@ -1,0 +1,111 @@
+"""The cost of a model against measured points, as residuals with their exact Jacobian.
+
+    J = sum over responses (20/n_w) sum_w W_g [ (dB error)^2 + 0.01745 (deg error)^2 ] ,
+    W_g = [1.58 (1 - exp(-g2))]^2
+
+(Tischler and Remple). The average J that is printed is this sum over the number of
+responses; the accuracy analysis uses the sum.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.ident.evaluate import response_and_slope
+from helisim.ident.points import PHASE_WEIGHT, Points
+from helisim.ident.structure import Structure
+
+DB = 20.0 / np.log(10.0)
+"""dB per unit of natural logarithm."""
+
+_HOPELESS = 1e3
+"""Residual where the model is undefined: worse than any response that is defined."""
+
+
+class Cost:
+    """Residuals of a structure over points as a function of its free parameters.
+
+    `log` residuals are those of J. `relative` ones, (H_model - H) / |H|, stay smooth through
+    zero gain, so they lead a search from far away into the right signs.
+    """
+
+    def __init__(self, structure: Structure, points: Points) -> None:
+        self.structure = structure
+        self.points = points
+        self._fixed = structure.starts
+        self._names = [parameter.name for parameter in structure.free]
+        self._key = b""
+        self._held: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
+
+    def values(self, x: NDArray[np.float64]) -> dict[str, float]:
+        """Return every parameter by name, the fixed ones included."""
+        return {**self._fixed, **dict(zip(self._names, x.tolist()))}
+
+    def ratio(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray]:
+        """Return model over measured response, (n_point,), and its slope, (n_free, n_point)."""
+        key = x.tobytes()
+        if self._held is None or key != self._key:
+            at = self.points
+            total, slope = response_and_slope(self.structure, self.values(x), at.frequency)
+            place = (at.output, at.input, at.position)
+            self._held = (total[place] / at.measured, slope[:, *place] / at.measured)
+            self._key = key
+        return self._held
+
+    def log(self, x: NDArray[np.float64], *, unwrap: bool = True) -> NDArray[np.float64]:
+        """Return the residuals whose squares sum to J, (2 n_point,)."""
+        z, _ = self.ratio(x)
+        if not np.all(np.isfinite(z)) or np.any(z == 0.0):
+            return np.full(2 * z.size, _HOPELESS)
+        phase = self._unwrapped(z) if unwrap else np.angle(z)
+        root = np.sqrt(self.points.weight)
+        degrees = np.rad2deg(phase) * np.sqrt(PHASE_WEIGHT)
+        return np.concatenate([root * DB * np.log(np.abs(z)), root * degrees])
+
+    def log_jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of `log`, (2 n_point, n_free)."""
+        z, slope = self.ratio(x)
+        with np.errstate(all="ignore"):
+            step = slope / z
+        if not np.all(np.isfinite(step)):
+            return np.zeros((2 * z.size, len(self._names)))
+        root = np.sqrt(self.points.weight)
+        degree = np.rad2deg(1.0) * np.sqrt(PHASE_WEIGHT)
+        return np.concatenate([root * DB * step.real, root * degree * step.imag], axis=1).T
+
+    def relative(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the relative complex errors in dB of a small error, (2 n_point,)."""
+        z, _ = self.ratio(x)
+        if not np.all(np.isfinite(z)):
+            return np.full(2 * z.size, _HOPELESS)
+        scaled = DB * np.sqrt(self.points.weight) * (z - 1.0)
+        return np.concatenate([scaled.real, scaled.imag])
+
+    def relative_jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of `relative`, (2 n_point, n_free)."""
+        _, slope = self.ratio(x)
+        if not np.all(np.isfinite(slope)):
+            return np.zeros((2 * self.points.weight.size, len(self._names)))
+        scaled = DB * np.sqrt(self.points.weight) * slope
+        return np.concatenate([scaled.real, scaled.imag], axis=1).T
+
+    def per_response(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return J of each response, with phase errors within half a turn, (n_pair,)."""
+        residual = self.log(x, unwrap=False) ** 2
+        half = self.points.weight.size
+        each = residual[:half] + residual[half:]
+        pairs = range(len(self.points.pairs))
+        return np.array([float(np.sum(each[self.points.pair == pair])) for pair in pairs])
+
+    def _unwrapped(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the phase error, continuous along each response and nearest to zero.
+
+        A wrong delay then costs more the further it is off, also beyond half a turn.
+        """
+        phase = np.angle(z)
+        for pair in range(len(self.points.pairs)):
+            mine = self.points.pair == pair
+            curve = np.unwrap(phase[mine])
+            weight = self.points.weight[mine]
+            mean = np.sum(weight * curve) / np.sum(weight)
+            phase[mine] = curve - 2.0 * np.pi * np.round(mean / (2.0 * np.pi))
+        return phase

@@ -1,0 +1,174 @@
+"""Fits a structure to frequency responses: NAVFIT and DERIVID in one."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from helisim.errors import InputError
+from helisim.ident.bounds import accuracy
+from helisim.ident.cost import Cost
+from helisim.ident.frf import FrequencyResponse
+from helisim.ident.points import Band, select
+from helisim.ident.result import Fit, FittedParameter
+from helisim.ident.starts import starting_points
+from helisim.ident.structure import Structure
+
+_APPROACH_STEPS = 60
+"""Evaluations of the search through relative errors, which only has to find the valley."""
+
+_GOOD_ENOUGH = 100.0
+"""Average cost (the guideline's limit) from which a minimum that two starts share is believed."""
+
+_SAME_COST = 1e-4
+"""Two searches found the same minimum when their costs agree to this fraction."""
+
+_AT_BOUND = 1e-6
+"""A parameter is at a bound when it is this fraction of the interval away from it."""
+
+
+class Minimum(NamedTuple):
+    """Where one search ended."""
+
+    x: NDArray[np.float64]
+    cost: float
+    converged: bool
+
+
+def identify(
+    frf: FrequencyResponse,
+    structure: Structure,
+    *,
+    band: Band | Mapping[str, Band] | None = None,
+    responses: Sequence[str] | None = None,
+    frequencies_per_response: int = 20,
+    searches: int = 12,
+    seed: int = 0,
+) -> Fit:
+    """Fit a structure's free parameters to frequency responses.
+
+    Args:
+        frf: responses, best one estimate pooled from all records.
+        structure: the model's structure.
+        band: lowest and highest frequency, rad/s, for all responses or by response ("p/lat").
+            Each response is used where its coherence is at least 0.6.
+        responses: those to fit, such as ("p/lat", "q/lon"); all by default.
+        frequencies_per_response: log-spaced points; the cost's scale does not depend on it.
+        searches: how many starts are tried at most; fewer when two find the same minimum.
+        seed: of the scattered starts. The same call gives the same numbers.
+
+    Raises:
+        UnknownNameError: a signal or response does not exist.
+        IdentificationError: no response is coherent enough.
+    """
+    if frequencies_per_response < 5 or searches < 1:
+        raise InputError(
+            f"{frequencies_per_response} frequencies a response and {searches} searches; "
+            "expected at least 5 and 1"
+        )
+    points = select(frf, structure, band=band, responses=responses, count=frequencies_per_response)
+    cost = Cost(structure, points)
+    best, agreeing = _search(cost, searches, seed)
+    return _result(frf, cost, best, agreeing)
+
+
+def _search(cost: Cost, searches: int, seed: int) -> tuple[Minimum, int]:
+    """Search from several starts until two of them end in the same good minimum."""
+    enough = _GOOD_ENOUGH * len(cost.points.pairs)
+    if not cost.structure.free:
+        x = np.empty(0)
+        return Minimum(x, float(cost.per_response(x).sum()), True), 1
+    found: list[Minimum] = []
+    for start in starting_points(cost, searches, seed):
+        found.append(_descend(cost, start))
+        lowest = min(minimum.cost for minimum in found)
+        agreeing = sum(m.cost <= lowest * (1.0 + _SAME_COST) + 1e-9 for m in found)
+        if agreeing >= 2 and lowest <= enough:
+            break
+    best = min(found, key=lambda minimum: minimum.cost)
+    agreeing = sum(m.cost <= best.cost * (1.0 + _SAME_COST) + 1e-9 for m in found)
+    return best, agreeing
+
+
+def _descend(cost: Cost, start: NDArray[np.float64]) -> Minimum:
+    """Go from a start to a minimum of J: first by relative errors, then by J itself."""
+    limits = np.array([parameter.limits for parameter in cost.structure.free]).T
+    near = least_squares(
+        cost.relative,
+        _inside(start, limits),
+        jac=cost.relative_jacobian,  # pyright: ignore[reportArgumentType]
+        bounds=limits,
+        x_scale="jac",
+        ftol=1e-4,
+        xtol=1e-4,
+        max_nfev=_APPROACH_STEPS,
+    )
+    best: Minimum | None = None
+    for unwrap in (True, False):
+        origin = near.x if best is None else best.x
+        end = least_squares(
+            lambda x, unwrap=unwrap: cost.log(x, unwrap=unwrap),
+            _inside(origin, limits),
+            jac=cost.log_jacobian,  # pyright: ignore[reportArgumentType]
+            bounds=limits,
+            x_scale="jac",
+            ftol=1e-10,
+            xtol=1e-10,
+            gtol=1e-10,
+            max_nfev=300,
+        )
+        wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
+        if best is None or wrapped < best.cost:
+            best = Minimum(end.x, wrapped, end.status > 0)
+        if math.isclose(wrapped, 2.0 * float(end.cost), rel_tol=1e-9, abs_tol=1e-12):
+            break
+    assert best is not None  # the loop ran
+    return best
+
+
+def _inside(x: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return x strictly within the limits, as the trust region needs it."""
+    low, high = limits
+    margin = np.where(np.isfinite(high - low), 1e-9 * (high - low), 0.0)
+    return np.clip(x, low + margin, high - margin)
+
+
+def _result(frf: FrequencyResponse, cost: Cost, best: Minimum, agreeing: int) -> Fit:
+    structure, points = cost.structure, cost.points
+    quality = accuracy(cost, best.x)
+    values = cost.values(best.x)
+    free = [parameter.name for parameter in structure.free]
+    fitted = []
+    for parameter in structure.parameters:
+        value = values[parameter.name]
+        if parameter.fixed:
+            fitted.append(FittedParameter(parameter, value, 0.0, 0.0, 0.0, False))
+            continue
+        k = free.index(parameter.name)
+        low, high = parameter.limits
+        edge = _AT_BOUND * (high - low) if math.isfinite(high - low) else 1e-12
+        fitted.append(
+            FittedParameter(
+                parameter,
+                value,
+                float(quality.cramer_rao[k]),
+                float(quality.insensitivity[k]),
+                float(quality.standard_error[k]),
+                min(value - low, high - value) <= edge,
+            )
+        )
+    costs = cost.per_response(best.x)
+    return Fit(
+        structure=structure,
+        parameters={one.name: one for one in fitted},
+        correlation=quality.correlation,
+        costs=dict(zip(points.pairs, costs.tolist())),
+        bands=dict(zip(points.pairs, points.bands)),
+        dropped=points.dropped,
+        converged=best.converged,
+        searches_agreeing=agreeing,
+        data=frf,
+    )

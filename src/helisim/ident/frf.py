@@ -1,0 +1,336 @@
+"""The frequency response of a vehicle, estimated from its flight records."""
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.ident.composite import Composite, compose, window_lengths
+from helisim.ident.conditioning import condition, cross_control, gate
+from helisim.ident.spectra import Spectra, cross_spectra
+from helisim.record import FlightRecord
+
+POINTS_PER_DECADE = 80
+"""Density of the frequency grid; 20 points of it a response go into a fit."""
+
+_USABLE_COHERENCE = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Frequency responses of named outputs to named inputs, with their quality. Read-only.
+
+    Attributes:
+        frequency: (n_freq,) rad/s, increasing.
+        response: (n_out, n_in, n_freq) output over input, in output unit per input unit.
+        coherence: (n_out, n_in, n_freq) partial coherence: 1 where the input, cleared of the
+            other inputs, explains the output.
+        multiple_coherence: (n_out, n_freq) share of the output that all inputs explain.
+        cross_control_coherence: (n_in, n_in, n_freq) coherence between inputs, best at 0.
+        random_error: (n_out, n_in, n_freq) standard deviation of the response's magnitude,
+            as a fraction of it, and of its phase in rad.
+        inputs, outputs: names.
+        input_units, output_units: units, SI.
+        conditioning: further inputs whose effect was removed.
+        reference: signals that the joint input-output method used; empty for the direct one.
+        windows: window lengths, s.
+        flags: warnings of the cross-control gate.
+        sources: a fingerprint of each record, so that a verification can't reuse one.
+    """
+
+    frequency: NDArray[np.float64]
+    response: NDArray[np.complex128]
+    coherence: NDArray[np.float64]
+    multiple_coherence: NDArray[np.float64]
+    cross_control_coherence: NDArray[np.float64]
+    random_error: NDArray[np.float64]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    conditioning: tuple[str, ...] = ()
+    reference: tuple[str, ...] = ()
+    windows: tuple[float, ...] = ()
+    flags: tuple[str, ...] = ()
+    sources: tuple[str, ...] = field(default=(), repr=False)
+
+    def __post_init__(self) -> None:
+        n_out, n_in = len(self.outputs), len(self.inputs)
+        n_freq = np.size(self.frequency)
+        pair = (n_out, n_in, n_freq)
+        shapes = {
+            "frequency": (n_freq,),
+            "response": pair,
+            "coherence": pair,
+            "multiple_coherence": (n_out, n_freq),
+            "cross_control_coherence": (n_in, n_in, n_freq),
+            "random_error": pair,
+        }
+        for name, shape in shapes.items():
+            kind = np.complex128 if name == "response" else np.float64
+            array = np.array(getattr(self, name), dtype=kind)
+            if array.shape != shape:
+                raise InputError(f"{name} has shape {array.shape}, expected {shape}")
+            if not np.all(np.isfinite(array)):
+                raise InputError(f"{name} holds values that are not finite")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if n_freq == 0 or self.frequency[0] <= 0.0 or np.any(np.diff(self.frequency) <= 0.0):
+            raise InputError("frequency must be positive and increasing, in rad/s")
+
+    @classmethod
+    def exact(
+        cls,
+        frequency: ArrayLike,
+        response: ArrayLike,
+        *,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        input_units: Sequence[str] | None = None,
+        output_units: Sequence[str] | None = None,
+    ) -> "FrequencyResponse":
+        """Return a response known without error, for example a model's: coherence is 1."""
+        response = np.asarray(response)
+        n_out, n_in, n_freq = len(outputs), len(inputs), np.size(frequency)
+        return cls(
+            frequency=np.asarray(frequency, dtype=np.float64),
+            response=response,
+            coherence=np.ones((n_out, n_in, n_freq)),
+            multiple_coherence=np.ones((n_out, n_freq)),
+            cross_control_coherence=np.repeat(np.eye(n_in)[:, :, None], n_freq, axis=2),
+            random_error=np.zeros((n_out, n_in, n_freq)),
+            inputs=tuple(inputs),
+            outputs=tuple(outputs),
+            input_units=tuple(input_units or ("",) * n_in),
+            output_units=tuple(output_units or ("",) * n_out),
+        )
+
+    def __repr__(self) -> str:
+        return (
+            f"FrequencyResponse({', '.join(self.outputs)} over {', '.join(self.inputs)}, "
+            f"{self.frequency.size} frequencies from {self.frequency[0]:.3g} to "
+            f"{self.frequency[-1]:.3g} rad/s)"
+        )
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """The responses by name, such as "p/lat", inputs changing fastest."""
+        return tuple(f"{output}/{input_}" for output in self.outputs for input_ in self.inputs)
+
+    def index(self, output: str, input_: str) -> tuple[int, int]:
+        """Return where a pair is in the arrays. Raises UnknownNameError."""
+        if output not in self.outputs:
+            raise UnknownNameError("output", output, self.outputs)
+        if input_ not in self.inputs:
+            raise UnknownNameError("input", input_, self.inputs)
+        return self.outputs.index(output), self.inputs.index(input_)
+
+    def usable(self, limit: float = _USABLE_COHERENCE) -> NDArray[np.bool_]:
+        """Return where the partial coherence reaches `limit`, (n_out, n_in, n_freq)."""
+        return self.coherence >= limit
+
+    def to_frd(self) -> control.FRD:
+        """Return the response as python-control's frequency response data."""
+        return control.FRD(
+            self.response,
+            self.frequency,
+            inputs=list(self.inputs),
+            outputs=list(self.outputs),
+        )
+
+
+def frequency_response(
+    records: FlightRecord | Sequence[FlightRecord],
+    *,
+    inputs: str | Sequence[str],
+    outputs: str | Sequence[str],
+    band: tuple[float, float],
+    conditioning: str | Sequence[str] | None = None,
+    reference: str | Sequence[str] | None = None,
+    windows: float | Sequence[float] | None = None,
+    overlap: float = 0.75,
+) -> FrequencyResponse:
+    """Estimate frequency responses from one record or several pooled ones.
+
+    Args:
+        records: flights; their spectra are averaged, so sweeps of different axes separate
+            the axes' effects.
+        inputs: the inputs wanted.
+        outputs: the outputs wanted.
+        band: lowest and highest frequency, rad/s.
+        conditioning: further inputs that were active; their effect is removed.
+        reference: signals outside the loop (sticks, the sweep), at least as many as active
+            inputs. Given, the joint input-output method is used, which feedback and gusts do
+            not bias.
+        windows: one window length or several, s; by default five by the published rules.
+        overlap: share of a window that the next one covers at least.
+
+    Raises:
+        InputError: an argument is out of range or a channel does not exist.
+        IdentificationError: the records are too short, an input is constant, or inputs moved
+            as one.
+    """
+    flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
+    wanted, measured = as_names(inputs), as_names(outputs)
+    others, reference_names = as_names(conditioning), as_names(reference)
+    _check_names(flights, wanted, measured, others, reference_names)
+    _check_band(flights, band)
+    if not 0.0 <= overlap <= 0.95:
+        raise InputError(f"overlap is {overlap}, expected 0 to 0.95; 0.75 to 0.8 is enough")
+    signals = tuple(dict.fromkeys((*wanted, *others, *reference_names, *measured)))
+    _check_motion(flights, (*wanted, *others, *reference_names), "input")
+    _check_motion(flights, measured, "output")
+    lengths = _window_lengths(flights, band, windows)
+    frequency = _grid(band)
+    spectra = [
+        cross_spectra(flights, signals, frequency, window=length, overlap=overlap)
+        for length in lengths
+    ]
+    cross = _cross_control(spectra, (*wanted, *others))
+    flags = gate(cross, (*wanted, *others), frequency)
+    if reference_names:
+        flags += gate(_cross_control(spectra, reference_names), reference_names, frequency)
+    composite = _composite(spectra, wanted, measured, others, reference_names)
+    return FrequencyResponse(
+        frequency=frequency,
+        response=composite.response,
+        coherence=composite.coherence,
+        multiple_coherence=composite.multiple,
+        cross_control_coherence=cross[: len(wanted), : len(wanted)],
+        random_error=composite.random_error,
+        inputs=wanted,
+        outputs=measured,
+        input_units=tuple(flights[0].unit(name) for name in wanted),
+        output_units=tuple(flights[0].unit(name) for name in measured),
+        conditioning=others,
+        reference=reference_names,
+        windows=lengths,
+        flags=flags,
+        sources=tuple(fingerprint(flight) for flight in flights),
+    )
+
+
+def fingerprint(record: FlightRecord) -> str:
+    """Return a short digest of a record's time and values."""
+    digest = hashlib.blake2b(record.time.tobytes(), digest_size=12)
+    digest.update(record.values.tobytes())
+    return digest.hexdigest()
+
+
+def as_names(names: str | Sequence[str] | None) -> tuple[str, ...]:
+    """Return names as a tuple; one name may be given bare."""
+    if names is None:
+        return ()
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def _composite(
+    spectra: Sequence[Spectra],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    others: tuple[str, ...],
+    reference: tuple[str, ...],
+) -> Composite:
+    return compose([condition(one, inputs, outputs, others, reference or None) for one in spectra])
+
+
+def _cross_control(spectra: Sequence[Spectra], inputs: tuple[str, ...]) -> NDArray[np.float64]:
+    """Average over the window lengths: the long ones alone have too few averages."""
+    return np.mean([cross_control(one, inputs) for one in spectra], axis=0)
+
+
+def _grid(band: tuple[float, float]) -> NDArray[np.float64]:
+    count = max(32, math.ceil(POINTS_PER_DECADE * math.log10(band[1] / band[0])) + 1)
+    return np.geomspace(band[0], band[1], count)
+
+
+def _window_lengths(
+    flights: Sequence[FlightRecord],
+    band: tuple[float, float],
+    windows: float | Sequence[float] | None,
+) -> tuple[float, ...]:
+    durations = [len(flight) * flight.sample_time for flight in flights]
+    if windows is None:
+        return window_lengths(durations, band)
+    lengths = (windows,) if isinstance(windows, int | float) else tuple(windows)
+    longest = max(lengths, default=0.0)
+    if not lengths or not all(math.isfinite(length) and length > 0.0 for length in lengths):
+        raise InputError(f"windows are {lengths}, expected positive lengths in s")
+    if longest > min(durations):
+        raise IdentificationError(
+            f"a window of {longest:.4g} s does not fit into a record of {min(durations):.4g} s; "
+            "shorten the window or leave the record out"
+        )
+    if 2.0 * np.pi / longest > band[0] * (1.0 + 1e-9):
+        raise InputError(
+            f"the longest window, {longest:.4g} s, resolves frequencies from "
+            f"{2.0 * np.pi / longest:.4g} rad/s, but the band starts at {band[0]:.4g} rad/s; "
+            "lengthen the window or raise the band's lower edge"
+        )
+    return tuple(float(length) for length in lengths)
+
+
+def _check_names(
+    flights: tuple[FlightRecord, ...],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    others: tuple[str, ...],
+    reference: tuple[str, ...],
+) -> None:
+    if not flights:
+        raise InputError("no records were given; expected at least one FlightRecord")
+    for position, flight in enumerate(flights):
+        if not isinstance(flight, FlightRecord):
+            raise InputError(
+                f"record {position} is a {type(flight).__name__}, expected a FlightRecord"
+            )
+    if not inputs or not outputs:
+        raise InputError("expected at least one input and one output")
+    names = (*inputs, *others, *outputs)
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(
+            f"each channel has one role, but these have several: {', '.join(repeated)}"
+        )
+    if reference and len(reference) < len(inputs) + len(others):
+        raise InputError(
+            f"{len(reference)} reference(s) for {len(inputs) + len(others)} active inputs; the "
+            "joint method needs at least as many references as inputs and conditioning inputs"
+        )
+    for flight in flights:
+        for name in (*names, *reference):
+            flight.unit(name)
+
+
+def _check_band(flights: Sequence[FlightRecord], band: tuple[float, float]) -> None:
+    try:
+        low, high = (float(edge) for edge in band)
+    except (TypeError, ValueError):
+        raise InputError(f"band is {band!r}, expected two frequencies in rad/s") from None
+    if not (math.isfinite(low) and math.isfinite(high) and 0.0 < low < high):
+        raise InputError(f"band is {low} to {high} rad/s, expected 0 < lower < upper, finite")
+    nyquist = min(math.pi / flight.sample_time for flight in flights)
+    if high >= nyquist:
+        raise InputError(
+            f"the band ends at {high:.4g} rad/s, but samples resolve only {nyquist:.4g} rad/s; "
+            "lower the band's upper edge or record faster"
+        )
+
+
+def _check_motion(flights: Sequence[FlightRecord], names: Sequence[str], role: str) -> None:
+    for name in names:
+        if not any(_moves(flight[name]) for flight in flights):
+            raise IdentificationError(
+                f"{role} {name!r} is constant in every record; nothing can be identified from "
+                f"it: sweep it, or leave it out of the {role}s"
+            )
+
+
+def _moves(values: NDArray[np.float64]) -> bool:
+    """Whether a channel varies by more than the rounding of its largest value."""
+    return float(np.ptp(values)) > 1e-12 * float(np.max(np.abs(values)))

@@ -1,0 +1,163 @@
+"""Which measured points a fit uses: some log-spaced ones of each coherent response."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.ident.frf import FrequencyResponse
+from helisim.ident.structure import Structure
+
+COHERENCE_LIMIT = 0.6
+"""Partial coherence from which a point counts (Tischler and Remple)."""
+
+PHASE_WEIGHT = 0.01745
+"""Weight of a squared phase error in deg^2 against a squared magnitude error in dB^2."""
+
+_FEWEST = 5
+"""A response with fewer coherent points is left out: it has no shape."""
+
+Band = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The measured points of a fit, response after response.
+
+    Attributes:
+        pairs: names of the responses that are used, such as "p/lat".
+        dropped: names of those that are not coherent enough.
+        bands: lowest and highest frequency of each response that is used, rad/s.
+        frequency: (n_grid,) rad/s, all frequencies that occur.
+        measured: (n_point,) response.
+        weight: (n_point,) W_g 20 / n_w of the cost.
+        output, input, position: (n_point,) where a point is in the model's response.
+        pair: (n_point,) which of `pairs` it belongs to.
+    """
+
+    pairs: tuple[str, ...]
+    dropped: tuple[str, ...]
+    bands: tuple[Band, ...]
+    frequency: NDArray[np.float64]
+    measured: NDArray[np.complex128]
+    weight: NDArray[np.float64]
+    output: NDArray[np.intp]
+    input: NDArray[np.intp]
+    position: NDArray[np.intp]
+    pair: NDArray[np.intp]
+
+
+def select(
+    frf: FrequencyResponse,
+    structure: Structure,
+    *,
+    band: Band | Mapping[str, Band] | None,
+    responses: Sequence[str] | None,
+    count: int,
+) -> Points:
+    """Choose the points.
+
+    Raises:
+        UnknownNameError: a signal or response does not exist.
+        IdentificationError: no response is coherent enough.
+    """
+    wanted = _wanted(structure, responses)
+    limits = {name: _limits(band, name, wanted) for name in wanted}
+    kept, chosen = [], []
+    for name in wanted:
+        o, i = frf.index(*wanted[name])
+        low, high = limits[name]
+        inside = (frf.frequency >= low * (1 - 1e-9)) & (frf.frequency <= high * (1 + 1e-9))
+        usable = np.flatnonzero(inside & frf.usable(COHERENCE_LIMIT)[o, i])
+        if usable.size >= _FEWEST:
+            kept.append(name)
+            chosen.append(_log_spaced(frf.frequency, usable, count))
+    if not kept:
+        raise IdentificationError(_too_incoherent(frf, wanted, limits))
+    places = [frf.index(*wanted[name]) for name in kept]
+    grid, position = np.unique(np.concatenate(chosen), return_inverse=True)
+    coherence = np.concatenate([frf.coherence[o, i, k] for (o, i), k in zip(places, chosen)])
+    share = np.concatenate([np.full(k.size, 20.0 / k.size) for k in chosen])
+    return Points(
+        pairs=tuple(kept),
+        dropped=tuple(name for name in wanted if name not in kept),
+        bands=tuple((float(frf.frequency[k[0]]), float(frf.frequency[k[-1]])) for k in chosen),
+        frequency=frf.frequency[grid],
+        measured=np.concatenate([frf.response[o, i, k] for (o, i), k in zip(places, chosen)]),
+        weight=share * (1.58 * (1.0 - np.exp(-coherence))) ** 2,
+        output=_repeat([structure.outputs.index(wanted[name][0]) for name in kept], chosen),
+        input=_repeat([structure.inputs.index(wanted[name][1]) for name in kept], chosen),
+        position=position,
+        pair=_repeat(range(len(kept)), chosen),
+    )
+
+
+def _repeat(values: Sequence[int] | range, chosen: list[NDArray[np.intp]]) -> NDArray[np.intp]:
+    return np.repeat(np.array(values, dtype=np.intp), [k.size for k in chosen])
+
+
+def _wanted(structure: Structure, responses: Sequence[str] | None) -> dict[str, tuple[str, str]]:
+    pairs = {
+        f"{output}/{input_}": (output, input_)
+        for output in structure.outputs
+        for input_ in structure.inputs
+    }
+    if responses is None:
+        return pairs
+    names = (responses,) if isinstance(responses, str) else tuple(responses)
+    for name in names:
+        if name not in pairs:
+            raise UnknownNameError(f"response of {structure.name!r}", name, pairs)
+    return {name: pairs[name] for name in names}
+
+
+def _limits(
+    band: Band | Mapping[str, Band] | None, name: str, wanted: Mapping[str, object]
+) -> Band:
+    if isinstance(band, Mapping):
+        for key in band:
+            if key not in wanted:
+                raise UnknownNameError("response with a band", key, wanted)
+        band = band.get(name)
+    if band is None:
+        return 0.0, math.inf
+    try:
+        low, high = (float(edge) for edge in band)
+    except (TypeError, ValueError):
+        raise InputError(f"band is {band!r}, expected two frequencies in rad/s") from None
+    if not 0.0 <= low < high:
+        raise InputError(f"band is {low} to {high} rad/s, expected 0 <= lower < upper")
+    return low, high
+
+
+def _log_spaced(
+    frequency: NDArray[np.float64], usable: NDArray[np.intp], count: int
+) -> NDArray[np.intp]:
+    """Return up to `count` usable grid points, closest to log-spaced ones."""
+    place = np.log(frequency[usable])
+    targets = np.linspace(place[0], place[-1], count)
+    right = np.clip(np.searchsorted(place, targets), 1, place.size - 1)
+    nearer = np.where(targets - place[right - 1] < place[right] - targets, right - 1, right)
+    return usable[np.unique(nearer)]
+
+
+def _too_incoherent(
+    frf: FrequencyResponse,
+    wanted: Mapping[str, tuple[str, str]],
+    limits: Mapping[str, Band],
+) -> str:
+    told = []
+    for name, pair in wanted.items():
+        o, i = frf.index(*pair)
+        low, high = limits[name]
+        inside = (frf.frequency >= low) & (frf.frequency <= high)
+        best = float(np.max(frf.coherence[o, i], where=inside, initial=0.0))
+        told.append(f"{name} at most {best:.2f} at {int(inside.sum())} frequencies")
+    return (
+        f"no response has {_FEWEST} points with a coherence of {COHERENCE_LIMIT} in its band "
+        f"(frequency response: {frf.frequency[0]:.4g} to {frf.frequency[-1]:.4g} rad/s): "
+        f"{'; '.join(told)}; widen the band, add sweeps, or raise the sweep's amplitude"
+    )

@@ -1,0 +1,144 @@
+"""Cross-spectral matrices of flight records: detrended, Hann windows, averaged.
+
+The transform is the discrete Fourier sum at exactly the wanted frequencies (a chirp-z
+transform on a logarithmic grid): no interpolation, no energy spent outside the band.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import detrend
+
+from helisim.record import FlightRecord
+
+HANN_POWER = 0.375
+"""Mean square of the Hann window; dividing by it restores the power (CIFER's 1.63^2)."""
+
+_BLOCK = 64
+"""Samples in a block of the kernel's phase table: only speed depends on it."""
+
+_QUADRATURE = 512
+"""Instants in a record where products of windows are summed: 5 a window at the least."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Averaged cross spectra of all signals for one window length.
+
+    Attributes:
+        frequency: (n_freq,) rad/s.
+        matrix: (n_freq, n_signal, n_signal), one-sided G_ab = (2/T) mean(A B*).
+        names: the signals, in the order of the matrix.
+        window: window length, s.
+        averages: equivalent number of independent windows, n_d / C_eps^2.
+    """
+
+    frequency: NDArray[np.float64]
+    matrix: NDArray[np.complex128]
+    names: tuple[str, ...]
+    window: float
+    averages: float
+
+    def block(self, rows: Sequence[str], columns: Sequence[str]) -> NDArray[np.complex128]:
+        """Return G between named signals, (n_freq, n_row, n_column)."""
+        i = [self.names.index(name) for name in rows]
+        j = [self.names.index(name) for name in columns]
+        return self.matrix[:, i, :][:, :, j]
+
+
+def cross_spectra(
+    records: Sequence[FlightRecord],
+    names: Sequence[str],
+    frequency: NDArray[np.float64],
+    *,
+    window: float,
+    overlap: float,
+) -> Spectra:
+    """Average the cross spectra of records. No window crosses from one record to the next.
+
+    Windows hang over both ends of a record, so that each sample counts the same: sweeps end at
+    their highest frequency, and a window that fades out there biases the response by its slope
+    times the vehicle's group delay. Beyond its ends a record is taken to be in trim, and it is
+    faded into that over one period of the lowest frequency (5 % of the record at most).
+    """
+    total = np.zeros((frequency.size, len(names), len(names)), dtype=np.complex128)
+    power = 0.0
+    correlated = 0.0
+    kernels: dict[tuple[int, float], NDArray[np.complex128]] = {}
+    for record in records:
+        step = record.sample_time
+        length = round(window / step)
+        key = (length, step)
+        if key not in kernels:
+            kernels[key] = _kernel(length, step, frequency)
+        starts = segment_starts(len(record), length, overlap)
+        fade = _fade(len(record), 2.0 * np.pi / (frequency[0] * step))
+        columns = detrend(record.select(names), axis=0, type="linear") * fade[:, None]
+        transforms = _transform(columns, starts, kernels[key])
+        total += np.matmul(transforms, transforms.conj().transpose(0, 2, 1))
+        shared = _shared_power(starts, length, fade)
+        power += float(np.trace(shared))
+        correlated += float(np.sum(shared**2))
+    matrix = (2.0 / (window * HANN_POWER * power)) * total
+    return Spectra(frequency, matrix, tuple(names), window, power**2 / correlated)
+
+
+def segment_starts(samples: int, length: int, overlap: float) -> NDArray[np.intp]:
+    """Return where the windows start: evenly spread, at least `overlap`, over both ends."""
+    hop = length * (1.0 - overlap)
+    count = int(np.ceil((samples + length - 2.0 * hop) / hop)) + 1
+    return np.rint(np.linspace(hop - length, samples - hop, count)).astype(np.intp)
+
+
+def _fade(samples: int, period: float) -> NDArray[np.float64]:
+    """Return a taper of both ends by half a cosine, (n_time,)."""
+    length = min(period, 0.05 * samples)
+    distance = np.arange(samples) + 0.5
+    distance = np.minimum(distance, distance[::-1])
+    return 0.5 - 0.5 * np.cos(np.pi * np.clip(distance / length, 0.0, 1.0))
+
+
+def _kernel(length: int, step: float, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return Hann window times exp(-j w t) dt, (length, n_freq).
+
+    The phases come from two short tables multiplied together: a tenth of the time of as
+    many complex exponentials, and the same to the last bits.
+    """
+    blocks = -(-length // _BLOCK)
+    coarse = np.exp(-1j * np.outer(np.arange(blocks) * (_BLOCK * step), frequency))
+    fine = np.exp(-1j * np.outer(np.arange(_BLOCK) * step, frequency))
+    phases = (coarse[:, None, :] * fine[None, :, :]).reshape(-1, frequency.size)[:length]
+    phases *= (step * _hann(length))[:, None]
+    return phases
+
+
+def _hann(length: int) -> NDArray[np.float64]:
+    return 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+
+
+def _transform(
+    columns: NDArray[np.float64], starts: NDArray[np.intp], kernel: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return the windowed transforms, (n_freq, n_signal, n_segment), by one real product."""
+    length, count = kernel.shape
+    rows = np.pad(columns.T, ((0, 0), (length, length)))
+    segments = np.stack([rows[:, start : start + length] for start in starts + length])
+    flat = segments.reshape(-1, length) @ kernel.view(np.float64)
+    return flat.view(np.complex128).reshape(starts.size, -1, count).transpose(2, 1, 0)
+
+
+def _shared_power(
+    starts: NDArray[np.intp], length: int, fade: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the power that white noise gives to each window and shares between two.
+
+    In units of one whole window's. With overlap m and n, windows whose shared power is c_mn
+    average as (sum c_mm)^2 / sum c_mn^2 independent ones: n_d / C_eps^2, ends included.
+    """
+    instant = np.linspace(0.0, fade.size, _QUADRATURE, endpoint=False)
+    inside = (instant[None, :] - starts[:, None]) / length
+    hann = np.where((inside > 0.0) & (inside < 1.0), np.sin(np.pi * inside) ** 2, 0.0)
+    rows = hann * np.interp(instant, np.arange(fade.size), fade)
+    return rows @ rows.T * (fade.size / (length * _QUADRATURE * HANN_POWER))

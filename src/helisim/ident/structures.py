@@ -1,0 +1,263 @@
+"""The built-in structures, and transfer functions of any order.
+
+Starts are orders of magnitude for a small helicopter, not results: a fit searches from
+several scattered points and solves the input gains from the data first.
+"""
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.ident.structure import Parameter, Structure
+
+__all__ = [
+    "BUILT_IN",
+    "first_order_delay",
+    "heave",
+    "named",
+    "rollpitch",
+    "rollpitch_tied",
+    "second_order_delay",
+    "transfer_function",
+    "yaw_base",
+    "yaw_overall",
+    "yaw_sway",
+]
+
+GRAVITY = 9.80665
+"""Standard gravity, m/s^2."""
+
+_DELAY_BOUNDS = (-0.3, 0.3)
+"""s: wider than any sensor, servo or radio of a vehicle that can be flown."""
+
+_ROTOR_LAG_BOUNDS = (1e-3, 1.0)
+"""s: from far below a rotor turn to far above any rotor's lag."""
+
+
+def transfer_function(
+    *,
+    zeros: int,
+    poles: int,
+    input: str,
+    output: str,
+    delay: str | None = "tau",
+    name: str | None = None,
+    frequency: float = 5.0,
+) -> Structure:
+    """Return (b_m s^m + ... + b0) e^(-tau s) / (s^n + a_(n-1) s^(n-1) + ... + a0).
+
+    Args:
+        zeros: order m of the numerator.
+        poles: order n of the denominator, at least m.
+        input: name of the input.
+        output: name of the output.
+        delay: name of the delay, of either sign; None for no delay.
+        name: name of the structure.
+        frequency: rad/s, where the poles are first looked for.
+    """
+    if poles < 0 or not 0 <= zeros <= poles:
+        raise InputError(
+            f"a transfer function has {zeros} zeros and {poles} poles; expected 0 <= zeros <= poles"
+        )
+    numerator = [Parameter(f"b{k}", "", 1.0, None, f"numerator, s^{k}") for k in range(zeros + 1)]
+    denominator = [
+        Parameter(f"a{k}", "1/s" if poles - k == 1 else f"1/s^{poles - k}", start, None, meaning)
+        for k in range(poles)
+        for start, meaning in [(_butterworth(poles, frequency)[k], f"denominator, s^{k}")]
+    ]
+    wait = [_delay(delay, "delay")] if delay else []
+    feed = f"b{poles}" if zeros == poles else "0"
+    gains = [f"b{k}" if k <= zeros and k < poles else "0" for k in range(poles)]
+    if zeros == poles:
+        gains = [f"b{k} - a{k}*b{poles}" for k in range(poles)]
+    # Observable form: the numerator enters G alone, so it is solved from the data first.
+    rows = []
+    for k in range(poles):
+        row = ["0"] * poles
+        row[poles - 1] = f"-a{k}"
+        if k > 0:
+            row[k - 1] = "1"
+        rows.append(tuple(row))
+    return Structure(
+        name=name or f"{output}_over_{input}",
+        meaning=f"transfer function with {zeros} zeros and {poles} poles",
+        parameters=(*reversed(numerator), *reversed(denominator), *wait),
+        states=tuple(f"x{k}" for k in range(poles)),
+        inputs=(input,),
+        outputs=(output,),
+        F=tuple(rows),
+        G=tuple((gain,) for gain in gains),
+        H0=(tuple("1" if k == poles - 1 else "0" for k in range(poles)),),
+        D=((feed,),),
+        input_delays={input: delay} if delay else {},
+    )
+
+
+def first_order_delay(*, input: str, output: str, name: str | None = None) -> Structure:
+    """Return b0 e^(-tau s) / (s + a0)."""
+    return transfer_function(zeros=0, poles=1, input=input, output=output, name=name)
+
+
+def second_order_delay(
+    *, input: str, output: str, zeros: int = 0, name: str | None = None
+) -> Structure:
+    """Return (b1 s + b0) e^(-tau s) / (s^2 + a1 s + a0); b1 only with `zeros=1`."""
+    return transfer_function(zeros=zeros, poles=2, input=input, output=output, name=name)
+
+
+def named(name: str) -> Structure:
+    """Return a built-in structure. Raises UnknownNameError."""
+    try:
+        return BUILT_IN[name]
+    except KeyError:
+        raise UnknownNameError("structure", name, BUILT_IN) from None
+
+
+def _butterworth(order: int, frequency: float) -> list[float]:
+    """Return the denominator's coefficients a0, a1, ... of well-damped poles."""
+    coefficients = {0: [], 1: [1.0], 2: [1.0, 2.0**0.5]}.get(order)
+    if coefficients is None:
+        coefficients = [1.0]
+        for k in range(order - 1):
+            coefficients.append(coefficients[-1] * (order - k) / (k + 1.0))
+    return [c * frequency ** (order - k) for k, c in enumerate(coefficients)]
+
+
+def _delay(name: str, meaning: str) -> Parameter:
+    return Parameter(name, "s", 0.0, _DELAY_BOUNDS, meaning, 0.03)
+
+
+heave = Structure(
+    name="heave",
+    meaning="vertical velocity over collective",
+    parameters=(
+        Parameter("Z_w", "1/s", -1.0, None, "heave damping"),
+        Parameter("Z_col", "m/s^2", -10.0, None, "vertical acceleration by collective"),
+        _delay("tau_col", "delay from collective to vertical velocity"),
+    ),
+    states=("w",),
+    inputs=("col",),
+    outputs=("w",),
+    F=(("Z_w",),),
+    G=(("Z_col",),),
+    input_delays={"col": "tau_col"},
+)
+
+yaw_base = Structure(
+    name="yaw_base",
+    meaning="yaw rate over pedal, sideslip apart",
+    parameters=(
+        Parameter("N_r", "1/s", -1.0, None, "yaw damping"),
+        Parameter("N_ped", "1/s^2", 10.0, None, "yaw acceleration by pedal"),
+        _delay("tau_r_base", "delay from pedal to yaw rate"),
+    ),
+    states=("r",),
+    inputs=("ped",),
+    outputs=("r",),
+    F=(("N_r",),),
+    G=(("N_ped",),),
+    input_delays={"ped": "tau_r_base"},
+)
+
+_sway = {
+    "N_r": Parameter("N_r", "1/s", -1.0, None, "yaw damping"),
+    "N_ped": Parameter("N_ped", "1/s^2", 10.0, None, "yaw acceleration by pedal"),
+    "l_tail": Parameter("l_tail", "m", 1.0, None, "tail rotor behind the centre", fixed=True),
+    "c_tail": Parameter("c_tail", "m", 0.1, None, "I_zz / (m l_tail)"),
+    "Y_v": Parameter("Y_v", "1/s", 0.0, None, "side damping without the tail's", 0.1),
+    "P_v": Parameter(
+        "P_v", "rad/(s m)", 0.0, None, "quasi-steady roll rate by side velocity", 0.02
+    ),
+    "tau_r_base": _delay("tau_r_base", "delay from pedal to yaw rate"),
+    "tau_v": _delay("tau_v", "delay from pedal to side velocity"),
+}
+
+
+yaw_sway = Structure(
+    name="yaw_sway",
+    meaning="yaw rate and side velocity over pedal, where all yaw damping is the tail's "
+    "(fix l_tail at the tail rotor's arm)",
+    parameters=tuple(_sway.values()),
+    states=("r", "v", "phi"),
+    inputs=("ped",),
+    outputs=("r", "v"),
+    # One force T at the arm l_tail: I_zz r' = -l T, m v' = T + ..., so v' = -c_tail r' + ...
+    M=(("1", "0", "0"), ("c_tail", "1", "0"), ("0", "0", "1")),
+    F=(("N_r", "-N_r / l_tail", "0"), ("0", "Y_v", "g"), ("0", "P_v", "0")),
+    G=(("N_ped",), ("0",), ("0",)),
+    output_delays={"r": "tau_r_base", "v": "tau_v"},
+    constants={"g": GRAVITY},
+)
+
+yaw_overall = transfer_function(
+    zeros=1,
+    poles=2,
+    input="PED",
+    output="r",
+    delay="tau_r_all",
+    name="yaw_overall",
+    frequency=10.0,
+)
+
+rollpitch = Structure(
+    name="rollpitch",
+    meaning="roll and pitch rate over cyclic: rigid fuselage and first-order flapping",
+    parameters=(
+        Parameter("tau_f", "s", 0.1, _ROTOR_LAG_BOUNDS, "rotor time constant"),
+        Parameter("L_b", "1/s^2", 100.0, None, "roll acceleration by lateral flapping"),
+        Parameter("M_a", "1/s^2", 100.0, None, "pitch acceleration by longitudinal flapping"),
+        Parameter("A_b", "1", 0.0, None, "longitudinal flapping by lateral flapping", 0.3),
+        Parameter("B_a", "1", 0.0, None, "lateral flapping by longitudinal flapping", 0.3),
+        Parameter("A_lat", "rad", 0.0, None, "longitudinal flapping by lateral cyclic", 0.1),
+        Parameter("A_lon", "rad", 0.1, None, "longitudinal flapping by longitudinal cyclic"),
+        Parameter("B_lat", "rad", 0.1, None, "lateral flapping by lateral cyclic"),
+        Parameter("B_lon", "rad", 0.0, None, "lateral flapping by longitudinal cyclic", 0.1),
+        _delay("tau_lat", "delay of lateral cyclic"),
+        _delay("tau_lon", "delay of longitudinal cyclic"),
+    ),
+    states=("p", "q", "a", "b"),
+    inputs=("lat", "lon"),
+    outputs=("p", "q"),
+    M=(
+        ("1", "0", "0", "0"),
+        ("0", "1", "0", "0"),
+        ("0", "0", "tau_f", "0"),
+        ("0", "0", "0", "tau_f"),
+    ),
+    F=(
+        ("0", "0", "0", "L_b"),
+        ("0", "0", "M_a", "0"),
+        ("0", "-tau_f", "-1", "A_b"),
+        ("-tau_f", "0", "B_a", "-1"),
+    ),
+    G=(("0", "0"), ("0", "0"), ("A_lat", "A_lon"), ("B_lat", "B_lon")),
+    input_delays={"lat": "tau_lat", "lon": "tau_lon"},
+)
+
+rollpitch_tied = Structure(
+    name="rollpitch_tied",
+    meaning="as rollpitch, with A_b = -B_a",
+    parameters=tuple(x for x in rollpitch.parameters if x.name != "A_b"),
+    states=rollpitch.states,
+    inputs=rollpitch.inputs,
+    outputs=rollpitch.outputs,
+    M=rollpitch.M,
+    F=(
+        ("0", "0", "0", "L_b"),
+        ("0", "0", "M_a", "0"),
+        ("0", "-tau_f", "-1", "-B_a"),
+        ("-tau_f", "0", "B_a", "-1"),
+    ),
+    G=rollpitch.G,
+    input_delays=rollpitch.input_delays,
+)
+
+BUILT_IN: dict[str, Structure] = {
+    structure.name: structure
+    for structure in (
+        heave,
+        yaw_base,
+        yaw_sway,
+        yaw_overall,
+        rollpitch,
+        rollpitch_tied,
+    )
+}
+"""The built-in structures by name."""

@@ -1,0 +1,197 @@
+"""Verifies an identified model in the time domain, on a record that no fit has seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import IdentificationError, InputError
+from helisim.ident.frf import fingerprint
+from helisim.ident.result import Fit
+from helisim.ident.simulation import simulate
+from helisim.record import FlightRecord
+
+ACCEPTABLE_TIC = 0.25
+"""Theil's coefficient up to which a model predicts well (Tischler and Remple)."""
+
+_INTEGRATES = 1e8
+"""Condition number of A from which the model integrates, so that an input's trim is a drift;
+otherwise bias and initial state can stand for it."""
+
+_FREE_DECADES = 1e-9
+"""Bias, trim and initial-state directions weaker than this share are left at zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One record, measured and predicted. Read-only.
+
+    Attributes:
+        time: (n_time,) s.
+        inputs: (n_time, n_in) as recorded.
+        measured: (n_time, n_out).
+        predicted: (n_time, n_out), with the estimated bias, trim and initial state.
+        bias: (n_out,) constant that was added to the prediction.
+    """
+
+    time: NDArray[np.float64]
+    inputs: NDArray[np.float64]
+    measured: NDArray[np.float64]
+    predicted: NDArray[np.float64]
+    bias: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("time", "inputs", "measured", "predicted", "bias"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """Measured minus predicted, (n_time, n_out)."""
+        return self.measured - self.predicted
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """How well a model predicts records that it was not fitted to.
+
+    Attributes:
+        outputs: names of the outputs.
+        units: their units.
+        traces: one a record.
+        j_rms: root mean square error over all outputs, each in its unit.
+        tic: Theil's inequality coefficient over all outputs, 0 perfect, 1 useless; of motions
+            about the measured mean, so that a large trim doesn't flatter it.
+        j_rms_by_output, tic_by_output: the same for each output by name.
+    """
+
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    traces: tuple[Trace, ...]
+    j_rms: float
+    tic: float
+    j_rms_by_output: dict[str, float]
+    tic_by_output: dict[str, float]
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether Theil's coefficient is at most 0.25."""
+        return self.tic <= ACCEPTABLE_TIC
+
+    def __str__(self) -> str:
+        lines = [f"{'output':<8}  {'unit':<6}  {'J_rms':>10}  {'TIC':>6}"]
+        for name, unit in zip(self.outputs, self.units):
+            lines.append(
+                f"{name:<8}  {unit:<6}  {self.j_rms_by_output[name]:10.4g}  "
+                f"{self.tic_by_output[name]:6.3f}"
+            )
+        lines.append(
+            f"all       {'':<6}  {self.j_rms:10.4g}  {self.tic:6.3f}  "
+            f"{'acceptable' if self.acceptable else f'above {ACCEPTABLE_TIC}'}"
+        )
+        return "\n".join(lines)
+
+
+def verify(fit: Fit, records: FlightRecord | Sequence[FlightRecord]) -> Verification:
+    """Simulate a fitted model on records, estimating only bias, trim and initial state.
+
+    Args:
+        fit: the model, with its delays.
+        records: flights that the fit has not seen, such as doublets.
+
+    Raises:
+        InputError: a record was used in the fit, or lacks a channel.
+        IdentificationError: the model diverges over the record.
+    """
+    flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
+    if not flights:
+        raise InputError("no records were given; expected at least one FlightRecord")
+    for position, flight in enumerate(flights):
+        if fingerprint(flight) in fit.data.sources:
+            raise InputError(
+                f"record {position} was used in the fit, so it can't verify it; "
+                "give a record that no fit has seen"
+            )
+    traces = tuple(_trace(fit, flight) for flight in flights)
+    trims = [np.mean(trace.measured, axis=0) for trace in traces]
+    measured = np.concatenate([trace.measured - trim for trace, trim in zip(traces, trims)])
+    predicted = np.concatenate([trace.predicted - trim for trace, trim in zip(traces, trims)])
+    outputs = fit.structure.outputs
+    rms = _rms(measured - predicted)
+    tic = rms / (_rms(measured) + _rms(predicted))
+    return Verification(
+        outputs=outputs,
+        units=tuple(flights[0].unit(name) for name in outputs),
+        traces=traces,
+        j_rms=float(np.sqrt(np.mean(rms**2))),
+        tic=_tic(measured, predicted),
+        j_rms_by_output=dict(zip(outputs, rms.tolist())),
+        tic_by_output=dict(zip(outputs, tic.tolist())),
+    )
+
+
+def _trace(fit: Fit, flight: FlightRecord) -> Trace:
+    step, time = flight.sample_time, flight.time
+    structure = fit.structure
+    inputs = flight.select(structure.inputs)
+    measured = flight.select(structure.outputs)
+    forced = _delayed_simulation(fit, time, inputs - inputs[0], step)
+    free = _free_motions(fit, time, step)
+    if not (np.all(np.isfinite(forced)) and np.all(np.isfinite(free))):
+        raise IdentificationError(
+            f"the model {structure.name!r} diverges over the record's {flight.duration:.4g} s; "
+            "verify an unstable model on short records"
+        )
+    columns = free.reshape(free.shape[0], -1)
+    size = np.linalg.norm(columns, axis=1)
+    size = np.where(size > 0.0, size, 1.0)
+    gap = (measured - forced).reshape(-1)
+    weight = np.linalg.lstsq((columns / size[:, None]).T, gap, rcond=_FREE_DECADES)[0] / size
+    n_out = len(structure.outputs)
+    predicted = forced + np.tensordot(weight, free, axes=1)
+    return Trace(time, inputs, measured, predicted, weight[:n_out])
+
+
+def _delayed_simulation(
+    fit: Fit, time: NDArray[np.float64], inputs: NDArray[np.float64], step: float
+) -> NDArray[np.float64]:
+    """Simulate with every input and output delay, of either sign."""
+    into, out = fit.input_delays, fit.output_delays
+    outputs = []
+    for k, name in enumerate(fit.structure.outputs):
+        shifted = np.stack(
+            [
+                np.interp(time - into[x] - out[name], time, inputs[:, j])
+                for j, x in enumerate(fit.structure.inputs)
+            ],
+            axis=1,
+        )
+        outputs.append(simulate(fit.model, shifted, step)[:, k])
+    return np.stack(outputs, axis=1)
+
+
+def _free_motions(fit: Fit, time: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Return what bias, initial state and input trim can add, (n_motion, n_time, n_out)."""
+    model = fit.model
+    n_out, n, n_in = len(fit.structure.outputs), model.nstates, len(fit.structure.inputs)
+    motions = [np.tile(np.eye(n_out)[k], (time.size, 1)) for k in range(n_out)]
+    still = np.zeros((time.size, n_in))
+    motions += [simulate(model, still, step, start=np.eye(n)[k]) for k in range(n)]
+    if n and np.linalg.cond(model.A) > _INTEGRATES:
+        motions += [simulate(model, still + np.eye(n_in)[k], step) for k in range(n_in)]
+    return np.stack(motions)
+
+
+def _rms(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def _tic(measured: NDArray[np.float64], predicted: NDArray[np.float64]) -> float:
+    """Return Theil's coefficient with each output in units of its own size."""
+    size = _rms(measured)
+    size = np.where(size > 0.0, size, 1.0)
+    error = np.sqrt(np.mean(((measured - predicted) / size) ** 2))
+    total = np.sqrt(np.mean((measured / size) ** 2)) + np.sqrt(np.mean((predicted / size) ** 2))
+    return float(error / total) if total > 0.0 else 0.0

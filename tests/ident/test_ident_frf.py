@@ -1,0 +1,168 @@
+"""Frequency responses: conditioning, gates, and refusals that say what to do."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from helisim.channels import channel
+from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.ident import CrossControlWarning, FrequencyResponse, frequency_response
+from helisim.record import FlightRecord
+
+STEP = 0.05
+BAND = (2.0, 20.0)
+
+
+def record(columns, samples=4000):
+    time = np.arange(samples) * STEP
+    values = np.stack([columns[name] for name in columns], axis=1)
+    return FlightRecord(time, values, tuple(map(channel, columns)))
+
+
+def two_inputs(seed, coupling=0.0, samples=4000, off=1.0):
+    """Return p = 0.3/(1 - 0.7/z) lat + 0.2 lon, with lon partly a copy of lat."""
+    random = np.random.default_rng(seed)
+    lat = random.standard_normal(samples)
+    lon = coupling * lat + off * random.standard_normal(samples)
+    p = lfilter([0.3], [1.0, -0.7], lat) + 0.2 * lon
+    return record({"lat": lat, "lon": lon, "p": p}, samples)
+
+
+def truth(frequency):
+    return 0.3 / (1.0 - 0.7 * np.exp(-1j * frequency * STEP))
+
+
+def test_conditioning_removes_a_correlated_input():
+    """MISO gives the truth where an off-axis input follows the main one; SISO doesn't."""
+    flight = two_inputs(3, coupling=0.7, off=0.9)
+    miso = frequency_response(flight, inputs=("lat", "lon"), outputs="p", band=BAND)
+    siso = frequency_response(flight, inputs="lat", outputs="p", band=BAND)
+    expected = truth(miso.frequency)
+    # Without noise only the windows' smoothing is left: under 1 %.
+    np.testing.assert_allclose(miso.response[0, 0], expected, rtol=0.03)
+    np.testing.assert_allclose(np.abs(miso.response[0, 1]), 0.2, rtol=0.05)
+    # SISO sees 0.2 * 0.7 more gain, between 14 % and 80 % of the truth in this band.
+    assert np.mean(np.abs(siso.response[0, 0] / expected - 1.0)) > 0.14
+
+
+def test_conditioning_leaves_uncorrelated_inputs_alone():
+    """With independent inputs MISO and SISO agree within the random error."""
+    flight = two_inputs(4)
+    miso = frequency_response(flight, inputs=("lat", "lon"), outputs="p", band=BAND)
+    siso = frequency_response(flight, inputs="lat", outputs="p", band=BAND)
+    gap = np.abs(siso.response[0, 0] / miso.response[0, 0] - 1.0)
+    assert np.mean(gap) < 2.0 * np.mean(siso.random_error)
+
+
+def test_wanted_and_conditioning_inputs_are_the_same_estimate():
+    """An input counts the same whether it is wanted or conditioned out."""
+    flight = two_inputs(5, coupling=0.3)
+    both = frequency_response(flight, inputs=("lat", "lon"), outputs="p", band=BAND)
+    one = frequency_response(flight, inputs="lat", conditioning="lon", outputs="p", band=BAND)
+    np.testing.assert_allclose(one.response[0, 0], both.response[0, 0], rtol=1e-9)
+    assert one.conditioning == ("lon",)
+
+
+def test_joint_method_with_the_input_as_reference_is_the_direct_one():
+    """Taking the inputs as their own reference changes nothing."""
+    flight = two_inputs(6, coupling=0.3)
+    direct = frequency_response(flight, inputs=("lat", "lon"), outputs="p", band=BAND)
+    joint = frequency_response(
+        flight, inputs=("lat", "lon"), outputs="p", band=BAND, reference=("lat", "lon")
+    )
+    np.testing.assert_allclose(joint.response, direct.response, rtol=1e-9)
+    np.testing.assert_allclose(joint.coherence, direct.coherence, rtol=1e-6)
+
+
+def test_the_gate_warns_of_coherent_inputs():
+    """Inputs that mostly move together are named in a warning that is kept in the result."""
+    with pytest.warns(CrossControlWarning, match="'lat' and 'lon'"):
+        frf = frequency_response(
+            two_inputs(7, coupling=1.0, off=0.5), inputs=("lat", "lon"), outputs="p", band=BAND
+        )
+    assert len(frf.flags) == 1
+    assert "add records" in frf.flags[0]
+    assert np.mean(frf.cross_control_coherence[0, 1]) > 0.5
+
+
+def test_the_gate_refuses_inputs_that_move_as_one():
+    """Fully coherent inputs end in an error that says what to do."""
+    with pytest.raises(IdentificationError, match="can't be told apart; add records"):
+        frequency_response(
+            two_inputs(8, coupling=1.0, off=0.0), inputs=("lat", "lon"), outputs="p", band=BAND
+        )
+
+
+def test_independent_inputs_raise_no_warning():
+    """The gate is silent for a good experiment."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        frequency_response(two_inputs(9), inputs=("lat", "lon"), outputs="p", band=BAND)
+
+
+def test_arrays_are_read_only_and_exported_to_control():
+    """A frequency response can't be changed, and python-control reads it with its names."""
+    frf = frequency_response(two_inputs(1), inputs=("lat", "lon"), outputs="p", band=BAND)
+    with pytest.raises(ValueError, match="read-only"):
+        frf.response[0, 0, 0] = 0.0
+    exported = frf.to_frd()
+    assert list(exported.input_labels) == ["lat", "lon"]
+    assert list(exported.output_labels) == ["p"]
+    np.testing.assert_allclose(exported.frdata, frf.response)
+    assert frf.response.shape == (1, 2, frf.frequency.size)
+    assert frf.pairs == ("p/lat", "p/lon")
+
+
+def test_one_window_is_allowed():
+    """A single window length gives a response without a composite."""
+    frf = frequency_response(two_inputs(1), inputs="lat", outputs="p", band=BAND, windows=20.0)
+    assert frf.windows == (20.0,)
+
+
+def refusals():
+    flight = two_inputs(1)
+    good = {"records": flight, "inputs": "lat", "outputs": "p", "band": BAND}
+    still = record({"lat": np.full(4000, 0.25), "p": flight["p"]})
+    return {
+        "unknown channel": ({**good, "inputs": "roll"}, UnknownNameError, "available: lat, lon, p"),
+        "no records": ({**good, "records": []}, InputError, "at least one FlightRecord"),
+        "not a record": ({**good, "records": [3]}, InputError, "record 0 is a int"),
+        "no input": ({**good, "inputs": ()}, InputError, "at least one input"),
+        "one channel twice": ({**good, "outputs": "lat"}, InputError, "lat"),
+        "nan band": ({**good, "band": (float("nan"), 3.0)}, InputError, "nan to 3"),
+        "band backwards": ({**good, "band": (5.0, 2.0)}, InputError, "0 < lower < upper"),
+        "band not a pair": ({**good, "band": 5.0}, InputError, "two frequencies"),
+        "beyond Nyquist": ({**good, "band": (2.0, 90.0)}, InputError, "record faster"),
+        "too short": ({**good, "band": (0.01, 9.0)}, IdentificationError, "too short"),
+        "constant input": ({**good, "records": still}, IdentificationError, "'lat' is constant"),
+        "two samples": (
+            {**good, "records": flight.slice(0.0, 0.06)},
+            IdentificationError,
+            "too short",
+        ),
+        "window too long": ({**good, "windows": 1e4}, IdentificationError, "does not fit"),
+        "window too short": ({**good, "windows": 1.0}, InputError, "lengthen the window"),
+        "window negative": ({**good, "windows": -1.0}, InputError, "positive lengths"),
+        "overlap": ({**good, "overlap": 1.0}, InputError, "0.75 to 0.8"),
+        "few references": (
+            {**good, "inputs": ("lat", "lon"), "reference": "lat"},
+            InputError,
+            "as many references",
+        ),
+    }
+
+
+@pytest.mark.parametrize("case", refusals())
+def test_bad_input_is_refused_with_advice(case):
+    """Each bad argument ends in helisim's own error, which says what was expected."""
+    arguments, error, told = refusals()[case]
+    with pytest.raises(error, match=told.replace("(", r"\(")):
+        frequency_response(**arguments)
+
+
+def test_exact_response_checks_its_shape():
+    """An exact response with the wrong axes is refused."""
+    with pytest.raises(InputError, match="expected"):
+        FrequencyResponse.exact([1.0, 2.0], np.ones((1, 2)), inputs=["lat"], outputs=["p"])
