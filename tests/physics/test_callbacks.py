@@ -1,0 +1,419 @@
+"""The callbacks inside MuJoCo: harmless to others, the same for any number of threads."""
+
+import copy
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco import rollout
+from mujoco.batch import Batch
+
+from helisim.errors import CallbackError
+from helisim.physics import fields, native
+from helisim.physics.layout import MAGIC, PARAM, STATE, SWEEP
+from helisim.physics.native import installed
+from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.motion import Motion, addresses, write_motion
+from helisim.vehicle.trim import place
+
+HOOKS = ("passive", "control", "act_dyn", "sensor")
+
+PENDULUM = """
+<mujoco><option integrator="{integrator}"/>{size}<worldbody>
+  <body><joint name="a" axis="0 1 0" damping="0.1"/><geom size="0.05" pos="0 0 -0.5"/>
+    <body pos="0 0 -0.5"><joint name="b" axis="1 1 0"/><geom size="0.04" pos="0 0 -0.4"/></body>
+  </body>
+</worldbody>{actuator}{sensor}</mujoco>
+"""
+OTHERS = {
+    "plain": {},
+    "filter": {
+        "actuator": '<actuator><general joint="a" dyntype="filter" dynprm="0.1"/></actuator>'
+    },
+    "user dynamics": {
+        "actuator": '<actuator><general joint="a" dyntype="user" actdim="1"/>'
+        '<general joint="b" dyntype="user" actdim="3"/></actuator>'
+    },
+    "as many user numbers as ours": {
+        "size": '<size nuser_actuator="128"/>',
+        "actuator": '<actuator><general joint="a" dyntype="user" actdim="2"/></actuator>',
+    },
+    "user numbers near ours": {
+        "size": '<size nuser_actuator="128"/>',
+        "actuator": f'<actuator><general joint="a" dyntype="user" actdim="2" '
+        f'user="{MAGIC + 1.0:.1f} 8 1 1 1"/></actuator>',
+    },
+    "user sensor": {
+        "size": '<size nuser_actuator="128"/>',
+        "actuator": '<actuator><motor joint="a" user="1 2 3"/></actuator>',
+        "sensor": '<sensor><user dim="4" objtype="body" objname="world" needstage="acc"/></sensor>',
+    },
+}
+SMALL = ("qpos", "qvel", "act", "qacc", "sensordata", "qfrc_passive", "ctrl")
+
+
+def history(model, steps=200):
+    """Return every number of a short, driven motion."""
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1.0
+    data.act[:] = 0.3
+    rows = []
+    for k in range(steps):
+        if model.nu:
+            data.ctrl[:] = np.sin(0.1 * k)
+        mujoco.mj_step(model, data)
+        rows.append(np.concatenate([np.array(getattr(data, name)).ravel() for name in SMALL]))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicitfast"])
+@pytest.mark.parametrize("kind", OTHERS)
+def test_other_models_are_left_alone(kind, integrator):
+    """A model that is not ours moves bit for bit as in stock MuJoCo."""
+    blank = {"size": "", "actuator": "", "sensor": ""}
+    text = PENDULUM.format(integrator=integrator, **{**blank, **OTHERS[kind]})
+    model = mujoco.MjModel.from_xml_string(text)
+    stock = history(model)
+    with installed():
+        ours = history(model)
+    assert np.array_equal(stock, ours)
+
+
+def test_models_compile_within_the_block():
+    """A native callback does not stand in the way of a compilation, as a Python one does."""
+    with installed():
+        mujoco.MjModel.from_xml_string(
+            PENDULUM.format(integrator="RK4", size="", actuator="", sensor="")
+        )
+
+
+def sweeping(model, axis, seed):
+    numbers = model.actuator_user[addresses(model).rotor]
+    numbers[PARAM.pilot_on] = 1.0
+    numbers[PARAM.pilot_down] = -10.0
+    numbers[PARAM.pilot_seed] = seed
+    numbers[PARAM.remnant_col : PARAM.remnant_ped + 1] = 0.005
+    numbers[PARAM.remnant_interval] = 0.1
+    numbers[PARAM.excitation] = SWEEP
+    numbers[PARAM.excitation_duration] = 20.0
+    numbers[PARAM.excitation_col + axis] = 0.05
+    numbers[PARAM.sweep_w_min], numbers[PARAM.sweep_w_max] = 0.8, 40.0
+    numbers[PARAM.sweep_fade] = 1.0
+    return numbers.copy()
+
+
+def state_of(model, data):
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    state = np.empty(size)
+    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    return state
+
+
+SCENE = """
+<mujoco><option timestep="0.002" integrator="RK4" density="0" viscosity="0" gravity="0 0 -9.8015">
+<flag autoreset="disable"/></option><size nuser_actuator="128" nuserdata="16"/></mujoco>
+"""
+
+
+def alone(model, blocks, start, steps):
+    """Fly one vehicle with each block of numbers; return how each flight ends."""
+    where, ends = addresses(model), []
+    for block in blocks:
+        model.actuator_user[where.rotor] = block
+        data = mujoco.MjData(model)
+        mujoco.mj_setState(model, data, start, mujoco.mjtState.mjSTATE_INTEGRATION)
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+        ends.append((data.qpos.copy(), data.qvel.copy(), data.act.copy()))
+    return ends
+
+
+def together(single, pair, blocks, start, steps, offset):
+    """Fly the attached vehicles, the second `offset` metres to the left of the first."""
+    own = addresses(single)
+    first = mujoco.MjData(single)
+    mujoco.mj_setState(single, first, start, mujoco.mjtState.mjSTATE_INTEGRATION)
+    data = mujoco.MjData(pair)
+    for k, (prefix, block) in enumerate(zip(("one/", "two/"), blocks)):
+        where = addresses(pair, prefix)
+        ordinals = slice(where.rotor - 8, where.rotor + 1)
+        pair.actuator_user[ordinals] = single.actuator_user[own.rotor - 8 : own.rotor + 1]
+        pair.actuator_user[where.rotor] = block
+        pair.actuator_user[where.rotor, PARAM.pilot_east] = -offset * k
+        data.qpos[7 * k : 7 * k + 7] = first.qpos
+        data.qpos[7 * k + 1] += offset * k
+        data.act[where.state : where.state + len(STATE)] = first.act
+        data.ctrl[where.control : where.control + 9] = first.ctrl
+    for _ in range(steps):
+        mujoco.mj_step(pair, data)
+    data.qpos[8] -= offset
+    return [
+        (
+            data.qpos[7 * k : 7 * k + 7],
+            data.qvel[6 * k : 6 * k + 6],
+            data.act[len(STATE) * k : len(STATE) * (k + 1)],
+        )
+        for k in range(2)
+    ]
+
+
+@pytest.mark.parametrize("offset", [0.0, 5.0])
+def test_two_vehicles_in_one_scene(jr700, offset):
+    """Attached twice, each vehicle flies as it does alone: to the bit, at the same place.
+
+    Five metres away it is the same to the rounding of a position of five metres.
+    """
+    path = str(model_folder(jr700.name) / "jr700.xml")
+    single = mujoco.MjModel.from_xml_path(path)
+    single.actuator_user[:, : len(PARAM)] = jr700.model.actuator_user[:, : len(PARAM)]
+    world = mujoco.MjSpec.from_string(SCENE)
+    for prefix in ("one/", "two/"):
+        world.attach(
+            mujoco.MjSpec.from_file(path), prefix=prefix, frame=world.worldbody.add_frame()
+        )
+    pair = world.compile()
+    blocks = [sweeping(single, axis, seed) for axis, seed in ((2, 5), (3, 9))]
+    data = mujoco.MjData(single)
+    place(single, data, jr700.trim)
+    start = np.empty(mujoco.mj_stateSize(single, mujoco.mjtState.mjSTATE_INTEGRATION))
+    mujoco.mj_getState(single, data, start, mujoco.mjtState.mjSTATE_INTEGRATION)
+    with installed():
+        expected = alone(single, blocks, start, 400)
+        found = together(single, pair, blocks, start, 400, offset)
+    for vehicle in range(2):
+        for one, other in zip(found[vehicle], expected[vehicle]):
+            if vehicle == 0 or offset == 0.0:
+                assert np.array_equal(one, other)
+            else:
+                # 5 m round off by 1e-15; 0.8 s of an unstable hover multiply that by < 1e3
+                assert one == pytest.approx(other, abs=1e-11)
+
+
+@pytest.fixture
+def flights(jr700):
+    """Four vehicles with sweeps of their own, and a common start."""
+    models = []
+    for axis in range(4):
+        model = copy.copy(jr700.model)
+        sweeping(model, axis, seed=axis)
+        models.append(model)
+    data = mujoco.MjData(models[0])
+    place(models[0], data, jr700.trim)
+    return models, state_of(models[0], data), data.ctrl.copy()
+
+
+def roll(flights, threads, steps=300):
+    models, state, ctrl = flights
+    with installed():
+        states, sensors = rollout.rollout(
+            models,
+            [mujoco.MjData(models[0]) for _ in range(threads)],
+            initial_state=np.tile(state, (len(models), 1)),
+            control=np.tile(ctrl, (len(models), steps, 1)),
+            nstep=steps,
+        )
+    return states, sensors
+
+
+def test_rollout_threads_do_not_matter(flights):
+    """One thread and two give the same bits, in every state and sensor."""
+    one, two = roll(flights, 1), roll(flights, 2)
+    assert np.array_equal(one[0], two[0])
+    assert np.array_equal(one[1], two[1])
+    assert not np.array_equal(one[1][0], one[1][1])  # they are not the same flight
+
+
+def test_rollout_is_stepping(flights):
+    """What rollout returns is what mj_step gives one vehicle after the other."""
+    models, state, ctrl = flights
+    states, _ = roll(flights, 2, steps=100)
+    for model, expected in zip(models, states):
+        data = mujoco.MjData(model)
+        mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        with installed():
+            for _ in range(100):
+                data.ctrl[:] = ctrl
+                mujoco.mj_step(model, data)
+        assert np.array_equal(state_of(model, data), expected[-1])
+
+
+def test_batch_threads_do_not_matter(flights):
+    """mujoco.batch takes the callbacks; one thread and two give the same bits as rollout."""
+    models, state, ctrl = flights
+    ends = []
+    for threads in (1, 2):
+        with installed():
+            batch = Batch(models[0], len(models), nthread=threads)
+            batch.set_models(models)
+            for name in ("qpos", "act"):
+                getattr(batch, name)[:] = 0.0
+            for sim, model in enumerate(models):
+                data = mujoco.MjData(model)
+                mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+                batch.qpos[sim], batch.act[sim] = data.qpos, data.act
+                batch.history[sim] = data.history
+            control = np.tile(ctrl, (len(models), 100, 1))
+            out = batch.rollout(100, control=control, record=("qpos", "qvel", "act"))
+        ends.append(out)
+    for name in ("qpos", "qvel", "act"):
+        assert np.array_equal(ends[0][name], ends[1][name])
+    states, _ = roll(flights, 1, steps=100)
+    assert np.array_equal(ends[0]["qpos"], states[:, :, 1:8])  # after the time
+
+
+def test_nothing_is_left_behind():
+    """All four hooks are set in the block and free after it, also after an exception."""
+    with installed():
+        assert all(getattr(mujoco, f"get_mjcb_{hook}")() is not None for hook in HOOKS)
+    assert all(getattr(mujoco, f"get_mjcb_{hook}")() is None for hook in HOOKS)
+    with pytest.raises(RuntimeError, match="in the block"), installed():
+        raise RuntimeError("in the block")
+    assert all(getattr(mujoco, f"get_mjcb_{hook}")() is None for hook in HOOKS)
+
+
+def test_blocks_nest():
+    """An inner block does not take the outer one's callbacks away."""
+    with installed():
+        with installed():
+            pass
+        assert mujoco.get_mjcb_passive() is not None
+
+
+def test_blocks_overlap_between_threads():
+    """The last of two threads to leave removes the callbacks, in whatever order they came."""
+    inside, leave = threading.Event(), threading.Event()
+
+    def hold():
+        with installed():
+            inside.set()
+            leave.wait(10.0)
+
+    thread = threading.Thread(target=hold)
+    with installed():
+        thread.start()
+        assert inside.wait(10.0)
+    assert mujoco.get_mjcb_control() is not None
+    leave.set()
+    thread.join()
+    assert mujoco.get_mjcb_control() is None
+
+
+@pytest.mark.parametrize("hook", HOOKS)
+def test_foreign_callback_is_refused_by_name(hook):
+    """Someone else's callback is neither replaced nor removed, and the message names it."""
+
+    def theirs(*_):
+        return 0.0
+
+    getattr(mujoco, f"set_mjcb_{hook}")(theirs)
+    try:
+        with pytest.raises(CallbackError, match=f"mjcb_{hook}"), installed():
+            pass
+        assert getattr(mujoco, f"get_mjcb_{hook}")() is theirs
+        others = [name for name in HOOKS if name != hook]
+        assert all(getattr(mujoco, f"get_mjcb_{name}")() is None for name in others)
+    finally:
+        getattr(mujoco, f"set_mjcb_{hook}")(None)
+    with installed():  # and it works again afterwards
+        pass
+
+
+@pytest.mark.parametrize("name", [name for name in fields.Offsets._fields if name != "fingerprint"])
+def test_wrong_offset_is_noticed(name):
+    """A field that is four bytes from where it should be never reaches the force laws."""
+    found = fields.offsets()
+    with pytest.raises(CallbackError, match=name):
+        fields._verify(found._replace(**{name: getattr(found, name) + 4}))
+
+
+def test_missing_field_is_one_clear_line(monkeypatch):
+    """A MuJoCo without a field that we need is refused by its version."""
+    monkeypatch.setattr(fields, "_structure", lambda name: type(name, (), {"opt": None}))
+    with pytest.raises(CallbackError, match=mujoco.__version__):
+        fields.offsets.__wrapped__()
+
+
+def test_force_is_where_the_model_has_its_body(jr700):
+    """In hover the callbacks' generalised force carries the weight and turns nothing."""
+    data = jr700.hovering()
+    with installed():
+        mujoco.mj_forward(jr700.model, data)
+    weight = 8.01 * 9.8015  # Table 1
+    # the trim leaves less than 1e-9 m/s^2
+    assert data.qfrc_passive[:3] == pytest.approx([0.0, 0.0, weight], abs=1e-8)
+    assert data.qfrc_passive[3:6] == pytest.approx([0.0, 0.0, 0.0], abs=1e-8)
+
+
+def test_moved_tree_feels_the_same_wrench(jr700):
+    """Position and heading don't matter to the air: only the attitude does."""
+    accelerations = []
+    for motion in (Motion(u=1.0, v=0.5, p=0.3), Motion(u=1.0, v=0.5, p=0.3, psi=2.0, north=7.0)):
+        data = jr700.hovering()
+        write_motion(jr700.model, data, motion)
+        with installed():
+            mujoco.mj_forward(jr700.model, data)
+        matrix = data.xmat[1].reshape(3, 3)
+        accelerations.append([*(matrix.T @ data.qacc[:3]), *data.qacc[3:6]])
+    # rounding of 7 m and of 10 m/s^2
+    assert accelerations[0] == pytest.approx(accelerations[1], abs=1e-11)
+
+
+FRESH = """
+import mujoco, helisim, sys
+from helisim.physics.native import installed
+with installed():
+    assert mujoco.get_mjcb_passive() is not None
+print(helisim.__file__)
+"""
+
+
+def test_works_without_a_writable_cache(tmp_path):
+    """Where numba can write its cache nowhere, the callbacks are compiled in memory.
+
+    Permissions do not stop root, so every folder that numba would make is a file instead.
+    """
+    source = Path(native.__file__).resolve().parents[1]
+    package = tmp_path / "helisim"
+    package.mkdir()
+    for name in ("__init__.py", "errors.py"):
+        shutil.copy(source / name, package)
+    shutil.copytree(source / "physics", package / "physics", ignore=shutil.ignore_patterns("*pyc*"))
+    (package / "__init__.py").write_text("")
+    (package / "physics" / "__pycache__").write_text("not a folder")
+    (tmp_path / "home").write_text("not a folder")
+    blocked = str(tmp_path / "home" / "cache")
+    environment = dict(os.environ)
+    environment |= {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment |= {"HOME": blocked, "XDG_CACHE_HOME": blocked, "NUMBA_CACHE_DIR": blocked}
+    done = subprocess.run(
+        [sys.executable, "-c", FRESH],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert str(tmp_path) in done.stdout
+    assert not list(tmp_path.rglob("*.nb[ci]"))
+
+
+def test_fingerprint_follows_the_sources(tmp_path, monkeypatch):
+    """Any edit of a force law, and another MuJoCo, gives what is cached another key."""
+    folder = tmp_path / "physics"
+    shutil.copytree(Path(native.__file__).parent, folder)
+    monkeypatch.setattr(native, "files", lambda package: folder)
+    before = native.fingerprint()
+    assert before == native.fingerprint()
+    with (folder / "rotor.py").open("a") as rotor:
+        rotor.write("# a comment\n")
+    edited = native.fingerprint()
+    assert edited != before
+    monkeypatch.setattr(native.mujoco, "__version__", "99.0")
+    assert native.fingerprint() != edited

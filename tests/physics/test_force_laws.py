@@ -1,0 +1,133 @@
+"""The wrench of rotors and airframe: symmetry, dissipation, superposition."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from helisim.physics import callbacks, servo
+from helisim.physics.layout import PARAM, STATE
+
+speed = st.floats(-4.0, 4.0)
+rate = st.floats(-2.0, 2.0)
+tilt = st.floats(-0.2, 0.2)
+stick = st.floats(-0.4, 0.4)
+ODD = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+"""Signs of X, Y, Z, L, M, N seen in a mirror that swaps left and right."""
+
+
+def activations(a=0.0, b=0.0, col=0.0, ped=0.0):
+    act = np.zeros(len(STATE))
+    act[STATE.flap_a], act[STATE.flap_b] = a, b
+    act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*servo.mix(col, 0.0, 0.0), ped]
+    return act
+
+
+def wrench(par, act, motion, speed_ratio=1.0):
+    return np.array(callbacks.wrench(par, act, 0, *motion, speed_ratio))
+
+
+@given(u=speed, v=speed, w=speed, p=rate, q=rate, r=rate, a=tilt, b=tilt, col=stick)
+def test_mirror_symmetry(jr700, u, v, w, p, q, r, a, b, col):
+    """But for torque and tail rotor, a mirrored flight feels the mirrored wrench."""
+    numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
+    numbers[PARAM.tail_pitch_trim] = numbers[PARAM.tail_pitch_range] = 0.0
+    numbers[PARAM.tail_speed] = 1e-6  # no tail thrust
+    numbers[PARAM.main_induced_factor] = numbers[PARAM.main_profile_drag] = 0.0
+    one = wrench(numbers, activations(a, b, col), (u, v, w, p, q, r))
+    other = wrench(numbers, activations(a, -b, col), (u, -v, w, -p, q, -r))
+    # what is left of the torque, the climb's work, has one sense only
+    one[5] += callbacks.main_rotor(numbers, u, v, w, p, q, 1.0, col)[1]
+    other[5] += callbacks.main_rotor(numbers, u, -v, w, -p, q, 1.0, col)[1]
+    assert other == pytest.approx(ODD * one, abs=1e-9)  # rounding of 100 N, and of the solver
+
+
+@given(v=speed, p=rate, r=rate, ped=stick)
+def test_tail_rotor_is_odd(jr700, v, p, r, ped):
+    """Without pitch at centre the tail pushes left as it pushes right."""
+    numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
+    numbers[PARAM.tail_pitch_trim] = 0.0
+    one = callbacks.tail_rotor(numbers, v, p, r, 1.0, ped)
+    other = callbacks.tail_rotor(numbers, -v, -p, -r, 1.0, -ped)
+    assert other == pytest.approx(-one, abs=1e-10)  # rounding of the solver times 20 kN
+
+
+@given(speed_=st.floats(0.0, 8.0), heading=st.floats(-3.2, 3.2), w=speed, col=stick)
+def test_rotor_has_no_favourite_heading(jr700, speed_, heading, w, col):
+    """Thrust and torque depend on the airspeed in the disc, not on its direction."""
+    numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
+    u, v = speed_ * math.cos(heading), speed_ * math.sin(heading)
+    turned = callbacks.main_rotor(numbers, u, v, w, 0.0, 0.0, 1.0, col)
+    ahead = callbacks.main_rotor(numbers, speed_, 0.0, w, 0.0, 0.0, 1.0, col)
+    assert turned == pytest.approx(ahead, rel=1e-9, abs=1e-9)  # rounding of hypot
+
+
+@given(w=st.floats(-6.0, 4.0), col=stick)
+def test_rotor_power_balance(jr700, w, col):
+    """With kappa = 1 and no profile drag, torque times speed is thrust times the inflow."""
+    numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
+    numbers[PARAM.main_induced_factor], numbers[PARAM.main_profile_drag] = 1.0, 0.0
+    thrust, torque, inflow, tip_speed, _ = callbacks.main_rotor(
+        numbers, 0.0, 0.0, w, 0.0, 0.0, 1.0, col
+    )
+    shaft = torque * numbers[PARAM.main_speed]
+    assert shaft == pytest.approx(thrust * inflow * tip_speed, rel=1e-10, abs=1e-9)  # rounding
+
+
+@given(u=speed, v=speed, w=speed, p=rate, q=rate, r=rate)
+def test_airframe_drag_takes_energy(jr700, u, v, w, p, q, r):
+    """With the rotors stopped, every motion loses energy to the air, none gains."""
+    numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
+    motion = (u, v, w, p, q, r)
+    work = float(np.dot(wrench(numbers, activations(0.05, 0.05), motion, 0.0), motion))
+    assert work <= 0.0
+    if abs(u) > 0.1:
+        assert work < 0.0
+
+
+def test_drag_is_half_rho_v_squared(par):
+    """Drag along x at 10 m/s is rho/2 V^2 times the drag area, and points back."""
+    force = wrench(par, activations(), (10.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+    # closed form; density and area from Table 1 and parameters.toml
+    assert force == pytest.approx([-0.5 * 1.225 * 100.0 * 0.03, 0, 0, 0, 0, 0], abs=1e-12)
+
+
+def test_stopped_rotor_has_no_hub_moment(par):
+    """A rotor that stands still has no tip-path plane: its hub spring does nothing."""
+    moment = wrench(par, activations(0.1, -0.1), (0.0,) * 6, 0.0)
+    assert moment == pytest.approx(np.zeros(6), abs=0.0)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.02, 0.0), (0.0, 0.02)])
+def test_hub_moment_is_spring_plus_tilted_thrust(par, a, b):
+    """M = (K_beta + T h) a and L = (K_beta + T h) b for small tilt (design, section 3)."""
+    level = wrench(par, activations(), (0.0,) * 6)
+    tilted = wrench(par, activations(a, b), (0.0,) * 6)
+    thrust = -level[2]
+    spring = par[PARAM.hub_stiffness] + thrust * 0.28
+    # sin x = x (1 - x^2 / 6): relative 7e-5 of T h, a quarter of the sum
+    assert tilted[3] - level[3] == pytest.approx(spring * b, rel=2e-5)
+    assert tilted[4] - level[4] == pytest.approx(spring * a, rel=2e-5)
+    # thrust tilts back for a > 0 and right for b > 0
+    assert tilted[0] == pytest.approx(-thrust * math.sin(a), rel=1e-12, abs=1e-12)
+    assert tilted[1] - level[1] == pytest.approx(thrust * math.sin(b), rel=1e-12, abs=1e-12)
+
+
+def test_signs_of_the_controls(par):
+    """More collective lifts, more pedal turns the nose right, torque turns it left."""
+    rest = wrench(par, activations(), (0.0,) * 6)
+    assert wrench(par, activations(col=0.1), (0.0,) * 6)[2] < rest[2]
+    assert wrench(par, activations(ped=0.1), (0.0,) * 6)[5] > rest[5]
+    tailless = par.copy()
+    tailless[PARAM.tail_speed] = 1e-6
+    assert wrench(tailless, activations(), (0.0,) * 6)[5] < 0.0
+
+
+def test_hub_velocity_drives_the_rotor(par):
+    """The hub, 0.28 m above, moves right in a right roll and back in a nose-up pitch."""
+    rolling = callbacks.main_rotor(par, 0.0, 1.0, 0.0, 3.0, 0.0, 1.0, 0.0)
+    assert rolling == callbacks.main_rotor(par, 0.0, 1.0 + 3.0 * 0.28, 0.0, 0.0, 0.0, 1.0, 0.0)
+    pitching = callbacks.main_rotor(par, 1.0, 0.0, 0.0, 0.0, 3.0, 1.0, 0.0)
+    assert pitching == callbacks.main_rotor(par, 1.0 - 3.0 * 0.28, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)

@@ -1,0 +1,300 @@
+"""The recorder: latency, noise, resolution, filter and lever arm, against what truly happened."""
+
+import dataclasses
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from helisim.channels import (
+    ACCELERATIONS,
+    ATTITUDES,
+    CHANNELS,
+    IN1,
+    IN2,
+    OUT,
+    POSITIONS,
+    RATES,
+    SERVOS,
+    VELOCITIES,
+)
+from helisim.errors import InputError, UnknownNameError
+from helisim.physics import servo
+from helisim.physics.native import installed
+from helisim.sim.excitation import Sweep
+from helisim.sim.fly import fly, simulate
+from helisim.sim.instruments import Recorder
+from helisim.sim.truth import Truth, imu_offset, read_truth
+from helisim.vehicle.motion import Motion, write_motion
+
+STEP = 0.002
+WIDE = {"rate_hz": 1000.0, "antialias_hz": 400.0}
+"""Twice the simulation's rate and a filter beyond it: every second sample is the truth's own."""
+PLAIN = {"latency": {}, "noise": {}, "resolution": {}}
+FRD = np.array([1.0, -1.0, -1.0])
+OMEGA = 3.0
+
+
+def wave(width, seconds=10.0):
+    """Return sines of 3 rad/s, each column with an amplitude of its own."""
+    time = np.arange(round(seconds / STEP) + 1) * STEP
+    return np.sin(OMEGA * time)[:, None] * (0.1 + 0.01 * np.arange(width))
+
+
+def artificial(**changes):
+    """Return a made-up flight whose every signal is a known sine."""
+    time = np.arange(5001) * STEP
+    truth = Truth(
+        time=time,
+        timestep=STEP,
+        sticks=wave(4),
+        servo_commands=wave(4),
+        servo_positions=wave(4),
+        flapping=wave(2),
+        rotor=wave(4),
+        rates=wave(3),
+        attitudes=wave(3),
+        velocities=wave(3),
+        specific_forces=wave(3),
+        positions=wave(3),
+        imu_offset=np.zeros(3),
+    )
+    return dataclasses.replace(truth, **changes)
+
+
+def record(truth, seed=0, **settings):
+    return Recorder(**settings).record(truth, np.random.default_rng(seed), {})
+
+
+@pytest.fixture(scope="module")
+def tumbling(jr700):
+    """A lively flight: its truth, and the centre of gravity's own motion from the state."""
+    model = jr700.model
+    data = jr700.hovering()
+    write_motion(model, data, Motion(p=0.8, q=-0.5, r=0.7, u=0.5, phi=jr700.trim.phi, down=-10.0))
+    sensors, motion = [], []
+    matrix = np.zeros(9)
+    with installed():
+        for _ in range(1001):
+            mujoco.mju_quat2Mat(matrix, data.qpos[3:7])
+            body = matrix.reshape(3, 3).copy()
+            velocity, position = data.qvel[:3].copy(), data.qpos[:3].copy()
+            mujoco.mj_step(model, data)
+            sensors.append(data.sensordata.copy())
+            motion.append([body, velocity, position])
+    truth = read_truth(jr700, np.array(sensors))
+    bodies, velocities, positions = (np.array(column) for column in zip(*motion))
+    return truth, bodies, velocities, positions
+
+
+def in_body(bodies, vectors):
+    return np.einsum("nij,ni->nj", bodies, vectors) * FRD
+
+
+def test_corrected_velocity_is_the_centre_of_gravitys(tumbling):
+    """Measured at the IMU and corrected by omega x r, u v w are those of the CG."""
+    truth, bodies, velocities, positions = tumbling
+    seen = record(truth, **WIDE, **PLAIN)
+    wanted = in_body(bodies, velocities)
+    # exact kinematics: rounding
+    assert seen.select(VELOCITIES)[::2] == pytest.approx(wanted, abs=1e-12)
+    assert seen.select(POSITIONS)[::2] == pytest.approx(positions * FRD, abs=1e-12)
+
+
+def test_corrected_force_is_the_centre_of_gravitys(tumbling):
+    """The specific force loses d(omega)/dt x r and omega x (omega x r) on the way to the CG."""
+    truth, bodies, velocities, _ = tumbling
+    seen = record(truth, **WIDE, **PLAIN).select(ACCELERATIONS)[::2]
+    rate = np.gradient(velocities, STEP, axis=0)
+    wanted = in_body(bodies, rate + np.array([0.0, 0.0, 9.8015]))
+    inner = slice(60, -2)
+    # both sides differentiate by central differences: h^2/6 of a third derivative. With modes
+    # of 27 rad/s and 3 m/s^2 that is 27^2 x 3 h^2/6 = 1.5e-3
+    assert seen[inner] == pytest.approx(wanted[inner], abs=2e-3)
+
+
+def test_uncorrected_differs_by_omega_cross_r(tumbling):
+    """Left at the IMU, velocity and force are larger by exactly the kinematic terms."""
+    truth, _, _, _ = tumbling
+    at_cg = record(truth, **WIDE, **PLAIN)
+    at_imu = record(truth, **WIDE, **PLAIN, lever_arm_corrected=False)
+    rates, arm = at_imu.select(RATES), truth.imu_offset
+    turning = np.cross(rates, arm)
+    # rounding
+    assert at_imu.select(VELOCITIES) - at_cg.select(VELOCITIES) == pytest.approx(turning, abs=1e-13)
+    spin = np.gradient(rates, at_imu.time, axis=0)
+    extra = np.cross(spin, arm) + np.cross(rates, turning)
+    shift = at_imu.select(ACCELERATIONS) - at_cg.select(ACCELERATIONS)
+    assert shift == pytest.approx(extra, abs=1e-12)
+    assert np.abs(turning).max() > 0.05  # it matters
+    assert np.array_equal(at_imu.select(ATTITUDES), at_cg.select(ATTITUDES))
+
+
+def test_imu_stands_where_the_mjcf_puts_it(jr700):
+    """The site is at (0.08, 0.01, -0.12) forward-left-up: right and down change sign."""
+    # the CG is the body's origin to a micrometre
+    assert imu_offset(jr700) == pytest.approx([0.08, -0.01, 0.12], abs=1e-6)
+
+
+def test_truth_is_stamped_with_its_own_time(jr700):
+    """Sensors belong to the time before the step: clock and attitude start at the start."""
+    excitation = Sweep(axis="lat", duration=4.0, trim_time=1.0)
+    truth = next(simulate(jr700, excitation, jobs=1))
+    assert truth.time[0] == 0.0
+    assert truth.time.size == 2001
+    assert truth.attitudes[0, 0] == pytest.approx(jr700.trim.phi, abs=1e-12)
+    # angles and rates belong together: central difference of phi is p + tan(theta)(...)
+    phi_rate = np.gradient(truth.attitudes[:, 0], truth.timestep)
+    p, q, r = truth.rates.T
+    phi, theta, _ = truth.attitudes.T
+    euler = p + (q * np.sin(phi) + r * np.cos(phi)) * np.tan(theta)
+    # h^2/6 x 45^2 rad^2/s^2 of a rate of 0.5 rad/s: 7e-4; a step of skew would give 4e-2
+    assert phi_rate[1:-1] == pytest.approx(euler[1:-1], abs=2e-3)
+
+
+@pytest.mark.parametrize("name", [*IN2, *SERVOS, *OUT])
+def test_latency_is_the_channels_own(name):
+    """A channel is late by its latency, and no other channel is."""
+    latency = 0.0405
+    seen = record(artificial(), **WIDE, **{**PLAIN, "latency": {name: latency}})
+    plain = record(artificial(), **WIDE, **PLAIN)
+    late = np.interp(plain.time - latency, plain.time, plain[name])
+    settled = plain.time > latency
+    # linear interpolation of a sine of 3 rad/s between samples 2 ms apart: h^2/8 w^2 = 5e-6
+    assert seen[name][settled] == pytest.approx(late[settled], abs=5e-6)
+    assert np.abs(seen[name] - plain[name]).max() > 0.005
+    for other in (*IN2, *SERVOS, *OUT):
+        if other != name:
+            assert np.array_equal(seen[other], plain[other])
+
+
+def test_default_latencies_are_the_designs():
+    """R is 40.5 ms late (design, section 5), and lon late enough to lead its input by 8.3 ms."""
+    latency = Recorder().latency
+    servo_ms, tail_ms = 0.008, 0.010
+    assert latency["r"] == pytest.approx(0.0505 - tail_ms, abs=1e-12)  # Table 2, tau_r_base
+    tau_lat = servo_ms + latency["p"]
+    tau_lon = servo_ms + latency["q"] - latency["lon"]
+    assert tau_lat == pytest.approx(0.0115, abs=1e-12)  # Table 3
+    assert tau_lon == pytest.approx(-0.0083, abs=1e-12)  # Table 3
+
+
+def test_default_latencies_reach_the_record():
+    """With the default recorder's latencies, p, r and lon are late by their own."""
+    plain = record(artificial(), **WIDE, **PLAIN)
+    seen = record(artificial(), **WIDE, noise={}, resolution={})
+    for name, latency in (("p", 0.0035), ("q", 0.0035), ("r", 0.0405), ("lon", 0.0198)):
+        late = np.interp(plain.time - latency, plain.time, plain[name])
+        settled = plain.time > latency
+        assert seen[name][settled] == pytest.approx(late[settled], abs=5e-6)  # as above
+    for name in ("col", "lat", "ped", "LON", "servo_front", "phi", "u"):
+        assert np.array_equal(seen[name], plain[name])
+
+
+def test_in1_is_recomputed_from_the_servos(jr700):
+    """IN1 is what the inverse of the mixing makes of the recorded servo signals."""
+    flown = fly(
+        jr700, Sweep(axis="lat", duration=6.0, trim_time=1.0), recorder=Recorder(latency={}), jobs=1
+    )[0]
+    front, left, right, tail = flown.select(SERVOS).T
+    recomputed = np.column_stack([*servo.unmix.py_func(front, left, right), tail])
+    # to rounding, resolution included
+    assert flown.select(IN1) == pytest.approx(recomputed, abs=1e-15)
+    assert np.ptp(flown["lat"]) > 0.01
+
+
+@pytest.mark.parametrize("name", [*IN2, *SERVOS, "p", "phi", "u", "az", "north"])
+def test_resolution_makes_steps(name):
+    """A channel with a resolution holds whole steps only, within half a step of the signal."""
+    step = 0.004
+    seen = record(artificial(), **WIDE, **{**PLAIN, "resolution": {name: step}})[name]
+    plain = record(artificial(), **WIDE, **PLAIN)[name]
+    steps = seen / step
+    assert steps == pytest.approx(np.round(steps), abs=1e-9)  # rounding of a quotient of 50
+    assert np.abs(seen - plain).max() <= 0.5 * step * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["p", "phi", "u", "ax", "down", "LAT", "servo_tail"])
+def test_noise_has_its_level(name):
+    """The noise of a channel has zero mean and the standard deviation asked for."""
+    level = 0.03
+    seen = record(artificial(), seed=3, **WIDE, **{**PLAIN, "noise": {name: level}})
+    plain = record(artificial(), **WIDE, **PLAIN)
+    noise = (seen[name] - plain[name])[1:]
+    count = noise.size
+    # 4.5 standard errors
+    assert abs(noise.mean()) < 4.5 * level / math.sqrt(count)
+    assert abs(noise.std() / level - 1.0) < 4.5 / math.sqrt(2.0 * count)
+    assert abs(np.mean(noise[1:] * noise[:-1])) < 4.5 * level**2 / math.sqrt(count)
+
+
+def test_servo_noise_is_in_in1():
+    """IN1 is recomputed from the recorded servo signals, with the noise that they have."""
+    seen = record(artificial(), **WIDE, **{**PLAIN, "noise": dict.fromkeys(SERVOS, 0.01)})
+    front, left, right, tail = seen.select(SERVOS).T
+    recomputed = np.column_stack([*servo.unmix.py_func(front, left, right), tail])
+    assert np.array_equal(seen.select(IN1), recomputed)
+
+
+def test_noise_is_independent_and_repeats_with_its_seed():
+    """Channels have noise of their own, and a seed gives the same record again."""
+    noisy = {**PLAIN, "noise": dict.fromkeys(RATES, 0.01)}
+    one, again, other = (record(artificial(), seed=s, **WIDE, **noisy) for s in (1, 1, 2))
+    plain = record(artificial(), **WIDE, **PLAIN)
+    assert np.array_equal(one.values, again.values)
+    noise = one.select(RATES) - plain.select(RATES)
+    correlation = np.corrcoef([*noise.T, other["p"] - plain["p"]])
+    # 4.5 / sqrt(n)
+    assert np.abs(correlation - np.eye(4)).max() < 4.5 / math.sqrt(noise.shape[0])
+
+
+def test_antialias_filter_is_common_to_all_channels():
+    """Every channel passes the same filter, so no channel is skewed against another."""
+    seen = record(artificial(), **PLAIN)
+    time = seen.time
+    settled = time > 1.0
+    late = {}
+    for name in ("LAT", "servo_tail", "p", "phi", "u", "ax", "down", "ped"):
+        basis = np.column_stack([np.sin(OMEGA * time), np.cos(OMEGA * time)])[settled]
+        (real, imaginary), *_ = np.linalg.lstsq(basis, seen[name][settled], rcond=None)
+        late[name] = -math.atan2(imaginary, real) / OMEGA
+    # Butterworth of order four at 40 Hz: 2.613 / (2 pi 40) s, bilinear at 500 Hz a little more
+    assert late["p"] == pytest.approx(2.6131 / (2.0 * math.pi * 40.0), rel=0.05)
+    assert list(late.values()) == pytest.approx([late["p"]] * len(late), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"antialias_hz": 50.0},
+        {"antialias_hz": 0.0},
+        {"antialias_hz": math.nan},
+        {"rate_hz": math.inf},
+        {"rate_hz": -100.0},
+        {"latency": {"p": -0.001}},
+        {"noise": {"p": math.nan}},
+        {"resolution": {"LAT": math.inf}},
+    ],
+)
+def test_bad_settings_are_refused(bad):
+    """Settings that no recorder has are one clear line."""
+    with pytest.raises(InputError):
+        Recorder(**bad)
+
+
+def test_unknown_channel_is_refused():
+    """A setting for a channel that does not exist lists those that do."""
+    with pytest.raises(UnknownNameError, match="servo_front"):
+        Recorder(latency={"roll": 0.01})
+
+
+def test_settings_are_read_only():
+    """A recorder does not change after it was made, nor with the dict it was made from."""
+    given = {"p": 0.01}
+    recorder = Recorder(latency=given)
+    given["p"] = 1.0
+    assert recorder.latency["p"] == 0.01
+    with pytest.raises(TypeError):
+        recorder.latency["p"] = 1.0
+    assert set(recorder.as_dict()["latency"]) <= set(CHANNELS)

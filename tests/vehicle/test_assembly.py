@@ -1,0 +1,110 @@
+"""What the compiled vehicle weighs and is made of."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from helisim.errors import ModelError
+from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, STATE
+from helisim.physics.native import installed
+from helisim.reference.jr700 import table
+from helisim.vehicle import load
+from helisim.vehicle.assembly import assemble, check_interface, total_inertia
+from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import place
+
+AIRFRAME = table("airframe")
+
+
+def test_total_mass_is_the_papers(jr700):
+    """8.01 kg (Table 1), to rounding."""
+    assert jr700.model.body_subtreemass[1] == pytest.approx(AIRFRAME["m"].value, rel=1e-12)
+
+
+def test_gravity_is_the_papers(jr700):
+    """9.8015 m/s^2 (Table 1), downwards."""
+    assert jr700.model.opt.gravity.tolist() == [0.0, 0.0, -AIRFRAME["g"].value]
+
+
+def test_total_inertia_is_the_calibrated(jr700):
+    """The parts add up to the calibrated moments, without products, about the body's origin."""
+    wanted = [jr700.parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
+    # MuJoCo keeps principal axes as a quaternion: rounding of 0.4 kg m^2
+    assert total_inertia(jr700.model, "jr700") == pytest.approx(np.diag(wanted), abs=1e-12)
+
+
+def test_centre_of_gravity_is_the_bodys_origin(jr700):
+    """The force laws act about the root body's frame: it must be the centre of gravity."""
+    data = mujoco.MjData(jr700.model)
+    mujoco.mj_kinematics(jr700.model, data)
+    mujoco.mj_comPos(jr700.model, data)
+    # a micrometre under a thrust of 78 N is 8e-5 N m
+    assert data.subtree_com[1] == pytest.approx(data.xpos[1], abs=1e-6)
+
+
+def test_time_step_is_set():
+    """The time step asked for is the model's, and its delay line is long enough for 22 ms."""
+    for timestep in (0.004, 0.001):
+        model = load(timestep=timestep).model
+        assert model.opt.timestep == timestep
+        pedal = model.actuator("PED").id
+        # one delay, one step of skew between stamp and sample, one sample for the slope
+        assert model.actuator_history[pedal, 0] * timestep >= 0.022 + timestep
+
+
+def test_delay_free_copy_has_no_delay(jr700):
+    """The model for linearisation is the same but for the pedal's latency."""
+    free = assemble("jr700", jr700.parameters, delays=False)
+    assert not free.actuator_delay.any()
+    assert free.nhistory == 0
+    assert free.body_inertia == pytest.approx(jr700.model.body_inertia, rel=1e-12)
+
+
+def test_force_laws_carry_the_parameters(jr700):
+    """The rotor's user numbers are the parameters; all nine actuators say whose they are."""
+    where = addresses(jr700.model)
+    user = jr700.model.actuator_user[where.rotor - ROTOR : where.rotor + 1]
+    assert user[:, PARAM.magic].tolist() == [MAGIC] * len(ACTUATORS)
+    assert user[:, PARAM.ordinal].tolist() == list(range(len(ACTUATORS)))
+    assert user[ROTOR, PARAM.air_density] == jr700.parameters["air.density"]
+    blades = jr700.parameters["main_rotor.blades"] * jr700.parameters["main_rotor.chord"]
+    solidity = blades / (np.pi * jr700.parameters["main_rotor.radius"])
+    assert user[ROTOR, PARAM.main_solidity] == solidity
+    assert user[ROTOR, PARAM.pilot_on] == 0.0
+
+
+def test_a_model_out_of_order_is_refused():
+    """Actuators that are not nine in a row are listed in the message, not flown."""
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with pytest.raises(ModelError, match="COL, LON, LAT, PED"):
+        check_interface(model, "jr700")
+
+
+def test_states_are_where_the_layout_says(jr700):
+    """Eighteen activations in the order of the layout."""
+    model = jr700.model
+    assert model.na == len(STATE)
+    assert addresses(model).state == model.actuator_actadr[model.actuator("LON").id] == 0
+    assert model.actuator_actadr[model.actuator("PED").id] == STATE.gyro_r_lead
+    assert model.actuator_actadr[model.actuator("servo_tail").id] == STATE.tail_position
+
+
+def test_the_model_to_look_at_flies_the_same(jr700):
+    """With every part, ground and light, the vehicle has the same dynamics."""
+    seen = assemble("jr700", jr700.parameters, visual=True)
+    assert seen.ngeom > jr700.model.ngeom
+    assert seen.nbody > jr700.model.nbody
+    assert total_inertia(seen, "jr700") == pytest.approx(
+        total_inertia(jr700.model, "jr700"), abs=1e-12
+    )
+    ends = []
+    for model in (seen, jr700.model):
+        data = mujoco.MjData(model)
+        place(model, data, jr700.trim)
+        data.qvel[3:6] = [0.3, -0.2, 0.1]
+        with installed():
+            for _ in range(200):
+                mujoco.mj_step(model, data)
+        ends.append(np.concatenate([data.qpos, data.qvel, data.act]))
+    # inertias summed in another order: rounding, grown over 0.4 s
+    assert ends[0] == pytest.approx(ends[1], abs=1e-11)

@@ -1,0 +1,47 @@
+"""Calibration: from the paper's derivatives to physical parameters."""
+
+import pytest
+
+from helisim.errors import InputError, ModelError
+from helisim.reference.jr700 import table
+from helisim.vehicle import calibrate, read_parameters
+from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.calibrate import DIRECT, SOLVED
+
+FOLDER = model_folder("jr700")
+TARGETS = {
+    item.name: item.value
+    for name in ("yaw_base", "rollpitch_in1", "heave")
+    for item in table(name)
+    if item.name in DIRECT + SOLVED
+}
+
+
+def test_calibrated_file_is_what_calibrate_writes():
+    """Solving again gives the numbers of calibrated.toml: nobody typed them."""
+    given = read_parameters(FOLDER / "parameters.toml")
+    stored = read_parameters(FOLDER / "calibrated.toml")
+    solved = calibrate("jr700", given, TARGETS, "paper")
+    assert list(solved) == list(stored)
+    for name in stored:
+        # the solver stops at 1e-8 of each condition; conditions are well scaled
+        assert solved[name] == pytest.approx(stored[name], rel=1e-6)
+        assert solved.entry(name).unit == stored.entry(name).unit
+
+
+@pytest.mark.parametrize("value", [None, float("nan")])
+def test_missing_target_is_named(value):
+    """A target that is missing or no number is named before anything is solved."""
+    given = read_parameters(FOLDER / "parameters.toml")
+    targets = {key: item for key, item in TARGETS.items() if key != "N_r"}
+    if value is not None:
+        targets["N_r"] = value
+    with pytest.raises(InputError, match="N_r"):
+        calibrate("jr700", given, targets, "test")
+
+
+def test_unreachable_target_is_one_clear_line():
+    """A tail that turns the wrong way when pushed has no solution, and that is said."""
+    given = read_parameters(FOLDER / "parameters.toml")
+    with pytest.raises(ModelError):
+        calibrate("jr700", given, TARGETS | {"Z_w": 5.0}, "test")
