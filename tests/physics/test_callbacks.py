@@ -417,3 +417,17 @@ def test_fingerprint_follows_the_sources(tmp_path, monkeypatch):
     assert edited != before
     monkeypatch.setattr(native.mujoco, "__version__", "99.0")
     assert native.fingerprint() != edited
+
+
+def test_a_replacement_inside_the_block_stays():
+    """Whoever replaced our callback within the block finds theirs in place after it."""
+    with installed():
+        mujoco.set_mjcb_control(_nothing)
+    try:
+        assert mujoco.get_mjcb_control() is _nothing
+    finally:
+        mujoco.set_mjcb_control(None)
+
+
+def _nothing(model, data):
+    """Stand for somebody else's callback."""

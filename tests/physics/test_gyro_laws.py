@@ -57,6 +57,6 @@ def test_rate_filter_is_first_order():
 @given(error=finite, command=finite)
 def test_anti_windup_holds_only_what_makes_it_worse(error, command):
     """Beyond the limit the integral may only come back; within it, it is free."""
-    rate = gyro.hold_when_saturated(error, error, command, 0.5)
+    rate = gyro.hold_when_saturated(error, command, 0.5)
     pushes = abs(command) > 0.5 and np.sign(error) == np.sign(command)
     assert rate == (0.0 if pushes and error * command > 0.0 else error)

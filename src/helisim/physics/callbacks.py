@@ -75,9 +75,12 @@ def parameters(m, offsets, actuator):
 
 @kernel()
 def is_rotor(m, offsets, actuator):
-    """Tell whether an actuator is the rotor of one of our vehicles."""
+    """Tell whether an actuator is the rotor of one of our vehicles, all the others before it."""
     user = parameters(m, offsets, actuator)
-    return user[PARAM.magic] == MAGIC and user[PARAM.ordinal] == ROTOR
+    if user[PARAM.magic] != MAGIC or user[PARAM.ordinal] != ROTOR or actuator < ROTOR:
+        return False
+    first = parameters(m, offsets, actuator - ROTOR)
+    return first[PARAM.magic] == MAGIC and first[PARAM.ordinal] == 0.0
 
 
 @kernel()
@@ -527,7 +530,7 @@ def gyro_derivatives(m, d, offsets, rotor_id, par, first, ordinal):
     if ordinal == 3:
         error, lead_rate, command = yaw_law(m, d, offsets, rotor_id, par, act, first, address, r)
         rate[first + STATE.gyro_r_lead] = lead_rate
-        rate[first + STATE.gyro_r_integral] = gyro.hold_when_saturated(error, error, command, 0.5)
+        rate[first + STATE.gyro_r_integral] = gyro.hold_when_saturated(error, command, 0.5)
         return
     p_error, q_error, lat, lon = cyclic_law(
         par, act, first, sticks[address + 2], sticks[address + 1]
@@ -538,7 +541,7 @@ def gyro_derivatives(m, d, offsets, rotor_id, par, first, ordinal):
     else:
         signal, error, command, k = q, q_error, lon, STATE.gyro_q_filter
     rate[first + k] = gyro.filter_rate(act[first + k], signal, fast)
-    rate[first + k + 1] = gyro.hold_when_saturated(error, error, command, 0.5)
+    rate[first + k + 1] = gyro.hold_when_saturated(error, command, 0.5)
     rate[first + k + 2] = gyro.filter_rate(act[first + k + 2], act[first + k], slow)
 
 
@@ -554,6 +557,7 @@ def sensor(m, d, offsets, stage):
         for k in range(long(m, offsets.nsensor)):
             ours = ints(m, offsets.sensor_type)[k] == _USER_SENSOR
             ours = ours and ints(m, offsets.sensor_objtype)[k] == _BODY
+            ours = ours and ints(m, offsets.sensor_dim)[k] == 4
             if ours and ints(m, offsets.sensor_objid)[k] == body:
                 report(m, d, offsets, rotor_id, body, ints(m, offsets.sensor_adr)[k])
                 break

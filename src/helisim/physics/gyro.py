@@ -38,8 +38,8 @@ def filter_rate(state, signal, time_constant):
 
 
 @kernel()
-def hold_when_saturated(rate, error, command, limit):
-    """Stop an integral from growing while its command is beyond the limit (anti-windup)."""
+def hold_when_saturated(error, command, limit):
+    """Return d(integral)/dt: the error, or 0 where it would push a saturated command further."""
     if abs(command) > limit and error * command > 0.0:
         return 0.0
-    return rate
+    return error

@@ -1,5 +1,6 @@
 """Compile the callbacks and lend them to MuJoCo for the length of a `with` block."""
 
+import ctypes
 import hashlib
 import threading
 from collections.abc import Iterator
@@ -94,8 +95,7 @@ def installed() -> Iterator[None]:
         with _lock:
             _depth -= 1
             if _depth == 0:
-                for hook in _HOOKS:
-                    getattr(mujoco, f"set_mjcb_{hook}")(None)
+                _remove(compiled())
 
 
 def _install(functions: dict[str, Any]) -> None:
@@ -108,3 +108,18 @@ def _install(functions: dict[str, Any]) -> None:
         )
     for hook in _HOOKS:
         getattr(mujoco, f"set_mjcb_{hook}")(functions[hook].ctypes)
+
+
+def _remove(functions: dict[str, Any]) -> None:
+    """Take our callbacks out again, and leave one that someone put in their place."""
+    for hook in _HOOKS:
+        if _address(getattr(mujoco, f"get_mjcb_{hook}")()) == functions[hook].address:
+            getattr(mujoco, f"set_mjcb_{hook}")(None)
+
+
+def _address(callback: Any) -> int | None:
+    """Return the address of a native callback; a Python function has none."""
+    try:
+        return ctypes.cast(callback, ctypes.c_void_p).value
+    except ctypes.ArgumentError:
+        return None

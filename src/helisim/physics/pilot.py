@@ -16,7 +16,7 @@ _MIX_2 = np.uint64(0x94D049BB133111EB)
 _CHANNEL_STRIDE = np.uint64(0xD1342543DE82EF95)
 _LANE = np.uint64(0xFFFF)
 _EXPONENT = 4.0
-"""C1 of the exponential sweep (Tischler and Remple, section 5.11)."""
+"""C1 of the exponential sweep (Tischler and Remple, ch. 5)."""
 
 
 @kernel()

@@ -30,7 +30,7 @@ def soft_limit(x, limit, core):
 
 @kernel()
 def blade_element_thrust(pitch, inflow, advance, solidity, lift_slope):
-    """Return CT of untwisted, unstalled blades (Padfield, Helicopter Flight Dynamics, eq. 3.28).
+    """Return CT of untwisted, unstalled blades (Padfield, Helicopter Flight Dynamics, ch. 3).
 
     Args:
         pitch: collective pitch, rad.
@@ -47,8 +47,10 @@ def mass_flow(inflow, advance, floor):
     """Return the mass-flow ratio sqrt(mu^2 + lambda^2) and its derivative by the inflow.
 
     For |lambda| < floor the modulus is rounded off (twice continuously differentiable), so
-    that there is one thrust for every descent speed: momentum theory has none in the vortex
-    ring. Hover, climb and forward flight stay untouched.
+    that thrust passes smoothly through the vortex ring, where momentum theory has no solution.
+    Hover and climb stay untouched; forward flight to (floor / mu)^2 / 2. Beyond a descent of
+    about twice the hover's induced velocity the balance has several roots and the solution
+    found is one of them: outside the model's validity.
     """
     if abs(inflow) >= floor:
         axial = abs(inflow)
@@ -124,7 +126,9 @@ def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, floor)
 
 @kernel()
 def power(thrust, inflow, climb, advance, solidity, induced_factor, profile_drag):
-    """Return CP: induced, climb and profile power (Leishman, eqs. 5.18 and 5.25).
+    """Return CP: induced, climb and profile power.
+
+    Leishman, Principles of Helicopter Aerodynamics, chapter 5.
 
     Args:
         thrust: CT.

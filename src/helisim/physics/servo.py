@@ -43,7 +43,7 @@ def servo_rates(position, rate, command, frequency, damping, rate_limit, travel)
         frequency: natural frequency, rad/s.
         damping: damping ratio.
         rate_limit: 1/s.
-        travel: greatest |position|.
+        travel: greatest |command| that is followed.
     """
     target = min(travel, max(-travel, command))
     limited = min(rate_limit, max(-rate_limit, rate))

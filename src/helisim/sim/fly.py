@@ -84,6 +84,8 @@ def simulate(
     Only as many flights as threads are in memory at a time.
     """
     jobs = (os.cpu_count() or 1) if jobs is None else jobs
+    if not all(isinstance(number, int) for number in (count, jobs, seed)):
+        raise InputError(f"count, jobs and seed must be integers, got {count}, {jobs}, {seed}")
     if count < 1 or jobs < 1 or seed < 0:
         raise InputError(
             f"count and jobs must be 1 or more and seed 0 or more, got {count}, {jobs}, {seed}"

@@ -81,14 +81,28 @@ def assemble(
         spec.compiler.fusestatic = not visual
         model = spec.compile()
     except (ValueError, KeyError) as error:
-        raise ModelError(f"{path}: {error}") from None
+        raise ModelError(f"{path}: {error}{_advice(str(error))}") from None
     check_interface(model, name)
     return model
 
 
+def _advice(message: str) -> str:
+    if "A + B >= C" not in message:
+        return ""
+    return (
+        "; the parts' inertias leave the fuselage none that a body can have: change "
+        "airframe.ixx, airframe.iyy or airframe.izz"
+    )
+
+
 def _set_latency(spec: mujoco.MjSpec, latency: float) -> None:
     pedal = spec.actuator("PED")
-    if latency <= 0.0:
+    if latency != 0.0 and latency < spec.option.timestep:
+        raise ModelError(
+            f"gyro.ped_latency must be 0 or at least a time step of {spec.option.timestep:g} s, "
+            f"got {latency:g}"
+        )
+    if latency == 0.0:
         pedal.delay, pedal.nsample = 0.0, 0
         return
     pedal.delay = latency

@@ -1,5 +1,6 @@
 """The exact linearisation of a vehicle at its hover: the truth that identification must find."""
 
+import copy
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 
@@ -106,7 +107,7 @@ class _Dynamics:
     """Deviations of states and inputs from the trim -> rates of the states, and outputs."""
 
     def __init__(self, model: mujoco.MjModel, trim: Trim, inputs: Inputs) -> None:
-        self.model = _copy(model)
+        self.model = copy.copy(model)
         self.where = addresses(self.model)
         self.model.actuator_user[self.where.rotor, PARAM.gyro_on] = float(inputs == "IN2")
         self.model.actuator_user[self.where.rotor, PARAM.pilot_on] = 0.0
@@ -146,10 +147,6 @@ class _Dynamics:
             control[7] += ped
         else:
             control[:4] += deviation
-
-
-def _copy(model: mujoco.MjModel) -> mujoco.MjModel:
-    return model.__copy__()
 
 
 def stability_derivatives(base: Linearization) -> dict[str, float]:

@@ -1,5 +1,6 @@
 """The physical parameters of a vehicle: named values with units and where they come from."""
 
+import json
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -178,6 +179,10 @@ _DIRECT = {
 
 _POSITIVE = (
     "air.density",
+    "airframe.ixx",
+    "airframe.iyy",
+    "airframe.izz",
+    "main_rotor.induced_factor",
     "main_rotor.radius",
     "main_rotor.chord",
     "main_rotor.blades",
@@ -195,7 +200,9 @@ _POSITIVE = (
     "tail_rotor.stall",
     "tail_rotor.inflow_floor",
     "servo.swash_frequency",
+    "servo.swash_damping",
     "servo.tail_frequency",
+    "servo.tail_damping",
     "servo.rate_limit",
     "servo.travel",
     "gyro.k_i",
@@ -207,15 +214,31 @@ _POSITIVE = (
 )
 
 
+_NOT_NEGATIVE = (
+    "airframe.drag_area_x",
+    "airframe.drag_area_y",
+    "airframe.drag_area_z",
+    "airframe.fin_area",
+    "main_rotor.profile_drag",
+    "main_rotor.hub_stiffness",
+    "main_rotor.flap_back",
+    "gyro.ped_latency",
+    "gyro.lead",
+)
+
+
 def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     """Return the numbers that the compiled force laws read, (len(PARAM),), pilot at rest.
 
     Raises:
-        ModelError: a parameter that must be positive is not.
+        ModelError: a parameter has a sign that it can't have.
     """
     for name in _POSITIVE:
         if parameters[name] <= 0.0:
             raise ModelError(f"parameter {name!r} must be positive, got {parameters[name]:g}")
+    for name in _NOT_NEGATIVE:
+        if parameters[name] < 0.0:
+            raise ModelError(f"parameter {name!r} must be 0 or more, got {parameters[name]:g}")
     block = np.zeros(len(PARAM))
     block[PARAM.magic] = MAGIC
     block[PARAM.ordinal] = ROTOR
@@ -248,7 +271,7 @@ def to_toml(parameters: Parameters, header: str) -> str:
                 continue
             entry = parameters.entry(name)
             lines.append(
-                f'{key} = {{ value = {entry.value!r}, unit = "{entry.unit}", '
-                f'source = "{entry.source}" }}'
+                f"{key} = {{ value = {entry.value!r}, unit = {json.dumps(entry.unit)}, "
+                f"source = {json.dumps(entry.source)} }}"
             )
     return "\n".join(lines) + "\n"
