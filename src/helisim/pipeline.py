@@ -228,7 +228,7 @@ def _row(
             limits |= {"paper_tolerance_percent": percent, "paper_tolerance_reason": reason}
     return ParameterRow(
         name=name,
-        unit=fitted.unit,
+        unit=fitted.unit or (published.unit if published else ""),
         identified=fitted.value,
         truth=truth.get(name),
         paper=None if published is None else published.value,
