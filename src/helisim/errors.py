@@ -48,3 +48,7 @@ class DivergedError(HelisimError):
 
 class IdentificationError(HelisimError):
     """The data do not support the identification that was asked for."""
+
+
+class DisplayError(HelisimError):
+    """A window can't be opened."""

@@ -1,0 +1,8 @@
+"""`python -m helisim.cli`."""
+
+import sys
+
+from helisim.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,37 @@
+"""`helisim bench`: the ground tests on bench, turntable and suspension."""
+
+import argparse
+import json
+from typing import Any
+
+from helisim.cli.common import add_parameters, parameters
+
+
+def add(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = commands.add_parser(
+        "bench",
+        help="run the ground tests: the yaw gyro's gains, the centre of gravity",
+        description="Step the pedals on the bench, sweep the turntable, hang from two points, all "
+        "with the rotor off, and print what the records tell beside the truth.",
+        epilog="example: helisim bench --json",
+    )
+    command.add_argument(
+        "--seed", type=int, default=1, metavar="S", help="of the sensors (default: 1)"
+    )
+    command.add_argument("--json", action="store_true", help="findings and notes as JSON")
+    add_parameters(command)
+    command.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from helisim.output.ground import render_rigs
+    from helisim.sim.rigs import run_rigs
+    from helisim.vehicle import load
+
+    tests = run_rigs(load(parameters=parameters(options)), seed=options.seed)
+    if options.json:
+        print(json.dumps([test.to_dict() for test in tests], indent=2, allow_nan=False))
+    else:
+        print(render_rigs(tests))
+    return 0

@@ -1,0 +1,98 @@
+"""What several commands share: the parser, options, the progress bar."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from tqdm import tqdm
+
+from helisim.errors import InputError
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, and exits with status 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with a message."""
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def add_common(command: argparse.ArgumentParser) -> None:
+    """Add the options of the commands that fly."""
+    command.add_argument(
+        "--seed", type=int, default=1, metavar="S", help="of pilot and sensors (default: 1)"
+    )
+    command.add_argument(
+        "--rerun", type=Path, metavar="FILE", help="write a Rerun recording too, .rrd"
+    )
+    add_parameters(command)
+    add_quiet(command)
+
+
+def add_quiet(command: argparse.ArgumentParser) -> None:
+    """Add --quiet."""
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def add_parameters(command: argparse.ArgumentParser) -> None:
+    """Add --set."""
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="replace a physical parameter, such as "
+        "main_rotor.hub_stiffness=100 (SI); may be given again",
+    )
+
+
+def parameters(options: argparse.Namespace) -> dict[str, float]:
+    """Return what --set gives. Raises InputError."""
+    return named_numbers("--set", options.set)
+
+
+def named_numbers(option: str, items: Sequence[str]) -> dict[str, float]:
+    """Return NAME=VALUE items as numbers by name. Raises InputError."""
+    values = {}
+    for item in items:
+        name, equals, text = item.partition("=")
+        try:
+            values[name.strip()] = float(text)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise InputError(f"{option} takes NAME=VALUE with a number, got {item!r}")
+    return values
+
+
+def names(text: str | None) -> tuple[str, ...]:
+    """Return names that are separated by commas."""
+    return tuple(name.strip() for name in (text or "").split(",") if name.strip())
+
+
+def write_recording(path: Path, records: Any, *, run: Any = None, quiet: bool = False) -> None:
+    """Write a Rerun recording of flights, and of what a run found from them, and say so."""
+    from helisim.output.rerun_log import write_recording
+    from helisim.vehicle import load
+
+    write_recording(path, records, model=load().visual_model(), run=run)
+    if not quiet:
+        print(f"Written: {path}; open it with: rerun {path}")
+
+
+class Progress:
+    """A progress bar on standard error; silent where that is no terminal, or when asked."""
+
+    def __init__(self, steps: int, quiet: bool) -> None:
+        self._bar = tqdm(total=steps, disable=quiet or None, unit="step", leave=False)
+
+    def __enter__(self) -> Callable[[str], None]:
+        return self._advance
+
+    def _advance(self, label: str) -> None:
+        self._bar.set_description(label)
+        self._bar.update()
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()

@@ -1,0 +1,134 @@
+"""`helisim frf`: frequency responses of anyone's logs."""
+
+import argparse
+import csv
+import json
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from helisim.cli.common import Progress, add_quiet, names
+from helisim.cli.identify import add_responses
+from helisim.cli.logs import (
+    MAP_HELP,
+    add_log_options,
+    band,
+    check_moving,
+    describe,
+    located,
+    read_logs,
+    reports,
+)
+
+if TYPE_CHECKING:
+    from helisim.ident import FrequencyResponse
+
+FORMAT = "helisim frequency response, version 1"
+
+_EPILOG = f"""\
+example:
+  helisim frf lat.csv --map heli.toml --inputs lat --outputs p,q --conditioning lon --csv p.csv
+
+{MAP_HELP}"""
+
+
+def add(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = commands.add_parser(
+        "frf",
+        help="estimate frequency responses from flight logs",
+        description="Estimate frequency responses with coherence and random error from flight "
+        "logs, by anyone: composite windows, other inputs' effects removed.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_log_options(command)
+    add_responses(command, required=True)
+    command.add_argument("--json", type=Path, metavar="FILE", help="write everything, .json")
+    command.add_argument("--csv", type=Path, metavar="FILE", help="write the responses, .csv")
+    add_quiet(command)
+    command.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from helisim.ident import frequency_response
+    from helisim.ident.archive import response_to_dict
+    from helisim.ident.conditioning import CrossControlWarning
+    from helisim.storage import atomic_write, check_destination
+
+    inputs, outputs = names(options.inputs), names(options.outputs)
+    others, reference = names(options.conditioning), names(options.reference)
+    for path, suffix in ((options.json, ".json"), (options.csv, ".csv")):
+        if path is not None:
+            check_destination(path, (suffix,))
+    wanted = tuple(dict.fromkeys((*inputs, *others, *reference, *outputs)))
+    with Progress(len(options.logs) + 1, options.quiet) as advance, warnings.catch_warnings():
+        warnings.simplefilter("ignore", CrossControlWarning)  # printed below
+        logs, records = read_logs(options, wanted, advance)
+        check_moving(logs, wanted)
+        with located(logs):
+            frf = frequency_response(
+                records,
+                inputs=inputs,
+                outputs=outputs,
+                band=band(options, records),
+                conditioning=others,
+                reference=reference,
+            )
+        advance("frequency responses")
+    print(f"{describe(logs)}\n")
+    print("\n".join(_table(frf)))
+    if options.json is not None:
+        data = {"format": FORMAT, "response": response_to_dict(frf), "logs": reports(logs)}
+        with atomic_write(options.json) as temporary:
+            temporary.write_text(json.dumps(data, allow_nan=False) + "\n", encoding="utf-8")
+        print(f"Written: {options.json}")
+    if options.csv is not None:
+        with atomic_write(options.csv) as temporary:
+            _write_csv(frf, temporary)
+        print(f"Written: {options.csv}")
+    return 0
+
+
+def _table(frf: "FrequencyResponse") -> list[str]:
+    """Return a line for each response: where it is usable and how well it is known."""
+    width = max(8, *map(len, frf.pairs))
+    lines = [f"{'response':<{width}}  usable band, rad/s   coherence  random error, %"]
+    usable = frf.usable()
+    for name in frf.pairs:
+        o, i = frf.index(*name.split("/", 1))
+        where = usable[o, i]
+        if not where.any():
+            lines.append(f"{name:<{width}}  nowhere: coherence below 0.6 at all frequencies")
+            continue
+        inside = frf.frequency[where]
+        lines.append(
+            f"{name:<{width}}  {inside[0]:8.3g} to {inside[-1]:<7.3g}  "
+            f"{np.mean(frf.coherence[o, i, where]):9.3f}  "
+            f"{100.0 * np.mean(frf.random_error[o, i, where]):15.2g}"
+        )
+    return lines + list(frf.flags)
+
+
+def _write_csv(frf: "FrequencyResponse", path: Path) -> None:
+    heads = ["frequency [rad/s]"]
+    columns = [frf.frequency]
+    for name in frf.pairs:
+        o, i = frf.index(*name.split("/", 1))
+        response = frf.response[o, i]
+        heads += [
+            f"{name} magnitude [dB]",
+            f"{name} phase [deg]",
+            f"{name} coherence [1]",
+            f"{name} random error [1]",
+        ]
+        with np.errstate(divide="ignore"):
+            magnitude = 20.0 * np.log10(np.abs(response))
+        phase = np.degrees(np.unwrap(np.angle(response)))
+        columns += [magnitude, phase, frf.coherence[o, i], frf.random_error[o, i]]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(heads)
+        writer.writerows(np.column_stack(columns).tolist())

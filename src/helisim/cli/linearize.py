@@ -1,0 +1,39 @@
+"""`helisim linearize`: the exact linear model at the hover."""
+
+import argparse
+import json
+from typing import Any
+
+from helisim.cli.common import add_parameters, parameters
+
+
+def add(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = commands.add_parser(
+        "linearize",
+        help="print the exact linearisation at the hover",
+        description="Print the exact linearisation of the nonlinear vehicle at its hover.",
+        epilog="example: helisim linearize --inputs IN2 --json",
+    )
+    command.add_argument(
+        "--inputs",
+        default="IN1",
+        metavar="IN",
+        help="IN1 (servo commands to motion, default) or IN2 (sticks to motion)",
+    )
+    command.add_argument("--json", action="store_true", help="matrices and names as JSON")
+    add_parameters(command)
+    command.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from helisim.output.tables import render_derivatives
+    from helisim.vehicle import load
+
+    vehicle = load(parameters=parameters(options))
+    linear = vehicle.linearize(options.inputs)
+    if options.json:
+        print(json.dumps({**linear.to_dict(), "derivatives": vehicle.derivatives}, indent=2))
+    else:
+        print(render_derivatives(linear, vehicle.derivatives))
+    return 0

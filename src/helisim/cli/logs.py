@@ -1,0 +1,230 @@
+"""Options and steps that the commands share which read flight logs."""
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from helisim.cli.common import names
+from helisim.errors import HelisimError, IdentificationError, InputError
+from helisim.logs import REPAIRS, Clock, Column, Log, Map, read_log
+from helisim.record import FlightRecord
+
+_SAMPLES_A_PERIOD = 10.0
+"""The default band ends where a period still has so many samples."""
+
+MAP_HELP = """\
+a map is a TOML file:
+  [time]
+  column = "t"
+  unit = "us"
+  [channels.p]
+  column = "gyro_x"
+  unit = "deg/s"
+  sign = -1
+  [channels.lat]
+  column = "rc1"
+  unit = "us"       # pulses: (number - trim) / range
+  trim = 1520
+  range = 800
+"""
+
+
+def add_log_options(command: argparse.ArgumentParser) -> None:
+    """Add the logs and the options of how to read them."""
+    command.add_argument(
+        "logs",
+        nargs="+",
+        type=Path,
+        metavar="LOG",
+        help="helisim record, CSV, Parquet, ULog (PX4) or DataFlash (ArduPilot)",
+    )
+    group = command.add_argument_group("how to read the logs")
+    group.add_argument(
+        "--map", type=Path, metavar="FILE", help="which column is which channel, TOML; see below"
+    )
+    group.add_argument(
+        "--channel",
+        action="append",
+        default=[],
+        metavar="NAME=COLUMN:UNIT",
+        help="the same for one channel, with sign=-1, trim=X, range=X after further colons; "
+        "may be given again",
+    )
+    group.add_argument("--time", metavar="COLUMN[:UNIT]", help="column of times, in s, ms, us, ...")
+    group.add_argument("--rate", type=float, metavar="HZ", help="of a log without times")
+    group.add_argument(
+        "--resample",
+        type=float,
+        metavar="HZ",
+        help="make the samples uniform (with a filter where the log is faster)",
+    )
+    group.add_argument(
+        "--repair",
+        action="append",
+        default=[],
+        metavar="NAME,...",
+        help="allow repairs: "
+        + "; ".join(f"{name} ({meaning})" for name, meaning in REPAIRS.items()),
+    )
+    group.add_argument(
+        "--max-gap",
+        type=float,
+        metavar="S",
+        help="longest time between samples that is no gap (default: 4.5 median steps)",
+    )
+    group.add_argument(
+        "--min-duration",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="leave out shorter parts of a log that is split",
+    )
+
+
+class Read(NamedTuple):
+    """Logs that were read, and their records in one row."""
+
+    logs: tuple[Log, ...]
+    records: tuple[FlightRecord, ...]
+
+
+def read_logs(
+    options: argparse.Namespace, wanted: Sequence[str], advance: Callable[[str], None]
+) -> Read:
+    """Read all logs: uniform, with all wanted channels.
+
+    Raises:
+        HelisimError: a log can't be used; the message names the file.
+    """
+    channels, time = _columns(options, wanted)
+    repair = [name for item in options.repair for name in names(item)]
+    logs = []
+    for path in options.logs:
+        log = read_log(
+            path,
+            channels=channels,
+            time=time,
+            resample_hz=options.resample,
+            repair=repair,
+            max_gap=options.max_gap,
+            min_duration=options.min_duration,
+        )
+        for name in wanted:
+            if name not in log.records[0]:
+                raise InputError(
+                    f"{path}: has no channel {name!r}; available: {', '.join(log.records[0].names)}"
+                )
+        log.check_uniform()
+        logs.append(log)
+        advance(path.name)
+    return Read(tuple(logs), tuple(record for log in logs for record in log.records))
+
+
+def check_moving(logs: Sequence[Log], channels: Sequence[str]) -> None:
+    """Raise IdentificationError, with the places, if a channel is constant in every log."""
+    for name in channels:
+        columns = [record[name] for log in logs for record in log.records]
+        if all(float(one.max() - one.min()) <= 1e-12 * float(abs(one).max()) for one in columns):
+            places = "; ".join(log.where(name) for log in logs)
+            raise IdentificationError(
+                f"{places}: channel {name!r} is constant, so nothing can be identified from it"
+            )
+
+
+@contextmanager
+def located(logs: Sequence[Log]) -> Iterator[None]:
+    """Add files, columns and rows to an error about the channels that its message names."""
+    try:
+        yield
+    except IdentificationError as error:
+        text = str(error)
+        channels = [name for name in logs[0].headings if repr(name) in text]
+        places = [log.where(name) for log in logs for name in channels] or [
+            f"{log.report.path}, {log.report.counts}s {log.report.parts[0].first_row} to "
+            f"{log.report.parts[-1].last_row}"
+            for log in logs
+        ]
+        raise IdentificationError(f"{'; '.join(places)}: {text}") from None
+
+
+def band(options: argparse.Namespace, records: Sequence[FlightRecord]) -> tuple[float, float]:
+    """Return --band, or what the records resolve: rad/s.
+
+    By default from one period in the longest window that the rules allow to ten samples a
+    period.
+    """
+    if options.band is not None:
+        return options.band[0], options.band[1]
+    durations = [record.duration for record in records]
+    window = min(min(durations) / 2.0, sum(durations) / 5.0)
+    low = 1.0001 * 2.0 * pi / window
+    high = 2.0 * pi / (_SAMPLES_A_PERIOD * max(record.sample_time for record in records))
+    if not low < high:
+        raise IdentificationError(
+            f"the records are too short: the shortest lasts {min(durations):.4g} s, which "
+            f"resolves frequencies from {low:.4g} rad/s, and its samples up to {high:.4g} rad/s"
+        )
+    return low, high
+
+
+def describe(logs: Sequence[Log]) -> str:
+    """Return how the logs were read."""
+    return "\n".join(str(log.report) for log in logs)
+
+
+def reports(logs: Sequence[Log]) -> list[dict[str, Any]]:
+    """Return how the logs were read, as plain data."""
+    return [log.report.to_dict() for log in logs]
+
+
+def _columns(
+    options: argparse.Namespace, wanted: Sequence[str]
+) -> tuple[Map | tuple[str, ...], Clock | None]:
+    """Return the map, or the wanted names where none is given, and the clock."""
+    if options.time is not None and options.rate is not None:
+        raise InputError("--time and --rate exclude each other: give one")
+    time = None if options.rate is None else Clock(rate=options.rate)
+    if options.time is not None:
+        column, _, unit = options.time.partition(":")
+        time = Clock(column, unit or None)
+    if options.map is None and not options.channel:
+        return tuple(wanted), time
+    given = Map() if options.map is None else Map.from_toml(options.map)
+    given = given.with_channels(dict(_channel(item) for item in options.channel))
+    return (
+        replace(given, channels={name: given.channels.get(name, Column(name)) for name in wanted}),
+        time,
+    )
+
+
+def _channel(item: str) -> tuple[str, Column]:
+    """Return NAME=COLUMN[:UNIT][:sign=-1][:trim=X][:range=X] as a channel and its column."""
+    name, equals, rest = item.partition("=")
+    column, *further = rest.split(":")
+    if not equals or not name.strip() or not column:
+        raise InputError(f"--channel takes NAME=COLUMN:UNIT, such as p=gyro_x:deg/s, got {item!r}")
+    unit: str | None = None
+    numbers: dict[str, float] = {}
+    for part in further:
+        key, equals, text = part.partition("=")
+        if not equals and unit is None and not numbers:
+            unit = part
+            continue
+        try:
+            numbers[key] = float(text)
+        except ValueError:
+            raise InputError(
+                f"--channel: {part!r} in {item!r} isn't sign=-1, trim=X or range=X"
+            ) from None
+    try:
+        sign = int(numbers.pop("sign", 1))
+        trim, width = numbers.pop("trim", None), numbers.pop("range", None)
+        if numbers:
+            raise InputError(f"{', '.join(numbers)} is unknown; available: sign, trim, range")
+        return name.strip(), Column(column, unit or None, sign, trim, width)
+    except (ValueError, OverflowError, HelisimError) as error:
+        raise InputError(f"--channel {item!r}: {error}") from None

@@ -1,0 +1,33 @@
+"""`helisim report`: a run's report, made again from its files."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+
+def add(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = commands.add_parser(
+        "report",
+        help="write a run's report again",
+        description="Write DIR/report.html and DIR/figures again, from the files that helisim "
+        "reproduce left in DIR: results.json, fits.json and flights/.",
+        epilog="example: helisim report reproduction",
+    )
+    command.add_argument("folder", type=Path, metavar="DIR", help="folder of a run")
+    command.add_argument("--quiet", action="store_true", help="print nothing")
+    command.add_argument("--json", action="store_true", help="print the paths as JSON")
+    command.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from helisim.pipeline import report
+
+    path = report(options.folder)
+    if options.json:
+        figures = sorted(str(item) for item in (path.parent / "figures").iterdir())
+        print(json.dumps({"report": str(path), "figures": figures}, indent=2))
+    elif not options.quiet:
+        print(f"Written: {path}, figures in {path.parent / 'figures'}")
+    return 0

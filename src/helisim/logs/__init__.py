@@ -1,0 +1,24 @@
+"""Anyone's flight logs as flight records: CSV, Parquet, ULog, ArduPilot DataFlash.
+
+A log is read as it is. What is wrong with it (gaps, missing numbers, clocks that go back) is
+refused with the row's number, or repaired where the user asked for it, and every repair is
+in the report and in the record's provenance.
+"""
+
+from helisim.logs.mapping import Clock, Column, Layout, Map
+from helisim.logs.read import REPAIRS, Log, read_log
+from helisim.logs.report import Finding, LogReport
+from helisim.logs.units import UNITS
+
+__all__ = [
+    "REPAIRS",
+    "UNITS",
+    "Clock",
+    "Column",
+    "Finding",
+    "Layout",
+    "Log",
+    "LogReport",
+    "Map",
+    "read_log",
+]

@@ -1,0 +1,397 @@
+"""Reads a log: columns to channels, units to SI, gaps and clocks to records."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.channels import Channel
+from helisim.errors import HelisimError, InputError, RecordError, StorageError, UnknownNameError
+from helisim.logs.autopilot import (
+    DATAFLASH_MAGIC,
+    DATAFLASH_TEXT,
+    ULOG_MAGIC,
+    read_dataflash,
+    read_ulog,
+)
+from helisim.logs.columnar import MAGIC as PARQUET_MAGIC
+from helisim.logs.columnar import ParquetLog
+from helisim.logs.mapping import Clock, Column, Map, find_column, split_heading
+from helisim.logs.parts import Cut, Options, cut, tidied, unwrapped
+from helisim.logs.report import OURS, Finding, LogReport
+from helisim.logs.resample import (
+    PASSBAND,
+    check_rate,
+)
+from helisim.logs.source import Source, digest, place, read_bytes
+from helisim.logs.text import TIME_NAMES, TextLog
+from helisim.logs.timing import (
+    Samples,
+)
+from helisim.record import FlightRecord
+from helisim.storage import read_record
+
+REPAIRS: dict[str, str] = {
+    "duplicates": "average rows that have the same stamp",
+    "gaps": "split the log at its gaps",
+    "missing": "interpolate cells without a number",
+    "order": "sort rows by time",
+    "resets": "split the log where the clock goes back",
+    "tail": "leave out an incomplete last line",
+}
+"""What may be done to a log, each only on request."""
+
+_OURS_CSV = b"# helisim flight record"
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A log that was read.
+
+    Attributes:
+        records: one for each uninterrupted part.
+        report: how they were made.
+        headings: channel -> the column that it comes from.
+    """
+
+    records: tuple[FlightRecord, ...]
+    report: LogReport
+    headings: Mapping[str, str]
+
+    @property
+    def record(self) -> FlightRecord:
+        """The record of a log that has one part. Raises RecordError if it has several."""
+        if len(self.records) != 1:
+            raise RecordError(
+                f"{self.report.path}: has {len(self.records)} parts; use `records`, which "
+                "frequency_response and verify accept"
+            )
+        return self.records[0]
+
+    def where(self, channel: str) -> str:
+        """Return where a channel comes from: file, column and rows."""
+        parts, counts = self.report.parts, self.report.counts
+        column = self.headings.get(channel, channel)
+        rows = f"{counts}s {parts[0].first_row} to {parts[-1].last_row}"
+        return f"{self.report.path}, column {column!r}, {rows}"
+
+    def check_uniform(self) -> None:
+        """Raise RecordError, with the row and what to do, unless every record is uniform."""
+        for part in self.report.parts:
+            if part.uneven:
+                raise RecordError(
+                    f"{part.uneven} s: samples must be uniform; resample them, such as at "
+                    f"{_round_rate(self.report.step[1]):g} Hz (--resample HZ)"
+                )
+
+
+def read_log(
+    path: str | Path,
+    *,
+    channels: Map | Mapping[str, Column | str] | Sequence[str] | None = None,
+    time: Clock | str | None = None,
+    resample_hz: float | None = None,
+    repair: Iterable[str] = (),
+    max_gap: float | None = None,
+    min_duration: float = 0.0,
+) -> Log:
+    """Read a flight log by any program.
+
+    What kind of file it is, its first bytes say: a helisim record, CSV, Parquet, ULog (PX4) or
+    DataFlash (ArduPilot).
+
+    Args:
+        path: the file.
+        channels: channel -> column; or names of channels whose columns have the same names
+            and state their units, such as "p [deg/s]"; by default all columns that do. A
+            helisim record needs none.
+        time: the column of times, if the map doesn't say it and it isn't called time.
+        resample_hz: a rate for the records. By default every sample stays where it is.
+        repair: what may be done to the log, see `REPAIRS`. Nothing else is done.
+        max_gap: the longest time between samples that is no gap, s; by default 4.5 median
+            steps.
+        min_duration: shorter parts are left out, s, and the report says so.
+
+    Raises:
+        StorageError: the file can't be read, or holds what isn't a number.
+        RecordError: the numbers make no record without a repair that wasn't asked for.
+        InputError: a column, unit or option doesn't exist.
+    """
+    path = Path(path)
+    options = _options(resample_hz, repair, max_gap, min_duration)
+    data = read_bytes(path)
+    mapped = isinstance(channels, Map | Mapping)
+    if not mapped and _is_ours(data):
+        return _from_ours(path, digest(data), options)
+    map_, wanted = _as_map(channels)
+    if time is not None:
+        map_ = replace(map_, time=Clock(time) if isinstance(time, str) else time)
+    source = _open(path, data, map_, "tail" in options.repairs)
+    if wanted is not None:
+        map_ = map_.with_channels(_by_name(source, wanted, map_.channels))
+    elif not map_.channels:
+        map_ = map_.with_channels(_stated(source))
+    try:
+        return _from_source(source, map_, digest(data), options)
+    except InputError as error:
+        raise _named(path, error) from None
+
+
+def _named(path: Path, error: HelisimError) -> HelisimError:
+    """Return an error whose message begins with the file."""
+    if str(error).startswith(str(path)):
+        return error
+    kind = InputError if isinstance(error, InputError) else type(error)
+    return kind(f"{path}: {error}")
+
+
+def _options(
+    rate: float | None, repair: Iterable[str], max_gap: float | None, min_duration: float
+) -> Options:
+    names = frozenset((repair,) if isinstance(repair, str) else repair)
+    for name in sorted(names):
+        if name not in REPAIRS:
+            raise UnknownNameError("repair", name, REPAIRS)
+    if {"order", "resets"} <= names:
+        raise InputError("the repairs 'order' and 'resets' exclude each other: choose one")
+    if max_gap is not None and not max_gap > 0.0:
+        raise InputError(f"max_gap is {max_gap}, expected a time in s")
+    if not 0.0 <= min_duration < np.inf:
+        raise InputError(f"min_duration is {min_duration}, expected a time in s")
+    return Options(None if rate is None else check_rate(rate), names, max_gap, min_duration)
+
+
+def _as_map(
+    channels: Map | Mapping[str, Column | str] | Sequence[str] | None,
+) -> tuple[Map, tuple[str, ...] | None]:
+    """Return a map, and the names of channels that are to be found by their names."""
+    if channels is None:
+        return Map(), None
+    if isinstance(channels, Map):
+        return channels, None
+    if isinstance(channels, Mapping):
+        columns = {
+            name: Column(column) if isinstance(column, str) else column
+            for name, column in channels.items()
+        }
+        return Map(columns), None
+    return Map(), (channels,) if isinstance(channels, str) else tuple(channels)
+
+
+def _is_ours(data: bytes) -> bool:
+    if data.removeprefix(b"\xef\xbb\xbf").startswith(_OURS_CSV):
+        return True
+    return data.startswith(PARQUET_MAGIC) and b"helisim" in data[-(1 << 16) :] and _has_key(data)
+
+
+def _has_key(data: bytes) -> bool:
+    try:
+        return b"helisim" in ParquetLog(Path("."), data).metadata
+    except StorageError:
+        return False
+
+
+def _open(path: Path, data: bytes, map_: Map, cut_tail: bool) -> Source:
+    if data.startswith(PARQUET_MAGIC):
+        return ParquetLog(path, data)
+    if data.startswith(ULOG_MAGIC):
+        return read_ulog(path, data)
+    if data.startswith((DATAFLASH_MAGIC, DATAFLASH_TEXT)):
+        return read_dataflash(path, data)
+    return TextLog(path, data, map_.layout, cut_tail=cut_tail)
+
+
+def _by_name(
+    source: Source, wanted: Sequence[str], mapped: Mapping[str, Column]
+) -> dict[str, Column]:
+    found = {}
+    for name in wanted:
+        if name in mapped:
+            continue
+        try:
+            found[name] = Column(find_column(name, source.names, "column"))
+        except UnknownNameError as error:
+            raise InputError(
+                f"{source.path}: {error}; map the channel to a column (--channel "
+                f"{name}=COLUMN:UNIT, or --map FILE.toml)"
+            ) from None
+        except InputError as error:
+            raise InputError(f"{source.path}: {error}") from None
+    return found
+
+
+def _stated(source: Source) -> dict[str, Column]:
+    """Return a column for every heading that states a unit."""
+    found = {}
+    for heading in source.names:
+        name = split_heading(heading)[0] if source.counts == "line" else heading
+        if name.lower() not in TIME_NAMES and source.stated_unit(heading) and name not in found:
+            found[name] = Column(heading)
+    if not found:
+        raise InputError(
+            f"{source.path}: no column states its unit, as 'p [deg/s]' does; say which column is "
+            "which channel (--channel NAME=COLUMN:UNIT, or --map FILE.toml)"
+        )
+    return found
+
+
+def _from_ours(path: Path, fingerprint: str, options: Options) -> Log:
+    """Read a helisim record, which needs no map."""
+    record = read_record(path)
+    samples = Samples(
+        path, "row", np.arange(len(record)), record.time, record.values, record.names, "time"
+    )
+    findings: list[Finding] = []
+    made = (cut((samples,), options, findings),)
+    report = LogReport(
+        path=str(path),
+        format=OURS,
+        digest=fingerprint,
+        counts="row",
+        samples=len(record),
+        columns={channel.name: f"as recorded, in {channel.unit}" for channel in record.channels},
+        unused=(),
+        origin=f"{record.time[0]:.9g} s",
+        step=_steps((samples,)),
+        findings=(*findings, *(finding for one in made for finding in one.left_out)),
+        resampled_hz=options.rate,
+        passband_hz=_passband(made, options.rate),
+        parts=tuple(part for stretch in made for part in stretch.parts),
+    )
+    headings = {name: name for name in record.names}
+    if options.rate is None and len(report.parts) == 1 and report.parts[0].samples == len(record):
+        return Log((record,), report, headings)
+    return _log(made, record.channels, report, headings, record.provenance)
+
+
+def _from_source(source: Source, map_: Map, fingerprint: str, options: Options) -> Log:
+    """Read anyone's log by a map whose channels are complete."""
+    findings = list(source.findings)
+    headings: dict[str, str] = {}
+    told: dict[str, str] = {}
+    channels: dict[str, Channel] = {}
+    groups: dict[str, dict[str, NDArray[np.float64]]] = {}
+    for name, column in map_.channels.items():
+        heading = find_column(column.column, source.names, f"column of channel {name!r}")
+        stated = source.stated_unit(heading)
+        channels[name], factor = column.converts(name, stated)
+        headings[name] = heading
+        told[name] = _told(column, heading, stated, channels[name])
+        values = _converted(source, heading, column, factor)
+        groups.setdefault(source.clock(heading), {})[name] = values
+    samples = []
+    clocks = {}
+    for clock, columns in groups.items():
+        stamps, origin, time_heading = source.stamps(clock, map_.time)
+        clocks[time_heading] = origin
+        samples.append(
+            Samples(
+                source.path,
+                source.counts,
+                source.rows(clock),
+                stamps,
+                np.column_stack(list(columns.values())),
+                tuple(headings[name] for name in columns),
+                time_heading,
+            )
+        )
+    order = [name for columns in groups.values() for name in columns]
+    stretches = tidied(tuple(samples), options, findings)
+    stretches = tuple(
+        tuple(
+            unwrapped(one, [(map_.channels[name], channels[name]) for name in columns], findings)
+            for one, columns in zip(stretch, groups.values())
+        )
+        for stretch in stretches
+    )
+    made = tuple(cut(stretch, options, findings) for stretch in stretches)
+    used = {*headings.values(), *clocks}
+    report = LogReport(
+        path=str(source.path),
+        format=source.format,
+        digest=fingerprint,
+        counts=source.counts,
+        samples=max(one.time.size for one in samples),
+        columns=told,
+        unused=tuple(name for name in source.names if name not in used),
+        origin=next(iter(clocks.values())),
+        step=_steps(tuple(one for stretch in stretches for one in stretch)),
+        findings=(*findings, *(finding for one in made for finding in one.left_out)),
+        resampled_hz=options.rate,
+        passband_hz=_passband(made, options.rate),
+        parts=tuple(part for one in made for part in one.parts),
+    )
+    return _log(made, tuple(channels[name] for name in order), report, headings, {})
+
+
+def _told(column: Column, heading: str, stated: str | None, channel: Channel) -> str:
+    """Return how a channel is computed, for people."""
+    unit = column.unit or stated
+    number = f"{heading!r}" if column.trim is None else f"({heading!r} - {column.trim:g})"
+    number = number if column.range is None else f"{number} / {column.range:g}"
+    sign = "-" if column.sign < 0 else ""
+    return f"{sign}{number} [{unit}] in {channel.unit}"
+
+
+def _converted(source: Source, heading: str, column: Column, factor: float) -> NDArray[np.float64]:
+    """Return a column in SI, NaN where there is no number."""
+    raw = source.numbers(heading)
+    trim = 0.0 if column.trim is None else column.trim
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = factor * (raw - trim)
+    wild = np.flatnonzero(np.isinf(values))
+    if wild.size:
+        rows = source.rows(source.clock(heading))
+        where = place(source.path, source.counts, int(rows[wild[0]]), heading)
+        raise RecordError(f"{where}: {raw[wild[0]]:g} is too large for its unit")
+    return values
+
+
+def _steps(samples: tuple[Samples, ...]) -> tuple[float, float, float]:
+    steps = np.concatenate([np.diff(one.time) for one in samples])
+    if not steps.size:
+        return (0.0, 0.0, 0.0)
+    return float(np.min(steps)), float(np.median(steps)), float(np.max(steps))
+
+
+def _passband(made: Sequence[Cut], rate: float | None) -> float | None:
+    if rate is None or max(one.factor for one in made) == 1:
+        return None
+    return PASSBAND * rate / 2.0
+
+
+def _log(
+    made: Sequence[Cut],
+    channels: tuple[Channel, ...],
+    report: LogReport,
+    headings: Mapping[str, str],
+    provenance: Mapping[str, Any],
+) -> Log:
+    """Return the records, each with the report in its provenance."""
+    times = [time for one in made for time in one.time]
+    values = [one_values for one in made for one_values in one.values]
+    if not times:
+        told = "; ".join(finding.text for finding in report.findings) or "no samples"
+        raise RecordError(f"{report.path}, {told}; nothing is left of it")
+    records = []
+    for k, (time, numbers) in enumerate(zip(times, values)):
+        part = report.parts[k]
+        rows = f"{report.counts}s {part.first_row} to {part.last_row}"
+        bad = np.flatnonzero(~np.all(np.isfinite(numbers), axis=0))
+        if bad.size:
+            column = headings[channels[bad[0]].name]
+            raise RecordError(f"{report.path}, column {column!r}, {rows}: too large to interpolate")
+        told = {**provenance, "log": report.to_dict(), "part": k}
+        try:
+            records.append(FlightRecord(time, numbers, channels, told))
+        except RecordError as error:
+            raise RecordError(f"{report.path}, {rows}: {error}") from None
+    return Log(tuple(records), report, headings)
+
+
+def _round_rate(step: float) -> float:
+    """Return the rate that a median step stands for, Hz, to two digits."""
+    return float(f"{1.0 / step:.2g}") if step > 0.0 else 1.0

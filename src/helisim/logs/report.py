@@ -1,0 +1,164 @@
+"""What was found in a log and what was done about it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+OURS = "helisim record"
+"""Name of helisim's own format, whose channels need no map."""
+
+_ROWS_KEPT = 20
+"""Row numbers that a finding keeps; its count says how many there were."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing about a log that a careful reader would want to know.
+
+    Attributes:
+        kind: such as "gap", "duplicate stamp" or "missing number".
+        text: what was found, where, and what was done.
+        count: how often.
+        rows: where, the first 20, numbered as `LogReport.counts` says.
+        repaired: whether the data were changed because of it.
+    """
+
+    kind: str
+    text: str
+    count: int = 1
+    rows: tuple[int, ...] = ()
+    repaired: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rows", tuple(int(row) for row in self.rows[:_ROWS_KEPT]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {
+            "kind": self.kind,
+            "text": self.text,
+            "count": self.count,
+            "rows": list(self.rows),
+            "repaired": self.repaired,
+        }
+
+
+@dataclass(frozen=True)
+class Part:
+    """One uninterrupted stretch of a log that became a record.
+
+    Attributes:
+        first_row, last_row: where it comes from.
+        samples: how many the record has.
+        start: s since the log's first stamp.
+        duration: s.
+        uneven: where and how the samples aren't uniform; empty if they are.
+    """
+
+    first_row: int
+    last_row: int
+    samples: int
+    start: float
+    duration: float
+    uneven: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LogReport:
+    """How a log became records. Nothing happened that isn't here.
+
+    Attributes:
+        path: the file.
+        format: such as "CSV".
+        digest: BLAKE2 of the file's bytes.
+        counts: what rows are counted in: "line" of the file from 1, or "row" from 0.
+        samples: samples in the log, of the channels' column with the most.
+        columns: channel -> how it was computed from which column.
+        unused: columns that no channel comes from.
+        origin: the first stamp, as the log has it.
+        step: smallest, median and largest time between samples, s.
+        findings: what was noticed and what was repaired.
+        resampled_hz: rate of the records, if they were resampled.
+        passband_hz: frequency up to which the anti-alias filter changes nothing, if there
+            was one.
+        parts: one a record.
+    """
+
+    path: str
+    format: str
+    digest: str
+    counts: str
+    samples: int
+    columns: Mapping[str, str]
+    unused: tuple[str, ...]
+    origin: str
+    step: tuple[float, float, float]
+    findings: tuple[Finding, ...]
+    resampled_hz: float | None
+    passband_hz: float | None
+    parts: tuple[Part, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "columns", MappingProxyType(dict(self.columns)))
+
+    @property
+    def repairs(self) -> tuple[Finding, ...]:
+        """The findings because of which data were changed."""
+        return tuple(finding for finding in self.findings if finding.repaired)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        low, middle, high = self.step
+        return {
+            "path": self.path,
+            "format": self.format,
+            "digest": self.digest,
+            "rows_counted_as": self.counts,
+            "samples": self.samples,
+            "columns": dict(self.columns),
+            "unused_columns": list(self.unused),
+            "origin": self.origin,
+            "step_s": {"smallest": low, "median": middle, "largest": high},
+            "findings": [finding.to_dict() for finding in self.findings],
+            "resampled_hz": self.resampled_hz,
+            "passband_hz": self.passband_hz,
+            "parts": [
+                {
+                    "first_row": part.first_row,
+                    "last_row": part.last_row,
+                    "samples": part.samples,
+                    "start_s": part.start,
+                    "duration_s": part.duration,
+                }
+                for part in self.parts
+            ],
+        }
+
+    def __str__(self) -> str:
+        low, middle, high = self.step
+        total = sum(part.duration for part in self.parts)
+        lines = [
+            f"{self.path}: {self.format}, {self.samples} samples, {total:.4g} s, "
+            f"step {middle:.4g} s (from {low:.4g} to {high:.4g} s)"
+        ]
+        if self.format != OURS:
+            lines += [f"  {name} = {text}" for name, text in self.columns.items()]
+        if self.resampled_hz is not None:
+            told = (
+                f"low-pass filtered, unchanged up to {self.passband_hz:.4g} Hz"
+                if self.passband_hz is not None
+                else "no filter: the log is not faster"
+            )
+            lines.append(f"  resampled to {self.resampled_hz:g} Hz, {told}")
+        if len(self.parts) > 1:
+            lines.append(f"  {len(self.parts)} records:")
+            lines += [
+                f"    {self.counts}s {part.first_row} to {part.last_row}, {part.duration:.4g} s"
+                for part in self.parts
+            ]
+        lines += [
+            f"  {'repaired' if finding.repaired else 'note'}: {finding.text}"
+            for finding in self.findings
+        ]
+        return "\n".join(lines)
