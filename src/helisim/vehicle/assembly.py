@@ -41,6 +41,11 @@ def model_folder(name: str) -> Path:
     return models_folder() / name
 
 
+def rig_names(name: str) -> tuple[str, ...]:
+    """Return the names of the rigs that can hold a vehicle on the ground."""
+    return tuple(sorted(path.stem for path in (model_folder(name) / "rigs").glob("*.xml")))
+
+
 def assemble(
     name: str,
     parameters: Parameters,
@@ -48,6 +53,7 @@ def assemble(
     timestep: float | None = None,
     delays: bool = True,
     visual: bool = False,
+    rig: str | None = None,
 ) -> mujoco.MjModel:
     """Compile a vehicle's MJCF with its parameters in place.
 
@@ -60,14 +66,17 @@ def assemble(
         timestep: s; the MJCF's own if None.
         delays: False takes the sticks' delays out, as a linearisation needs.
         visual: True keeps every part, and adds ground, light and sky: a model to look at.
+        rig: that holds the vehicle, one of `rig_names`; none, to fly. A rig's MJCF includes
+            the vehicle's and holds it by constraints, so joint and channels stay as they are.
 
     Raises:
         InputError: the time step is not a positive number.
+        UnknownNameError: no such vehicle or rig.
         ModelError: the MJCF lacks what a vehicle needs, or MuJoCo refuses it.
     """
     if timestep is not None and not (math.isfinite(timestep) and timestep > 0.0):
         raise InputError(f"timestep must be a positive number of seconds, got {timestep}")
-    path = model_folder(name) / ("scene.xml" if visual else f"{name}.xml")
+    path = _mjcf(name, visual=visual, rig=rig)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         if timestep is not None:
@@ -84,6 +93,14 @@ def assemble(
         raise ModelError(f"{path}: {error}{_advice(str(error))}") from None
     check_interface(model, name)
     return model
+
+
+def _mjcf(name: str, *, visual: bool, rig: str | None) -> Path:
+    if rig is None:
+        return model_folder(name) / ("scene.xml" if visual else f"{name}.xml")
+    if rig not in rig_names(name):
+        raise UnknownNameError("rig", rig, rig_names(name))
+    return model_folder(name) / "rigs" / f"{rig}.xml"
 
 
 def _advice(message: str) -> str:

@@ -1,0 +1,223 @@
+"""Hold the helicopter in a rig, do something to it, and record what its computer sees."""
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.physics import pilot
+from helisim.physics.frames import flip
+from helisim.physics.native import installed
+from helisim.record import FlightRecord
+from helisim.sim.instruments import Recorder
+from helisim.sim.truth import read_truth
+from helisim.vehicle import Vehicle
+from helisim.vehicle.assembly import assemble
+
+
+@dataclass(frozen=True, kw_only=True)
+class PedalSteps:
+    """Steps of the pedal stick on the bench: for each size to one side, back, to the other, back.
+
+    Attributes:
+        sizes: unitised stick. Unequal, so that the resolution of the recorded servo averages
+            out. The tail servo ramps while a step lasts, to 0.42 of its 0.5 in the largest.
+        hold: s, of each step. Neither it nor `rest` is a whole number of the recorder's
+            samples: the edges fall everywhere between two samples, and what they alias averages
+            out.
+        rest: s, before the first and after each.
+    """
+
+    sizes: tuple[float, ...] = (0.016, 0.015, 0.014, 0.013, 0.012)
+    hold: float = 0.506
+    rest: float = 1.012
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sizes", tuple(float(size) for size in self.sizes))
+        if not self.sizes:
+            raise InputError("sizes must hold one step or more")
+        _check_positive(self)
+        if max(self.sizes) > 0.5:
+            raise InputError(f"sizes are at most 0.5 of unitised stick, got {self.sizes}")
+
+    @property
+    def duration(self) -> float:
+        """Length of the test, s."""
+        return self.rest + 2 * len(self.sizes) * (self.hold + self.rest)
+
+    def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the pedal stick at the given times, (n,), s."""
+        stick = np.zeros(time.size)
+        sides = [side * size for size in self.sizes for side in (1.0, -1.0)]
+        for number, step in enumerate(sides):
+            since = time - self.rest - number * (self.hold + self.rest)
+            stick[(since >= 0.0) & (since < self.hold)] = step
+        return stick
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableSweep:
+    """A sweep of the turntable to and fro.
+
+    Attributes:
+        amplitude: rad, of the angle. The gyro locks the heading, so the tail servo follows the
+            angle at low frequency and the rate at high: this takes it to four fifths of its
+            range at the upper edge, two fifths at the lower.
+        band: (w_min, w_max) rad/s.
+        duration: s, of the whole test.
+        rest: s, still, before and again after.
+    """
+
+    amplitude: float = 0.035
+    band: tuple[float, float] = (2.0, 40.0)
+    duration: float = 66.0
+    rest: float = 3.0
+
+    def __post_init__(self) -> None:
+        _check_positive(self)
+        if not 0.0 < self.band[0] < self.band[1]:
+            raise InputError(f"band must be 0 < w_min < w_max in rad/s, got {self.band}")
+        if self.duration <= 2.0 * self.rest:
+            raise InputError(f"duration must leave time to sweep, got {self.duration} s")
+
+    def rates(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the rate the table is told, positive to the right, at the times, (n,)."""
+        length = self.duration - 2.0 * self.rest
+        angle = [pilot.sweep.py_func(t - self.rest, length, *self.band, 2.0, 0.0, 0) for t in time]
+        return self.amplitude * np.gradient(np.array(angle), time)
+
+
+def hold(vehicle: Vehicle, rig: str) -> Vehicle:
+    """Return the vehicle in a rig: same parameters, a model that the rig holds.
+
+    Args:
+        vehicle: to hold.
+        rig: "bench", "turntable" or "suspension".
+
+    Raises:
+        UnknownNameError: no such rig.
+    """
+    timestep = float(vehicle.model.opt.timestep)
+    model = assemble(vehicle.name, vehicle.parameters, timestep=timestep, rig=rig)
+    return replace(vehicle, model=model)
+
+
+def step_pedals(
+    held: Vehicle,
+    steps: PedalSteps | None = None,
+    *,
+    seed: int = 0,
+    recorder: Recorder | None = None,
+) -> FlightRecord:
+    """Step the pedals of a helicopter on the bench, rotor off, and return the record."""
+    steps = steps or PedalSteps()
+    control = _still(held, steps.duration)
+    time = np.arange(len(control)) * held.model.opt.timestep
+    control[:, held.model.actuator("PED").id] = steps.sticks(time)
+    return _record(held, "mounted", control, "bench", asdict(steps), seed, recorder)
+
+
+def turn(
+    held: Vehicle,
+    sweep: TableSweep | None = None,
+    *,
+    seed: int = 0,
+    recorder: Recorder | None = None,
+) -> FlightRecord:
+    """Sweep the rate of a helicopter on the turntable, sticks centred, rotor off."""
+    sweep = sweep or TableSweep()
+    control = _still(held, sweep.duration)
+    time = np.arange(len(control)) * held.model.opt.timestep
+    control[:, held.model.actuator("drive").id] = -sweep.rates(time)
+    return _record(held, "mounted", control, "turntable", asdict(sweep), seed, recorder)
+
+
+def hang(
+    held: Vehicle,
+    point: str,
+    *,
+    duration: float = 40.0,
+    seed: int = 0,
+    recorder: Recorder | None = None,
+) -> FlightRecord:
+    """Hang a helicopter from one point of the suspension and let it swing to rest.
+
+    Args:
+        held: by the suspension.
+        point: one of `suspension_points`.
+        duration: s.
+        seed: of the sensors.
+        recorder: the default `Recorder` if None.
+
+    Raises:
+        UnknownNameError: no such point.
+    """
+    points = suspension_points(held)
+    if point not in points:
+        raise UnknownNameError("suspension point", point, points)
+    control = _still(held, duration)
+    what = {"point": point, "duration": duration}
+    return _record(held, point, control, "suspension", what, seed, recorder)
+
+
+def suspension_points(held: Vehicle) -> dict[str, NDArray[np.float64]]:
+    """Return where the suspension can take hold, by name: (3,) m, airframe axes (FRD)."""
+    model = held.model
+    welds = [model.equality(k) for k in range(model.neq)]
+    return {weld.name: np.array(flip.py_func(*weld.data[:3])) for weld in welds}
+
+
+def _still(held: Vehicle, duration: float) -> NDArray[np.float64]:
+    """Return controls at zero, (n_step, n_control): sticks centred, rotor off."""
+    steps = round(duration / held.model.opt.timestep) + 1
+    return np.zeros((steps, held.model.nu))
+
+
+def _record(
+    held: Vehicle,
+    key: str,
+    control: NDArray[np.float64],
+    rig: str,
+    what: dict[str, Any],
+    seed: int,
+    recorder: Recorder | None,
+) -> FlightRecord:
+    if not isinstance(seed, int) or seed < 0:
+        raise InputError(f"seed must be an integer, 0 or more, got {seed!r}")
+    recorder = recorder or Recorder()
+    truth = read_truth(held, _run(held.model, key, control))
+    provenance = {
+        "made_by": "helisim, ground test",
+        "vehicle": held.name,
+        "parameters": dict(held.parameters),
+        "rig": rig,
+        "test": what,
+        "recorder": recorder.as_dict(),
+        "seed": seed,
+    }
+    rng = np.random.default_rng([seed, *f"{rig} {key}".encode()])
+    return recorder.record(truth, rng, provenance)
+
+
+def _run(model: mujoco.MjModel, key: str, control: NDArray[np.float64]) -> NDArray[np.float64]:
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+    welds = [model.equality(k).name for k in range(model.neq)]
+    if key in welds:
+        data.eq_active[:] = [name == key for name in welds]
+    sensordata = np.empty((len(control), model.nsensordata))
+    with installed():
+        for k, row in enumerate(control):
+            data.ctrl[:] = row
+            mujoco.mj_step(model, data)
+            sensordata[k] = data.sensordata
+    return sensordata
+
+
+def _check_positive(settings: PedalSteps | TableSweep) -> None:
+    for name, value in asdict(settings).items():
+        if not np.all(np.isfinite(value)) or np.min(value) <= 0.0:
+            raise InputError(f"{name} must be positive, got {value}")

@@ -1,0 +1,398 @@
+"""The ground tests from rig to finding, each value beside the truth that the vehicle carries."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import RecordError, UnknownNameError
+from helisim.physics.frames import flip
+from helisim.record import FlightRecord
+from helisim.sim.instruments import Recorder
+from helisim.sim.rigs.gains import loop_gains
+from helisim.sim.rigs.hold import (
+    PedalSteps,
+    TableSweep,
+    hang,
+    hold,
+    step_pedals,
+    suspension_points,
+    turn,
+)
+from helisim.sim.rigs.plumb import REST, PlumbLine, centre_of_gravity, plumb_line
+from helisim.sim.truth import imu_offset
+from helisim.vehicle import Vehicle
+
+_STEP_BAND = (2.0, 60.0)
+"""rad/s. A step has content everywhere; below, the resolution of the slow ramp's record tells,
+above, the servos' and the sticks' records alias."""
+_SERVO_RANGE = 0.5
+"""Unitised: the gyro commands the tail servo no further."""
+_MILLIMETRE = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One number that a ground test found.
+
+    Attributes:
+        name: of the quantity.
+        unit: SI.
+        value: from the record.
+        truth: what the vehicle carries; None where a record's latency is in it.
+        standard_error: of `value`; None where it is not estimated.
+        how: one line.
+    """
+
+    name: str
+    unit: str
+    value: float
+    truth: float | None = None
+    standard_error: float | None = None
+    how: str = ""
+
+    @property
+    def error(self) -> float | None:
+        """Value minus truth, in the unit."""
+        return None if self.truth is None else self.value - self.truth
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "value": self.value,
+            "truth": self.truth,
+            "error": self.error,
+            "standard_error": self.standard_error,
+            "how": self.how,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigTest:
+    """What one rig told.
+
+    Attributes:
+        rig: its name.
+        findings: in the order in which they are found.
+        notes: what else there is to know.
+    """
+
+    rig: str
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Finding:
+        """Return the finding of that name. Raises UnknownNameError."""
+        for finding in self.findings:
+            if finding.name == name:
+                return finding
+        raise UnknownNameError(f"finding of the {self.rig}", name, [f.name for f in self.findings])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        return {
+            "rig": self.rig,
+            "findings": [finding.to_dict() for finding in self.findings],
+            "notes": list(self.notes),
+        }
+
+
+def run_rigs(
+    vehicle: Vehicle, *, seed: int = 1, recorder: Recorder | None = None
+) -> tuple[RigTest, ...]:
+    """Run bench, turntable and suspension, each using what the one before has found."""
+    k_delta = vehicle.parameters["gyro.k_delta"]
+    bench = bench_test(vehicle, k_delta=k_delta, seed=seed, recorder=recorder)
+    table = turntable_test(
+        vehicle, k_p=bench["k_p"].value, k_i=bench["k_I"].value, seed=seed, recorder=recorder
+    )
+    return bench, table, suspension_test(vehicle, seed=seed, recorder=recorder)
+
+
+def bench_test(
+    vehicle: Vehicle,
+    *,
+    k_delta: float,
+    steps: PedalSteps | None = None,
+    seed: int = 1,
+    recorder: Recorder | None = None,
+) -> RigTest:
+    """Find k_p and k_I of the yaw gyro: the pedals step while the heading is held still.
+
+    The gyro answers the step with a jump of k_p k_delta and a ramp of k_I k_delta: the bench
+    sees the two products and their ratio. The gain of the stick, k_delta, must come from
+    elsewhere; the paper has it from [IN2 IN1].
+
+    Args:
+        vehicle: to test.
+        k_delta: gain of the pedal stick, 1.
+        steps: the default `PedalSteps` if None.
+        seed: of the sensors.
+        recorder: the default `Recorder` if None.
+
+    Raises:
+        RecordError: the tail servo ran into its limit.
+    """
+    record = step_pedals(hold(vehicle, "bench"), steps, seed=seed, recorder=recorder)
+    _check_servo(record)
+    found = loop_gains(record, input="PED", output="servo_tail", band=_STEP_BAND, noisy="output")
+    true = vehicle.parameters
+    k_p, k_i = true["gyro.k_p"], true["gyro.k_i"]
+    rest = record.select(("p", "q", "r"))
+    return RigTest(
+        rig="bench",
+        findings=(
+            Finding(
+                name="k_p k_delta",
+                unit="1",
+                value=found.proportional,
+                truth=k_p * true["gyro.k_delta"],
+                standard_error=found.proportional_error,
+                how="jump of the tail servo's command over the pedal step",
+            ),
+            Finding(
+                name="k_I k_delta",
+                unit="1/s",
+                value=found.integral,
+                truth=k_i * true["gyro.k_delta"],
+                standard_error=found.integral_error,
+                how="slope of the tail servo's command over the pedal step",
+            ),
+            Finding(
+                name="k_I / k_p",
+                unit="1/s",
+                value=found.ratio,
+                truth=k_i / k_p,
+                how="slope over jump: no other gain is in it",
+            ),
+            Finding(
+                name="k_p",
+                unit="1",
+                value=found.proportional / k_delta,
+                truth=k_p,
+                standard_error=found.proportional_error / k_delta,
+                how=f"jump over k_delta = {k_delta:g}, which the bench does not give",
+            ),
+            Finding(
+                name="k_I",
+                unit="1/s",
+                value=found.integral / k_delta,
+                truth=k_i,
+                standard_error=found.integral_error / k_delta,
+                how=f"slope over k_delta = {k_delta:g}",
+            ),
+            Finding(
+                name="delay",
+                unit="s",
+                value=found.delay,
+                truth=true["gyro.ped_latency"],
+                standard_error=found.delay_error,
+                how="pedal stick to tail servo command",
+            ),
+        ),
+        notes=(
+            f"rates while the pedals stepped: {np.max(np.abs(rest.mean(axis=0))):.1e} rad/s mean, "
+            f"{np.max(rest.std(axis=0)):.1e} rad/s rms, the sensors' noise",
+        ),
+    )
+
+
+def turntable_test(
+    vehicle: Vehicle,
+    *,
+    k_p: float,
+    k_i: float,
+    sweep: TableSweep | None = None,
+    seed: int = 1,
+    recorder: Recorder | None = None,
+) -> RigTest:
+    """Find k_a of the yaw gyro: the table sweeps the yaw rate while the pedals are centred.
+
+    Identifies H2 = ped / r = -(k_p + k_I/s) k_a (eq. (3) of the paper) and the gyro's lead on
+    the rate. The noise is in the recorded rate, so the fit predicts the rate.
+
+    Args:
+        vehicle: to test.
+        k_p: from the bench.
+        k_i: from the bench, 1/s.
+        sweep: the default `TableSweep` if None.
+        seed: of the sensors.
+        recorder: the default `Recorder` if None.
+
+    Raises:
+        RecordError: the tail servo ran into its limit.
+    """
+    sweep = sweep or TableSweep()
+    record = turn(hold(vehicle, "turntable"), sweep, seed=seed, recorder=recorder)
+    _check_servo(record)
+    true = vehicle.parameters
+    found = loop_gains(
+        record,
+        input="r",
+        output="servo_tail",
+        band=sweep.band,
+        noisy="input",
+        lead_filter=true["gyro.lead_filter"],
+    )
+    k_a = true["gyro.k_a"]
+    return RigTest(
+        rig="turntable",
+        findings=(
+            Finding(
+                name="k_p k_a",
+                unit="s",
+                value=-found.proportional,
+                truth=true["gyro.k_p"] * k_a,
+                standard_error=found.proportional_error,
+                how="ped / r, proportional part",
+            ),
+            Finding(
+                name="k_I k_a",
+                unit="1",
+                value=-found.integral,
+                truth=true["gyro.k_i"] * k_a,
+                standard_error=found.integral_error,
+                how="ped / r, integral part",
+            ),
+            Finding(
+                name="k_I / k_p",
+                unit="1/s",
+                value=found.ratio,
+                truth=true["gyro.k_i"] / true["gyro.k_p"],
+                how="the bench's ratio once more, from another test",
+            ),
+            Finding(
+                name="k_a",
+                unit="s",
+                value=-found.integral / k_i,
+                truth=k_a,
+                standard_error=found.integral_error / k_i,
+                how=f"integral part over the bench's k_I = {k_i:.5g}",
+            ),
+            Finding(
+                name="k_a by k_p",
+                unit="s",
+                value=-found.proportional / k_p,
+                truth=k_a,
+                standard_error=found.proportional_error / k_p,
+                how=f"proportional part over the bench's k_p = {k_p:.5g}",
+            ),
+            Finding(
+                name="lead",
+                unit="s",
+                value=found.lead,
+                truth=true["gyro.lead"],
+                standard_error=found.lead_error,
+                how="from the gain, which grows with frequency; its filter as set",
+            ),
+            Finding(
+                name="delay",
+                unit="s",
+                value=found.delay,
+                standard_error=found.delay_error,
+                how="recorded rate to servo command; negative, because the rate is recorded late",
+            ),
+        ),
+    )
+
+
+def suspension_test(
+    vehicle: Vehicle, *, seed: int = 1, recorder: Recorder | None = None
+) -> RigTest:
+    """Find the centre of gravity and the IMU's lever arm: hang the helicopter from two points."""
+    held = hold(vehicle, "suspension")
+    points = suspension_points(held)
+    records = {name: hang(held, name, seed=seed, recorder=recorder) for name in points}
+    lines = [plumb_line(records[name], point) for name, point in points.items()]
+    found = centre_of_gravity(lines)
+    true_centre, imu = _drawing(held)
+    arm, true_arm = imu - found, imu_offset(held)
+    first, second = (np.array(line.down) for line in lines)
+    crossing = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
+    gap = abs(np.cross(first, second) @ (lines[1].point - lines[0].point)) / np.sin(crossing)
+    sensitivity = attitude_sensitivity(lines)
+    noise = (recorder or Recorder()).noise
+    worst = max(noise.get("phi", 0.0), noise.get("theta", 0.0))
+    samples = (recorder or Recorder()).rate_hz * REST
+    allowed = _MILLIMETRE / sensitivity
+    findings = [
+        Finding(
+            name=f"{name}_{axis}",
+            unit="m",
+            value=float(value),
+            truth=float(true),
+            how=how,
+        )
+        for name, values, truths, how in (
+            ("cg", found, true_centre, "where the plumb lines meet, airframe axes"),
+            ("imu", arm, true_arm, "lever arm: the drawing's IMU less the centre of gravity"),
+        )
+        for axis, value, true in zip("xyz", values, truths)
+    ]
+    findings.append(
+        Finding(
+            name="cg distance",
+            unit="m",
+            value=float(np.linalg.norm(found - true_centre)),
+            truth=0.0,
+            how="found to true centre of gravity",
+        )
+    )
+    return RigTest(
+        rig="suspension",
+        findings=tuple(findings),
+        notes=(
+            f"the lines cross at {np.degrees(crossing):.1f} degrees and miss each other by "
+            f"{1e3 * gap:.3f} mm",
+            f"an attitude off by 1 mrad in the worst way moves the centre by "
+            f"{sensitivity:.3f} mm: 1 mm allows a bias of {1e3 * allowed:.2f} mrad "
+            f"({np.degrees(allowed):.2f} degrees), or {1e3 * allowed * np.sqrt(samples):.0f} mrad "
+            f"of white noise averaged over {REST:g} s; the recorder has {1e3 * worst:.3g} mrad",
+        ),
+    )
+
+
+def attitude_sensitivity(lines: Sequence[PlumbLine]) -> float:
+    """Return how far the centre moves for the worst attitude error of given size, m/rad.
+
+    All of phi and theta of all hangings are off by that size, with the worst signs.
+    """
+    centre = centre_of_gravity(lines)
+    shifts = []
+    for number, line in enumerate(lines):
+        down = np.array(line.down)
+        across = np.linalg.svd(down[None, :])[2][1:]
+        for direction in across:
+            tilted = down + 1e-6 * direction
+            moved = list(lines)
+            moved[number] = PlumbLine(line.point, tilted / np.linalg.norm(tilted))
+            shifts.append((centre_of_gravity(moved) - centre) / 1e-6)
+    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * len(shifts))).reshape(len(shifts), -1)
+    return float(np.linalg.norm(signs.T @ np.array(shifts), axis=1).max())
+
+
+def _drawing(held: Vehicle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return true centre of gravity and IMU in the airframe's own axes (FRD), (3,) m each."""
+    model = held.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    body = model.body(held.name).id
+    turned = data.xmat[body].reshape(3, 3).T
+    centre = turned @ (data.subtree_com[body] - data.xpos[body])
+    imu = turned @ (data.site("imu").xpos - data.xpos[body])
+    return np.array(flip.py_func(*centre)), np.array(flip.py_func(*imu))
+
+
+def _check_servo(record: FlightRecord) -> None:
+    furthest = float(np.max(np.abs(record["servo_tail"])))
+    if furthest > 0.99 * _SERVO_RANGE:
+        raise RecordError(
+            f"the tail servo's command reached {furthest:.3f} of {_SERVO_RANGE}: its limit "
+            "hides the gyro's answer; step or sweep less"
+        )

@@ -1,0 +1,326 @@
+"""The ground rigs: they hold the vehicle as it is, and their records give its hidden numbers."""
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+
+from helisim.channels import CHANNELS
+from helisim.cli import main
+from helisim.errors import InputError, RecordError, UnknownNameError
+from helisim.physics.layout import ACTUATORS
+from helisim.record import FlightRecord
+from helisim.sim import Recorder
+from helisim.sim.rigs import (
+    PedalSteps,
+    PlumbLine,
+    TableSweep,
+    attitude_sensitivity,
+    bench_test,
+    centre_of_gravity,
+    hang,
+    hold,
+    loop_gains,
+    plumb_line,
+    run_rigs,
+    step_pedals,
+    suspension_points,
+    suspension_test,
+    turn,
+    turntable_test,
+)
+from helisim.vehicle import load
+from helisim.vehicle.assembly import assemble, models_folder, rig_names, total_inertia
+
+RIGS = ("bench", "suspension", "turntable")
+EXACT = Recorder(noise={}, resolution={}, latency={})
+GAINS = {"gyro.k_p": 0.6, "gyro.k_i": 11.0, "gyro.k_delta": 2.0, "gyro.k_a": 0.4}
+"""Another gyro than the shipped one: what is found then can't be typed anywhere."""
+
+
+@pytest.fixture(scope="module")
+def tests(jr700):
+    """All rigs, run once with the default recorder."""
+    return {test.rig: test for test in run_rigs(jr700, seed=1)}
+
+
+def percent(finding):
+    return 100.0 * abs(finding.error / finding.truth)
+
+
+def test_the_rigs_that_exist():
+    """Three rigs, and the message of a wrong name lists them."""
+    assert rig_names("jr700") == RIGS
+    with pytest.raises(UnknownNameError, match="rig 'crane'; available: bench, suspension"):
+        hold(load(), "crane")
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_stock_mujoco_loads_a_rig_and_holds_the_vehicle_in_it(rig):
+    """Without callbacks, from its first keyframe, a rig runs for a second without a warning."""
+    path = models_folder() / "jr700" / "rigs" / f"{rig}.xml"
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    first = min(k for k in range(model.nkey) if model.key(k).name != "hover")
+    mujoco.mj_resetDataKeyframe(model, data, first)
+    height = data.qpos[2]
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert not [warning.number for warning in data.warning if warning.number]
+    # the welds give by well under a tenth of a millimetre under 78 N
+    assert data.qpos[2] == pytest.approx(height, abs=1e-4)
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_a_rig_holds_the_vehicle_as_it_flies(jr700, rig):
+    """Mass, inertia, parameters and channels in a rig are those of the vehicle in the air."""
+    held = hold(jr700, rig).model
+    flying = jr700.model
+    assert held.body("jr700").subtreemass == pytest.approx(flying.body("jr700").subtreemass)
+    # the same parts, summed: rounding of 0.4 kg m^2
+    assert total_inertia(held, "jr700") == pytest.approx(total_inertia(flying, "jr700"), abs=1e-12)
+    for name in ACTUATORS:
+        assert held.actuator(name).user.tolist() == flying.actuator(name).user.tolist()
+        assert held.jnt_bodyid[held.actuator(name).trnid[0]] == held.body("jr700").id
+
+
+def test_a_rig_can_be_looked_at(jr700):
+    """With `visual` a rig keeps what is to be seen of it."""
+    seen = assemble("jr700", jr700.parameters, rig="suspension", visual=True)
+    assert seen.ngeom > hold(jr700, "suspension").model.ngeom + 100  # the vehicle alone has 119
+
+
+def test_the_bench_holds_the_heading_still(jr700):
+    """On the bench nothing turns while the pedals step, and the tail servo ramps."""
+    record = step_pedals(hold(jr700, "bench"), recorder=EXACT)
+    # the clamp settles by a micrometre at the start; the sensors' noise is 5e-3 rad/s
+    assert np.abs(record.select(("p", "q", "r"))).max() < 1e-6
+    assert np.ptp(record["servo_tail"]) > 0.4
+
+
+def test_the_turntable_turns_as_it_is_told(jr700):
+    """The recorded yaw rate is the prescribed sweep, behind the drive's bandwidth."""
+    sweep = TableSweep(band=(2.0, 6.0), duration=16.0)
+    record = turn(hold(jr700, "turntable"), sweep, recorder=EXACT)
+    told = sweep.rates(record.time)
+    # drive, clamp and anti-alias filter lag by about 25 ms: 0.15 rad at 6 rad/s
+    assert np.abs(record["r"] - told).max() < 0.2 * np.abs(told).max()
+    assert np.abs(record.select(("p", "q"))).max() < 1e-6
+
+
+def test_the_bench_gives_the_controllers_gains(tests):
+    """k_p and k_I, given k_delta, with the default noise and resolution."""
+    found = tests["bench"]
+    # 0.4 % measured; the resolution of the recorded servo is 2 % of the smallest jump
+    assert percent(found["k_p"]) < 1.0
+    # 0.01 % measured: a slope is an average of fifty samples and more
+    assert percent(found["k_I"]) < 0.1
+    assert percent(found["k_I / k_p"]) < 1.0
+    # a twentieth of a sample: the edges of the steps fall between samples
+    assert found["delay"].error == pytest.approx(0.0, abs=5e-4)
+
+
+def test_the_turntable_gives_the_rate_gain(tests):
+    """k_a, given the bench's k_p and k_I, two ways, and the lead on the rate."""
+    found = tests["turntable"]
+    assert percent(found["k_a"]) < 0.5  # 0.01 to 0.1 % over seeds 1 to 3
+    assert percent(found["k_a by k_p"]) < 2.0  # 0.1 to 0.5 %; with the bench's error of k_p
+    # the lead changes the gain by 7 % at the upper edge, of which 1 % of noise is seen
+    assert percent(found["lead"]) < 5.0
+
+
+def test_bench_and_turntable_agree(tests):
+    """The ratio k_I/k_p from a step and from a sweep is one number."""
+    ratios = [tests[rig]["k_I / k_p"].value for rig in ("bench", "turntable")]
+    assert ratios[0] == pytest.approx(ratios[1], rel=0.015)  # the two errors above
+
+
+def test_the_gains_found_are_those_of_the_vehicle_tested():
+    """Another gyro gives other findings, which are its own."""
+    vehicle = load(parameters=GAINS)
+    bench = bench_test(vehicle, k_delta=GAINS["gyro.k_delta"])
+    table = turntable_test(vehicle, k_p=bench["k_p"].value, k_i=bench["k_I"].value)
+    # tolerances of the shipped gyro; smaller gains move the servo less
+    assert bench["k_p"].value == pytest.approx(GAINS["gyro.k_p"], rel=0.015)
+    assert bench["k_I"].value == pytest.approx(GAINS["gyro.k_i"], rel=0.002)
+    assert table["k_a"].value == pytest.approx(GAINS["gyro.k_a"], rel=0.005)
+
+
+def test_the_bench_can_not_tell_the_stick_gain(jr700):
+    """Half the k_delta assumed, twice the k_p found: only the product is in the record."""
+    right = bench_test(jr700, k_delta=2.68)
+    wrong = bench_test(jr700, k_delta=1.34)
+    assert wrong["k_p"].value == pytest.approx(2.0 * right["k_p"].value, rel=1e-12)
+    assert wrong["k_p k_delta"].value == right["k_p k_delta"].value
+
+
+def test_a_servo_at_its_limit_is_refused(jr700):
+    """A step that runs the tail servo into its limit gives no gain but a message."""
+    with pytest.raises(RecordError, match="limit"):
+        bench_test(jr700, k_delta=2.68, steps=PedalSteps(sizes=(0.05,)))
+
+
+@pytest.mark.parametrize(
+    ("settings", "match"),
+    [
+        (lambda: PedalSteps(sizes=()), "one step"),
+        (lambda: PedalSteps(sizes=(0.6,)), "0.5"),
+        (lambda: PedalSteps(hold=0.0), "hold"),
+        (lambda: TableSweep(band=(5.0, 2.0)), "band"),
+        (lambda: TableSweep(duration=5.0), "duration"),
+        (lambda: TableSweep(amplitude=float("nan")), "amplitude"),
+    ],
+)
+def test_impossible_tests_are_refused(settings, match):
+    """Each message names the setting."""
+    with pytest.raises(InputError, match=match):
+        settings()
+
+
+def made_up(gap, gain, ratio, delay, lead, lead_filter):
+    """A sweep r and the PI loop's exact answer to it, from the analytic response."""
+    time = np.arange(6000) * 0.01
+    inside = np.clip((time - 5.0) / 50.0, 0.0, 1.0)
+    angle = 2.0 * np.pi * (0.3 * 50.0 * inside + 2.5 * 50.0 * inside**2)
+    rate = np.sin(angle) * np.sin(np.pi * inside) ** 2
+    omega = 2.0 * np.pi * np.fft.rfftfreq(time.size, 0.01)
+    s = 1j * np.where(omega > 0.0, omega, 1.0)
+    response = gain * (1.0 + ratio / s) * (1.0 + lead * s / (1.0 + lead_filter * s))
+    response = np.where(omega > 0.0, response * np.exp(-s * delay), 0.0)
+    servo = np.fft.irfft(response * np.fft.rfft(rate), time.size)
+    values = np.column_stack([rate + gap, servo])
+    return FlightRecord(time, values, (CHANNELS["r"], CHANNELS["servo_tail"]))
+
+
+def test_known_gains_come_back():
+    """The gains, delay and lead of an analytic loop are found from its signals alone."""
+    record = made_up(0.0, -0.25, 20.0, -0.03, 0.01, 0.0015)
+    found = loop_gains(
+        record,
+        input="r",
+        output="servo_tail",
+        band=(3.0, 30.0),
+        noisy="input",
+        lead_filter=0.0015,
+    )
+    # what the record's ends cut off the loop's memory
+    assert found.proportional == pytest.approx(-0.25, rel=1e-3)
+    assert found.ratio == pytest.approx(20.0, rel=1e-3)
+    assert found.delay == pytest.approx(-0.03, abs=2e-5)
+    assert found.lead == pytest.approx(0.01, abs=2e-5)
+
+
+def test_noise_on_the_input_does_not_lower_the_gains():
+    """Told that the input is noisy, the fit keeps its gains where a regression loses them."""
+    noise = 0.5 * np.random.default_rng(3).standard_normal(6000)
+    record = made_up(noise, -0.25, 20.0, -0.03, 0.0, 0.0)
+    band, channels = (3.0, 30.0), {"input": "r", "output": "servo_tail"}
+    right = loop_gains(record, band=band, noisy="input", **channels)
+    wrong = loop_gains(record, band=band, noisy="output", **channels)
+    assert abs(right.integral + 5.0) < 4.0 * right.integral_error  # four standard errors
+    assert abs(wrong.integral) < abs(right.integral)
+
+
+def test_a_band_or_channel_that_tells_nothing_is_refused():
+    """Above the sampling's limit, and a signal that never moves."""
+    record = made_up(0.0, -0.25, 20.0, 0.0, 0.0, 0.0)
+    for band in ((3.0, 400.0), (3.0, 3.01)):
+        with pytest.raises(InputError, match="resolves"):
+            loop_gains(record, input="r", output="servo_tail", band=band, noisy="input")
+    still = FlightRecord(record.time, record.values * [1.0, 0.0], record.channels)
+    with pytest.raises(RecordError, match="'servo_tail' does not move"):
+        loop_gains(still, input="r", output="servo_tail", band=(3.0, 30.0), noisy="input")
+
+
+def test_the_suspension_finds_the_centre_of_gravity(tests):
+    """Within 1 mm (issue 4), and so the IMU's lever arm, with the default noise."""
+    found = tests["suspension"]
+    assert found["cg distance"].value < 1e-3
+    for axis in "xyz":
+        assert abs(found[f"imu_{axis}"].error) < 1e-3
+    assert found["imu_x"].truth == pytest.approx(0.08)  # jr700.xml: site imu, FRD
+    assert found["imu_z"].truth == pytest.approx(0.12)
+
+
+def test_a_centre_of_gravity_elsewhere_is_found_there(jr700):
+    """With the mass moved by centimetres, the plumb lines meet where it went."""
+    held = hold(jr700, "suspension")
+    held.model.body_ipos[held.model.body("jr700").id] += [0.02, -0.01, 0.015]
+    lines = [plumb_line(hang(held, name), at) for name, at in suspension_points(held).items()]
+    # MuJoCo's left and up are the airframe's minus right and minus down
+    assert centre_of_gravity(lines) == pytest.approx([0.02, 0.01, -0.015], abs=1e-3)
+
+
+def test_what_noise_the_suspension_allows(jr700):
+    """An attitude biased by the stated amount keeps the centre within 1 mm, and reaches it."""
+    points = np.array([[0.0, 0.0, -0.295], [-0.10, 0.0, -0.10]])
+    lines = [PlumbLine(point, -point / np.linalg.norm(point)) for point in points]
+    allowed = 1e-3 / attitude_sensitivity(lines)
+    assert allowed == pytest.approx(1.6e-3, rel=0.05)  # rad, from the geometry
+    rng = np.random.default_rng(0)
+    moved = []
+    for _ in range(300):
+        tilted = []
+        for line in lines:
+            # an error of up to `allowed` about each of the two axes across the line
+            basis = np.linalg.svd(line.down[None, :])[2][1:]
+            down = line.down + rng.choice([-allowed, allowed], 2) @ basis
+            tilted.append(PlumbLine(line.point, down / np.linalg.norm(down)))
+        moved.append(np.linalg.norm(centre_of_gravity(tilted)))
+    # beyond first order, 1.6 mrad of tilt changes the result by a part in a thousand
+    assert 0.95e-3 < max(moved) < 1.01e-3
+
+
+def test_more_noise_than_allowed_is_still_averaged_out(jr700):
+    """Ten times the default noise leaves the centre within 1 mm: it is white."""
+    noisy = Recorder(noise={"phi": 0.02, "theta": 0.02})
+    # 20 mrad over the root of 1000 samples is 0.6 mrad, a third of what is allowed
+    assert suspension_test(jr700, recorder=noisy)["cg distance"].value < 1e-3
+
+
+def test_a_helicopter_that_still_swings_is_refused(jr700):
+    """A record that ends before the rest gives a message, not a wrong centre."""
+    held = hold(jr700, "suspension")
+    record = hang(held, "frame", duration=6.0)
+    with pytest.raises(RecordError, match="still moves"):
+        plumb_line(record, suspension_points(held)["frame"], rest=4.0)
+
+
+def test_lines_that_do_not_cross_are_refused():
+    """One line, or parallel ones, have no point; the message says what to do."""
+    line = PlumbLine(np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    beside = PlumbLine(np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    with pytest.raises(InputError, match="two plumb lines"):
+        centre_of_gravity([line])
+    with pytest.raises(InputError, match="another point"):
+        centre_of_gravity([line, beside])
+    with pytest.raises(UnknownNameError, match="point 'tail'; available: mast, frame"):
+        hang(hold(load(), "suspension"), "tail")
+
+
+def test_a_record_says_where_it_comes_from(jr700):
+    """Rig, test and seed stand in the record; the same seed gives the same record."""
+    held = hold(jr700, "bench")
+    steps = PedalSteps(sizes=(0.01,))
+    first, again, other = (step_pedals(held, steps, seed=seed) for seed in (4, 4, 5))
+    assert first.provenance["rig"] == "bench"
+    assert first.provenance["test"]["sizes"] == [0.01]
+    assert np.array_equal(first.values, again.values)
+    assert not np.array_equal(first.values, other.values)
+    with pytest.raises(InputError, match="seed"):
+        step_pedals(held, steps, seed=-1)
+
+
+def test_bench_prints_all_three(capsys):
+    """`helisim bench --json` gives each finding with truth and error; without, 80 columns."""
+    assert main(["bench", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [test["rig"] for test in found] == ["bench", "turntable", "suspension"]
+    named = {f["name"]: f for test in found for f in test["findings"]}
+    assert {"k_p", "k_I", "k_a", "cg_x", "imu_z"} <= set(named)
+    assert named["k_a"]["error"] == pytest.approx(named["k_a"]["value"] - named["k_a"]["truth"])
+    assert main(["bench"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert [line for line in lines if line.strip().startswith("k_a ")]
