@@ -4,11 +4,15 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from scipy.signal import lfilter
 
 from helisim.channels import channel
 from helisim.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import CrossControlWarning, FrequencyResponse, frequency_response
+from helisim.ident.composite import PERIODS, compose
+from helisim.ident.conditioning import condition, random_error
+from helisim.ident.spectra import cross_spectra
 from helisim.record import FlightRecord
 
 STEP = 0.05
@@ -166,3 +170,49 @@ def test_exact_response_checks_its_shape():
     """An exact response with the wrong axes is refused."""
     with pytest.raises(InputError, match="expected"):
         FrequencyResponse.exact([1.0, 2.0], np.ones((1, 2)), inputs=["lat"], outputs=["p"])
+
+
+def test_composite_spectra_minimise_the_published_cost():
+    """No general optimiser finds composite spectra of lower cost (Tischler and Remple, 11)."""
+    flight = two_inputs(11)
+    frequency = np.geomspace(*BAND, 12)
+    each = [
+        condition(
+            cross_spectra([flight], ["lat", "p"], frequency, window=length, overlap=0.75),
+            ["lat"],
+            ["p"],
+            [],
+            None,
+        )
+        for length in (40.0, 25.0, 12.0)
+    ]
+    composed = compose(each)
+    error = np.stack([random_error(one.coherence, one.averages) for one in each])[:, 0, 0]
+    usable = np.stack([one.periods >= PERIODS for one in each])
+    usable[0] = True
+    weight = np.where(usable, (np.min(np.where(usable, error, np.inf), axis=0) / error) ** 4, 0.0)
+    for k in range(frequency.size):
+        parts = np.array(
+            [
+                (one.gxx[0, 0, k], one.gyy[0, 0, k], one.gxy[0, 0, k].real, one.gxy[0, 0, k].imag)
+                for one in each
+            ]
+        )
+        start = weight[:, k] ** 2 @ parts / np.sum(weight[:, k] ** 2)
+        g2 = (parts[:, 2] ** 2 + parts[:, 3] ** 2) / (parts[:, 0] * parts[:, 1])
+        unit = np.maximum(np.abs(start), [0.0, 0.0, *[0.1 * np.hypot(*start[2:])] * 2])
+        g2_unit = (start[2] ** 2 + start[3] ** 2) / (start[0] * start[1])
+
+        def cost(z, parts=parts, g2=g2, unit=unit, g2_unit=g2_unit, w=weight[:, k]):
+            x = z * unit
+            own = (x[2] ** 2 + x[3] ** 2) / (x[0] * x[1])
+            misfit = np.sum(((x - parts) / unit) ** 2, axis=1) + 5.0 * ((own - g2) / g2_unit) ** 2
+            return float(w @ misfit)
+
+        best = minimize(cost, start / unit, method="Nelder-Mead", tol=1e-12)
+        x = best.x * unit
+        # Nelder-Mead ends within 1e-6 of the minimum.
+        np.testing.assert_allclose(composed.response[0, 0, k], (x[2] + 1j * x[3]) / x[0], rtol=1e-4)
+        np.testing.assert_allclose(
+            composed.coherence[0, 0, k], (x[2] ** 2 + x[3] ** 2) / (x[0] * x[1]), rtol=1e-4
+        )

@@ -1,11 +1,20 @@
 """Time-domain simulation and verification."""
 
+import json
+
 import control
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.signal import cont2discrete, dlsim
 
-from helisim.ident.simulation import simulate
+from helisim.channels import channel
+from helisim.errors import InputError, UnknownNameError
+from helisim.ident import Fit, FrequencyResponse, identify, structures, verify
+from helisim.ident.evaluate import matrices, response, state_space
+from helisim.ident.simulation import delayed, simulate
+from helisim.record import FlightRecord
 
 
 def test_simulation_is_the_exact_discretisation():
@@ -33,3 +42,120 @@ def test_a_static_gain_simulates():
     """A model without states is its gain."""
     got = simulate(control.ss([], [], [], [[2.0]]), np.ones((70, 1)), 0.01)
     assert got == pytest.approx(2.0)
+
+
+@given(
+    lag=st.integers(-37, 37),
+    other=st.integers(-37, 37),
+    seed=st.integers(0, 1000),
+)
+def test_delays_of_either_sign_are_exact_between_samples(lag, other, seed):
+    """A delay of so many tenths of a sample is what a ten times finer simulation shifts by."""
+    random = np.random.default_rng(seed)
+    model = control.ss(
+        random.normal(size=(3, 3)) - 2.0 * np.eye(3),
+        random.normal(size=(3, 2)),
+        random.normal(size=(2, 3)),
+        random.normal(size=(2, 2)),
+    )
+    coarse, fine = np.arange(60.0) * 0.02, np.arange(-50, 660) * 0.002
+    inputs = np.cumsum(random.normal(size=(60, 2)), axis=0)
+    lags = np.array([[lag, other], [other, 0]]) * 0.002
+    got = delayed(model, inputs - inputs[0], 0.02, lags)
+    expected = np.zeros_like(got)
+    for k in range(2):
+        for j in range(2):
+            only = np.zeros((fine.size, 2))
+            at = fine - lags[k, j]
+            only[:, j] = np.interp(at, coarse, inputs[:, j]) - inputs[0, j]
+            expected[:, k] += simulate(model, only, 0.002)[50:650:10, k]
+    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-9)
+
+
+YAW = {"N_r": -0.9, "N_ped": 60.0, "tau_r_base": 0.0}
+STEP = 0.01
+
+
+def yaw_fit(delay):
+    values = {**YAW, "tau_r_base": delay}
+    frequency = np.geomspace(0.3, 25.0, 60)
+    frf = FrequencyResponse.exact(
+        frequency,
+        response(structures.yaw_base, values, frequency),
+        inputs=("ped",),
+        outputs=("r",),
+    )
+    return identify(frf, structures.yaw_base)
+
+
+def doublet(delay, *, bias=0.0, trim=0.0, noise=0.0, size=0.1, seed=0):
+    """A smooth doublet flown by the true yaw model, with sensor bias and control trim."""
+    values = {**YAW, "tau_r_base": delay}
+    time = np.arange(600) * STEP
+    ped = size * np.sin(2.0 * np.pi * (time - 1.0) / 1.5) * ((time > 1.0) & (time < 2.5))
+    numbers = matrices(structures.yaw_base, values)
+    model = state_space(structures.yaw_base, values)
+    r = delayed(model, ped[:, None], STEP, numbers.input_delays[None, :])[:, 0]
+    r = r + bias + noise * np.random.default_rng(seed).standard_normal(time.size)
+    return FlightRecord(time, np.stack([ped + trim, r], axis=1), (channel("ped"), channel("r")))
+
+
+@pytest.mark.parametrize("delay", [0.0333, -0.0127])
+def test_the_true_model_predicts_without_error(delay):
+    """With a delay of either sign between samples, bias and trim, nothing is left."""
+    result = verify(yaw_fit(delay), doublet(delay, bias=0.3, trim=-0.2))
+    assert result.j_rms < 1e-5
+    assert result.tic < 1e-5
+    assert result.traces[0].residual.shape == (600, 1)
+
+
+def test_a_delay_that_is_ignored_shows():
+    """A model whose delay is 40 ms off predicts worse: the delay is simulated, not dropped."""
+    assert verify(yaw_fit(0.0), doublet(0.04)).tic > 0.02
+
+
+def test_several_records_are_pooled_and_told_apart():
+    """Overall figures pool the records' errors; each record has its own, and all are stored."""
+    fit = yaw_fit(0.02)
+    quiet, noisy = doublet(0.02, noise=0.001), doublet(0.02, noise=0.03, seed=1)
+    result = verify(fit, [quiet, noisy])
+    one, two = (float(trace.j_rms[0]) for trace in result.traces)
+    assert one == pytest.approx(0.001, rel=0.1)
+    assert two == pytest.approx(0.03, rel=0.1)
+    assert result.j_rms == pytest.approx(np.hypot(one, two) / np.sqrt(2.0), rel=1e-9)
+    assert result.traces[0].tic[0] < result.tic < result.traces[1].tic[0]
+    plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert [row["j_rms"]["r"] for row in plain["records"]] == [one, two]
+    assert plain["outputs"][0]["unit"] == "rad/s"
+
+
+def test_theil_is_near_one_for_a_model_that_predicts_nothing():
+    """A model of no gain has a coefficient near one, the right one of zero."""
+    fit = yaw_fit(0.0)
+    still = Fit.from_dict(fit.to_dict())
+    frozen = still.to_dict()
+    for row in frozen["parameters"]:
+        if row["name"] == "N_ped":
+            row["value"] = 1e-9
+    # The free motion of N_r alone can stand for a part of the doublet.
+    assert verify(Fit.from_dict(frozen), doublet(0.0)).tic > 0.7
+    assert verify(still, doublet(0.0)).tic < 1e-5
+
+
+def test_a_stored_fit_verifies_the_same():
+    """A fit that was written and read back predicts to the last bit as before."""
+    fit = yaw_fit(0.015)
+    again = Fit.from_dict(json.loads(json.dumps(fit.to_dict())))
+    record = doublet(0.015, noise=0.01)
+    assert verify(again, record).to_dict() == verify(fit, record).to_dict()
+
+
+def test_unsuitable_records_are_refused():
+    """No records and a missing channel end in messages that say what exists."""
+    fit = yaw_fit(0.0)
+    with pytest.raises(InputError, match="no records"):
+        verify(fit, [])
+    lacking = doublet(0.0)
+    lacking = FlightRecord(lacking.time, lacking.values[:, :1], lacking.channels[:1])
+    with pytest.raises(UnknownNameError, match="'r'; available: ped"):
+        verify(fit, lacking)

@@ -152,9 +152,11 @@ def fly_closed_loop(
     band: tuple[float, float] = (1.5, 45.0),
     amplitude: float = 0.1,
 ) -> FlightRecord:
-    """Sweep one stick of a plant without delays under rate feedback, in a gust.
+    """Sweep one stick of a plant under rate feedback, in a gust.
 
-    input_k = stick_k - gain output_k, and the gust accelerates the first states.
+    input_k = stick_k - gain output_k, and the gust accelerates the first states. Delays are the
+    recorder's: the loop closes without them, and an input channel's record is shifted by its
+    delay, so that either sign can be flown.
     """
     random = np.random.default_rng(seed)
     model = state_space(structure, values)
@@ -174,5 +176,9 @@ def fly_closed_loop(
     stick[:, list(structure.inputs).index(axis)] += sweep(duration, *band, amplitude)
     push = np.stack([coloured(random, samples, gust, 6.0) for _ in range(n_out)], axis=1)
     motion = simulate(closed, np.hstack([stick, push]), 1.0 / RATE)
+    time = np.arange(samples) / RATE
+    for k, delay in enumerate(matrices(structure, values).input_delays):
+        if delay:
+            motion[:, k] = np.interp(time + delay, time, motion[:, k])
     names = (*sticks, *structure.inputs, *structure.outputs)
     return record(names, np.hstack([stick, motion]), random, noise)

@@ -6,21 +6,26 @@ Knows no simulator: a real flight log is identified by the same calls.
 from helisim.ident import structures
 from helisim.ident.conditioning import CrossControlWarning
 from helisim.ident.fit import identify
-from helisim.ident.frf import FrequencyResponse, frequency_response
-from helisim.ident.result import Fit, FittedParameter
+from helisim.ident.frf import ClosedLoopWarning, FrequencyResponse, frequency_response
+from helisim.ident.reduction import Reduction, reduce
+from helisim.ident.result import Fit, FittedParameter, load_fit
 from helisim.ident.structure import Parameter, Structure
 from helisim.ident.verify import Verification, verify
 
 __all__ = [
+    "ClosedLoopWarning",
     "CrossControlWarning",
     "Fit",
     "FittedParameter",
     "FrequencyResponse",
     "Parameter",
+    "Reduction",
     "Structure",
     "Verification",
     "frequency_response",
     "identify",
+    "load_fit",
+    "reduce",
     "structures",
     "verify",
 ]

@@ -5,9 +5,19 @@ With H the Hessian of the summed cost J (second derivatives, so 2 J_r^T J_r for 
     CR_i = 2 sqrt((H^-1)_ii)   the bound, with Tischler and Remple's factor 2 for real data
     I_i  = 1 / sqrt(H_ii)      change that raises the cost by as much with all others held
 
-Both assume unit residual noise. The residual-scaled standard error uses the noise that the
-fit left over: sqrt(2 s^2 (H^-1)_ii) with s^2 = J / (n_residual - n_free). J printed in a fit is
-the average over responses; these figures use the sum, as Tischler and Remple's do.
+Both assume unit residual noise. J printed in a fit is the average over responses; these
+figures use the sum, as Tischler and Remple's do.
+
+Standard errors are stated from the errors of the response. With A = (J^T J)^-1 J^T of the
+residuals that the fit minimised, and S the covariance that the response's errors give those
+residuals (`scatter`), the parameters' covariance is
+
+    s^2 A S A^T ,   s^2 = max(1, r^T r / E[r^T r]) .
+
+So neighbouring frequencies that share windows do not count twice. s^2 is the residual scaling:
+what the fit left over, relative to what noise would leave; it grows where the structure
+does not fit. Where S is not known, residuals are taken as independent with the variance that
+the fit left over.
 """
 
 from dataclasses import dataclass
@@ -38,8 +48,14 @@ class Accuracy:
     correlation: NDArray[np.float64]
 
 
-def accuracy(cost: Cost, x: NDArray[np.float64]) -> Accuracy:
-    """Return the accuracy of a fit that ended at x."""
+def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) -> Accuracy:
+    """Return the accuracy of a fit that ended at x.
+
+    Args:
+        cost: the fit's cost.
+        x: the free parameters.
+        standardised: the fit minimised standardised residuals instead of J.
+    """
     jacobian = cost.log_jacobian(x)
     residual = cost.log(x, unwrap=False)
     hessian = gauss_newton_hessian(jacobian)
@@ -47,6 +63,8 @@ def accuracy(cost: Cost, x: NDArray[np.float64]) -> Accuracy:
     variance = np.diagonal(inverse)
     freedom = max(residual.size - x.size, 1)
     noise = float(residual @ residual) / freedom
+    plain = np.sqrt(2.0 * noise * variance)
+    stated = _stated(cost, x, standardised)
     with np.errstate(divide="ignore"):
         insensitivity = 1.0 / np.sqrt(np.diagonal(hessian))
     unseen = np.where(seen, 0.0, np.inf)
@@ -56,9 +74,32 @@ def accuracy(cost: Cost, x: NDArray[np.float64]) -> Accuracy:
     return Accuracy(
         cramer_rao=2.0 * np.sqrt(variance) + unseen,
         insensitivity=insensitivity,
-        standard_error=np.sqrt(2.0 * noise * variance) + unseen,
+        standard_error=(plain if stated is None else stated) + unseen,
         correlation=np.clip(correlation, -1.0, 1.0),
     )
+
+
+def _stated(cost: Cost, x: NDArray[np.float64], standardised: bool) -> NDArray[np.float64] | None:
+    """Return standard errors from the response's own errors, None where they are not known."""
+    relative = cost.points.covariance
+    if relative is None or x.size == 0:
+        return None
+    covariance = 0.5 * np.block([[relative.real, -relative.imag], [relative.imag, relative.real]])
+    if standardised:
+        residual, jacobian = cost.standardised(x), cost.standardised_jacobian(x)
+        scale = np.tile(1.0 / cost.spread, 2)
+    else:
+        residual, jacobian = cost.log(x, unwrap=False), cost.log_jacobian(x)
+        scale = cost.log_scale()
+    covariance *= np.outer(scale, scale)
+    gain = np.linalg.pinv(jacobian)
+    spread = gain @ covariance @ gain.T
+    # E[r^T r] = tr[(1 - J A) S], as the projection is symmetric and idempotent.
+    expected = float(np.trace(covariance) - np.trace(gain @ covariance @ jacobian))
+    if expected <= 0.0:
+        return None
+    scaling = max(1.0, float(residual @ residual) / expected)
+    return np.sqrt(scaling * np.maximum(np.diagonal(spread), 0.0))
 
 
 def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -39,12 +39,16 @@ _SWEEPS = 8
 
 @dataclass(frozen=True, eq=False)
 class Composite:
-    """Composite response of every pair; the arrays are (n_out, n_in, n_freq)."""
+    """Composite response of every pair; the arrays are (n_out, n_in, n_freq).
+
+    `share`, (n_window, n_out, n_in, n_freq), is each length's part in the response.
+    """
 
     response: NDArray[np.complex128]
     coherence: NDArray[np.float64]
     random_error: NDArray[np.float64]
     multiple: NDArray[np.float64]
+    share: NDArray[np.float64]
 
 
 def window_lengths(durations: Sequence[float], band: tuple[float, float]) -> tuple[float, ...]:
@@ -92,7 +96,20 @@ def compose(windows: Sequence[Conditioned]) -> Composite:
         coherence=coherence_c,
         random_error=random_error(coherence_c, _mean(averages, weight)),
         multiple=np.clip(_mean(multiple, weight.mean(axis=2)), 0.0, 1.0),
+        share=weight * gxx / np.sum(weight * gxx, axis=0),
     )
+
+
+def composite_noise(windows: Sequence[Conditioned]) -> NDArray[np.complex128]:
+    """Return the outputs' disturbance spectra, (n_freq, n_out, n_out), averaged over lengths.
+
+    Each length counts by its number of averages from PERIODS periods upwards.
+    """
+    usable = np.stack([one.periods >= PERIODS for one in windows])
+    usable[int(np.argmax([one.periods[0] for one in windows]))] = True
+    averages = np.array([one.averages for one in windows])[:, None]
+    weight = np.where(usable, averages, 0.0)[:, :, None, None]
+    return _mean(np.stack([one.noise for one in windows]), weight)
 
 
 def _weights(windows: Sequence[Conditioned]) -> NDArray[np.float64]:

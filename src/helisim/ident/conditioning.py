@@ -43,6 +43,9 @@ class Conditioned:
         multiple: (n_out, n_freq) coherence of the output with all inputs together.
         averages: equivalent number of independent windows.
         periods: (n_freq,) how many periods of the frequency the window holds.
+        noise: (n_freq, n_out, n_out) spectra of what the response leaves of the outputs.
+        weight: (n_freq, n_in, n_segment) by which the response takes an output's transform
+            in each window.
     """
 
     gxx: NDArray[np.float64]
@@ -51,6 +54,8 @@ class Conditioned:
     multiple: NDArray[np.float64]
     averages: float
     periods: NDArray[np.float64]
+    noise: NDArray[np.complex128]
+    weight: NDArray[np.complex128]
 
     @property
     def coherence(self) -> NDArray[np.float64]:
@@ -87,16 +92,27 @@ def condition(
     active = [*inputs, *others]
     guu = spectra.block(active, active)
     gyu = spectra.block(outputs, active)
-    gyy = np.real(np.diagonal(spectra.block(outputs, outputs), axis1=1, axis2=2))
-    explained, cross = guu, gyu
+    gyy = spectra.block(outputs, outputs)
+    explained, weight = guu, None
     if reference is not None:
         projection = _right_divide(
             spectra.block(active, reference), spectra.block(reference, reference)
         )
         explained = projection @ spectra.block(reference, active)
-        cross = spectra.block(outputs, reference) @ _adjoint(projection)
-    response = _right_divide(cross, explained)
-    noise = _residual_power(response, guu, gyu, gyy)
+        weight = _adjoint(projection)
+    driving = active if reference is None else list(reference)
+    inverse = _right_divide(_identity_like(explained), explained)
+    weight = inverse if weight is None else weight @ inverse
+    response = spectra.block(outputs, driving) @ weight
+    window_weight = spectra.scale * np.matmul(
+        weight.transpose(0, 2, 1), spectra.windowed(driving).conj()
+    )
+    residual = _residual(response, guu, gyu, gyy)
+    noise = np.clip(
+        np.real(np.diagonal(residual, axis1=1, axis2=2)),
+        1e-14 * np.real(np.diagonal(gyy, axis1=1, axis2=2)),
+        None,
+    )
     own = _own_power(explained)[:, None, : len(inputs)]
     wanted = response[:, :, : len(inputs)]
     signal = np.real(np.sum((response @ explained) * response.conj(), axis=2))
@@ -107,6 +123,8 @@ def condition(
         multiple=(signal / (signal + noise)).T,
         averages=spectra.averages,
         periods=spectra.frequency * (spectra.window / (2.0 * np.pi)),
+        noise=_disturbance(spectra, outputs, active, response, window_weight),
+        weight=window_weight[:, : len(inputs)],
     )
 
 
@@ -169,16 +187,43 @@ def _right_divide(
         ) from None
 
 
-def _residual_power(
+def _identity_like(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    return np.broadcast_to(np.eye(matrix.shape[-1], dtype=np.complex128), matrix.shape)
+
+
+def _residual(
     response: NDArray[np.complex128],
     guu: NDArray[np.complex128],
     gyu: NDArray[np.complex128],
-    gyy: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the power of y - H u, (n_freq, n_out)."""
-    explained = np.real(np.sum(response * gyu.conj(), axis=2))
-    fed = np.real(np.sum((response @ guu) * response.conj(), axis=2))
-    return np.clip(gyy - 2.0 * explained + fed, 1e-14 * gyy, None)
+    gyy: NDArray[np.complex128],
+) -> NDArray[np.complex128]:
+    """Return the spectra of y - H u, (n_freq, n_out, n_out)."""
+    explained = response @ _adjoint(gyu)
+    return gyy - explained - _adjoint(explained) + response @ guu @ _adjoint(response)
+
+
+def _disturbance(
+    spectra: Spectra,
+    outputs: Sequence[str],
+    active: Sequence[str],
+    response: NDArray[np.complex128],
+    weight: NDArray[np.complex128],
+) -> NDArray[np.complex128]:
+    """Return the spectra of the outputs' disturbance, (n_freq, n_out, n_out).
+
+    Windows count less where the inputs are strong at that frequency: what a window smears of
+    the inputs' own effect looks like a disturbance there. And the response has been fitted to
+    some of the disturbance: in each window by its leverage, times how many windows overlap.
+    """
+    given = spectra.windowed(active)
+    left = spectra.windowed(outputs) - response @ given
+    power = np.sum(np.abs(given) ** 2 / np.mean(np.abs(given) ** 2, axis=2, keepdims=True), axis=1)
+    faint = 1.0 / (1.0 + power)
+    leverage = np.real(np.sum(weight * given, axis=1))
+    overlap = np.sum(spectra.energy) / spectra.averages
+    kept = spectra.energy * np.clip(1.0 - overlap * leverage, 0.2, 1.0)
+    faint *= spectra.scale * np.sum(spectra.energy) / np.sum(faint * kept, axis=1, keepdims=True)
+    return np.matmul(left * faint[:, None, :], _adjoint(left))
 
 
 def _own_power(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:

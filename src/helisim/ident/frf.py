@@ -2,16 +2,18 @@
 
 import hashlib
 import math
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import IdentificationError, InputError, UnknownNameError
-from helisim.ident.composite import Composite, compose, window_lengths
+from helisim.ident.composite import Composite, compose, composite_noise, window_lengths
 from helisim.ident.conditioning import condition, cross_control, gate
+from helisim.ident.scatter import Scatter, WindowWeights
 from helisim.ident.spectra import Spectra, cross_spectra
 from helisim.record import FlightRecord
 
@@ -19,6 +21,22 @@ POINTS_PER_DECADE = 80
 """Density of the frequency grid; 20 points of it a response go into a fit."""
 
 _USABLE_COHERENCE = 0.6
+
+_COMPARED = 8
+"""Every so many frequencies the direct estimate is compared with the joint one."""
+
+_LEAST_COHERENCE = 0.2
+"""Below it the joint estimate is too wild for a comparison."""
+
+_CHANCE = 12.0
+"""A squared gap over its variance that chance exceeds once in 160 000 comparisons."""
+
+NOT_ARCHIVED = {"archived": False}
+"""Marks fields that are rebuilt from the records, not written to files."""
+
+
+class ClosedLoopWarning(UserWarning):
+    """The direct and the joint estimate disagree, so the direct one is biased by feedback."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +59,9 @@ class FrequencyResponse:
         windows: window lengths, s.
         flags: warnings of the cross-control gate.
         sources: a fingerprint of each record, so that a verification can't reuse one.
+        scatter: how the random errors at all points belong together, as far as records are
+            known; fits state their standard errors from it.
+        direct: with a reference, the direct estimate for comparison.
     """
 
     frequency: NDArray[np.float64]
@@ -58,6 +79,8 @@ class FrequencyResponse:
     windows: tuple[float, ...] = ()
     flags: tuple[str, ...] = ()
     sources: tuple[str, ...] = field(default=(), repr=False)
+    scatter: Scatter | None = field(default=None, repr=False, metadata=NOT_ARCHIVED)
+    direct: "FrequencyResponse | None" = field(default=None, repr=False, metadata=NOT_ARCHIVED)
 
     def __post_init__(self) -> None:
         n_out, n_in = len(self.outputs), len(self.inputs)
@@ -195,24 +218,67 @@ def frequency_response(
     flags = gate(cross, (*wanted, *others), frequency)
     if reference_names:
         flags += gate(_cross_control(spectra, reference_names), reference_names, frequency)
-    composite = _composite(spectra, wanted, measured, others, reference_names)
-    return FrequencyResponse(
-        frequency=frequency,
-        response=composite.response,
-        coherence=composite.coherence,
-        multiple_coherence=composite.multiple,
-        cross_control_coherence=cross[: len(wanted), : len(wanted)],
-        random_error=composite.random_error,
-        inputs=wanted,
-        outputs=measured,
-        input_units=tuple(flights[0].unit(name) for name in wanted),
-        output_units=tuple(flights[0].unit(name) for name in measured),
-        conditioning=others,
-        reference=reference_names,
-        windows=lengths,
-        flags=flags,
-        sources=tuple(fingerprint(flight) for flight in flights),
-    )
+
+    def estimated(names: tuple[str, ...]) -> FrequencyResponse:
+        composite, scatter = _estimate(spectra, wanted, measured, others, names, flights)
+        return FrequencyResponse(
+            frequency=frequency,
+            response=composite.response,
+            coherence=composite.coherence,
+            multiple_coherence=composite.multiple,
+            cross_control_coherence=cross[: len(wanted), : len(wanted)],
+            random_error=composite.random_error,
+            inputs=wanted,
+            outputs=measured,
+            input_units=tuple(flights[0].unit(name) for name in wanted),
+            output_units=tuple(flights[0].unit(name) for name in measured),
+            conditioning=others,
+            reference=names,
+            windows=lengths,
+            flags=flags,
+            sources=tuple(fingerprint(flight) for flight in flights),
+            scatter=scatter,
+        )
+
+    if not reference_names:
+        return estimated(())
+    joint, direct = estimated(reference_names), estimated(())
+    return replace(joint, direct=direct, flags=flags + disagreements(joint, direct))
+
+
+def disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> tuple[str, ...]:
+    """Compare the joint and the direct estimate; return the warnings that were raised.
+
+    They differ where the gap is larger than both errors together, and larger than chance
+    explains: both see the same disturbance, so the gap's own error is the smaller one.
+    """
+    flags = []
+    if joint.scatter is None or direct.scatter is None:
+        return ()
+    index = np.arange(0, joint.frequency.size, _COMPARED)
+    shape = (len(joint.outputs), len(joint.inputs), index.size)
+    place = np.indices(shape).reshape(3, -1)
+    at = (place[0], place[1], index[place[2]])
+    each = (joint.scatter, direct.scatter, joint.scatter.minus(direct.scatter))
+    own, other, between = (one.variance(*at) for one in each)
+    gap = np.abs(joint.response[at] - direct.response[at]) ** 2
+    found = (gap > np.maximum(own + other, _CHANCE * between)) & joint.usable(_LEAST_COHERENCE)[at]
+    relative = np.where(found, np.sqrt(gap) / np.abs(joint.response[at]), 0.0).reshape(shape)
+    for o, output in enumerate(joint.outputs):
+        for i, input_ in enumerate(joint.inputs):
+            worst = int(np.argmax(relative[o, i]))
+            if relative[o, i, worst] == 0.0:
+                continue
+            flags.append(
+                f"direct and joint estimates of {output}/{input_} disagree beyond their errors at "
+                f"{np.count_nonzero(relative[o, i])} of {index.size} frequencies, by "
+                f"{100.0 * relative[o, i, worst]:.0f} % at {joint.frequency[index[worst]]:.3g} "
+                "rad/s: feedback carries disturbances into the input, which biases the direct "
+                "estimate; use the joint one, and check that the reference is outside the loop"
+            )
+    for flag in flags:
+        warnings.warn(flag, ClosedLoopWarning, stacklevel=3)
+    return tuple(flags)
 
 
 def fingerprint(record: FlightRecord) -> str:
@@ -229,14 +295,27 @@ def as_names(names: str | Sequence[str] | None) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _composite(
+def _estimate(
     spectra: Sequence[Spectra],
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
     others: tuple[str, ...],
     reference: tuple[str, ...],
-) -> Composite:
-    return compose([condition(one, inputs, outputs, others, reference or None) for one in spectra])
+    flights: Sequence[FlightRecord],
+) -> tuple[Composite, Scatter]:
+    """Return the composite response, and how its errors hang together."""
+    each = [condition(one, inputs, outputs, others, reference or None) for one in spectra]
+    composite = compose(each)
+    scatter = Scatter(
+        frequency=spectra[0].frequency,
+        windows=tuple(
+            WindowWeights(one.window, one.start, one.flight, conditioned.weight, share)
+            for one, conditioned, share in zip(spectra, each, composite.share)
+        ),
+        durations=tuple(flight.duration for flight in flights),
+        noise=composite_noise(each),
+    )
+    return composite, scatter
 
 
 def _cross_control(spectra: Sequence[Spectra], inputs: tuple[str, ...]) -> NDArray[np.float64]:

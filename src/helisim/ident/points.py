@@ -36,6 +36,8 @@ class Points:
         weight: (n_point,) W_g 20 / n_w of the cost.
         output, input, position: (n_point,) where a point is in the model's response.
         pair: (n_point,) which of `pairs` it belongs to.
+        covariance: (n_point, n_point) E[d_k d_l*] of the relative errors d = dH/H; None where
+            the records are not known.
     """
 
     pairs: tuple[str, ...]
@@ -48,6 +50,14 @@ class Points:
     input: NDArray[np.intp]
     position: NDArray[np.intp]
     pair: NDArray[np.intp]
+    covariance: NDArray[np.complex128] | None = None
+
+    @property
+    def deviation(self) -> NDArray[np.float64] | None:
+        """Standard deviation of each point's relative error, real or imaginary part."""
+        if self.covariance is None:
+            return None
+        return np.sqrt(0.5 * np.real(np.diagonal(self.covariance)))
 
 
 def select(
@@ -80,19 +90,38 @@ def select(
     places = [frf.index(*wanted[name]) for name in kept]
     grid, position = np.unique(np.concatenate(chosen), return_inverse=True)
     coherence = np.concatenate([frf.coherence[o, i, k] for (o, i), k in zip(places, chosen)])
+    measured = np.concatenate([frf.response[o, i, k] for (o, i), k in zip(places, chosen)])
     share = np.concatenate([np.full(k.size, 20.0 / k.size) for k in chosen])
     return Points(
         pairs=tuple(kept),
         dropped=tuple(name for name in wanted if name not in kept),
         bands=tuple((float(frf.frequency[k[0]]), float(frf.frequency[k[-1]])) for k in chosen),
         frequency=frf.frequency[grid],
-        measured=np.concatenate([frf.response[o, i, k] for (o, i), k in zip(places, chosen)]),
+        measured=measured,
         weight=share * (1.58 * (1.0 - np.exp(-coherence))) ** 2,
         output=_repeat([structure.outputs.index(wanted[name][0]) for name in kept], chosen),
         input=_repeat([structure.inputs.index(wanted[name][1]) for name in kept], chosen),
         position=position,
         pair=_repeat(range(len(kept)), chosen),
+        covariance=_covariance(frf, places, chosen, measured),
     )
+
+
+def _covariance(
+    frf: FrequencyResponse,
+    places: list[tuple[int, int]],
+    chosen: list[NDArray[np.intp]],
+    measured: NDArray[np.complex128],
+) -> NDArray[np.complex128] | None:
+    """Return the covariance of the points' relative errors, where it is known."""
+    if frf.scatter is None:
+        return None
+    absolute = frf.scatter.covariance(
+        _repeat([o for o, _ in places], chosen),
+        _repeat([i for _, i in places], chosen),
+        np.concatenate(chosen),
+    )
+    return absolute / np.outer(measured, measured.conj())
 
 
 def _repeat(values: Sequence[int] | range, chosen: list[NDArray[np.intp]]) -> NDArray[np.intp]:

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
 from types import MappingProxyType
 from typing import Any
 
@@ -11,8 +12,18 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.errors import UnknownNameError
+from helisim.errors import InputError, UnknownNameError
+from helisim.ident.archive import (
+    number_in,
+    number_out,
+    read_json,
+    response_from_dict,
+    response_to_dict,
+    versions,
+    write_json,
+)
 from helisim.ident.evaluate import matrices, response, state_space
+from helisim.ident.export import latex_table, text_table, write_matlab
 from helisim.ident.frf import FrequencyResponse
 from helisim.ident.structure import Parameter, Structure
 
@@ -21,6 +32,9 @@ CRAMER_RAO_LIMIT = 20.0
 
 INSENSITIVITY_LIMIT = 10.0
 """Percent of the value above which an insensitivity says "poorly identified"."""
+
+FORMAT = "helisim fit, version 1"
+"""What `Fit.to_dict` writes and `Fit.from_dict` reads."""
 
 CORRELATION_LIMIT = 0.9
 """Two parameters correlated more than this can stand in for each other."""
@@ -67,6 +81,14 @@ class FittedParameter:
         return self.definition.fixed
 
     @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval, 1.96 standard errors either way."""
+        return (
+            self.value - 1.96 * self.standard_error,
+            self.value + 1.96 * self.standard_error,
+        )
+
+    @property
     def cr_percent(self) -> float:
         """The Cramér-Rao bound in percent of the value."""
         return _percent(self.cramer_rao, self.value)
@@ -107,6 +129,7 @@ class Fit:
         converged: the search ended at a minimum, not at its limit of steps.
         searches_agreeing: how many starts ended in this minimum; 1 says to look closer.
         data: the frequency response that was fitted.
+        versions: the programs that computed the fit, by name.
     """
 
     structure: Structure
@@ -118,12 +141,13 @@ class Fit:
     converged: bool
     searches_agreeing: int
     data: FrequencyResponse
+    versions: Mapping[str, str] = field(default_factory=versions, repr=False)
 
     def __post_init__(self) -> None:
         correlation = np.array(self.correlation, dtype=np.float64)
         correlation.flags.writeable = False
         object.__setattr__(self, "correlation", correlation)
-        for name in ("parameters", "costs", "bands"):
+        for name in ("parameters", "costs", "bands", "versions"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __getitem__(self, name: str) -> FittedParameter:
@@ -137,7 +161,7 @@ class Fit:
         return f"Fit({self.structure.name}, average cost {self.cost:.4g})"
 
     def __str__(self) -> str:
-        return _report(self)
+        return text_table(self)
 
     @property
     def values(self) -> dict[str, float]:
@@ -193,6 +217,15 @@ class Fit:
             if abs(self.correlation[i, j]) > CORRELATION_LIMIT
         )
 
+    def verdict(self, name: str) -> str:
+        """Return a few words about a parameter, correlations included.
+
+        Raises UnknownNameError.
+        """
+        others = [b if a == name else a for a, b, _ in self.correlated if name in (a, b)]
+        own = self[name].verdict
+        return f"{own}, correlated with {', '.join(others)}" if others else own
+
     @cached_property
     def model(self) -> control.StateSpace:
         """The identified state space, named; its delays are in `delays`."""
@@ -225,25 +258,35 @@ class Fit:
             outputs=self.structure.outputs,
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON; what isn't finite becomes None."""
+    @property
+    def method(self) -> str:
+        """How the response was estimated: "joint input-output" with references, or "direct"."""
+        return "joint input-output" if self.data.reference else "direct"
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """From what and with what the fit was computed, as plain data."""
         return {
+            "method": self.method,
+            "records": list(self.data.sources),
+            "windows_s": list(self.data.windows),
+            "band_rad_s": list(self.band),
+            "conditioning": list(self.data.conditioning),
+            "reference": list(self.data.reference),
+            "versions": dict(self.versions),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON that `from_dict` reads back without loss.
+
+        What isn't finite becomes None.
+        """
+        return {
+            "format": FORMAT,
             "structure": self.structure.to_dict(),
-            "parameters": [
-                {
-                    "name": one.name,
-                    "unit": one.unit,
-                    "value": one.value,
-                    "cr_percent": _finite(one.cr_percent),
-                    "insensitivity_percent": _finite(one.insensitivity_percent),
-                    "standard_error": _finite(one.standard_error),
-                    "fixed": one.fixed,
-                    "at_bound": one.at_bound,
-                    "poorly_identified": one.poorly_identified,
-                }
-                for one in self.parameters.values()
-            ],
+            "parameters": [_parameter_to_dict(one) for one in self.parameters.values()],
             "correlation": self.correlation.tolist(),
+            "correlated": [list(pair) for pair in self.correlated],
             "cost": self.cost,
             "costs": dict(self.costs),
             "band_rad_s": list(self.band),
@@ -252,10 +295,70 @@ class Fit:
             "converged": self.converged,
             "acceptable": self.acceptable,
             "searches_agreeing": self.searches_agreeing,
-            "method": "joint input-output" if self.data.reference else "direct",
+            "method": self.method,
             "windows_s": list(self.data.windows),
             "flags": list(self.data.flags),
+            "delays_s": self.delays,
+            "provenance": self.provenance,
+            "data": response_to_dict(self.data),
         }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Fit":
+        """Read what `to_dict` wrote.
+
+        Raises:
+            InputError: something is missing or of the wrong type.
+        """
+        if not isinstance(data, Mapping) or data.get("format") != FORMAT:
+            received = data.get("format") if isinstance(data, Mapping) else type(data).__name__
+            raise InputError(
+                f"this isn't a fit that Fit.to_dict wrote: its format is {received!r}, "
+                f"expected {FORMAT!r}"
+            )
+        try:
+            structure = Structure.from_dict(data["structure"])
+            parameters = [_parameter_from_dict(structure, one) for one in data["parameters"]]
+            return cls(
+                structure=structure,
+                parameters={one.name: one for one in parameters},
+                correlation=np.array(data["correlation"], dtype=np.float64).reshape(
+                    len(structure.free), len(structure.free)
+                ),
+                costs={name: float(cost) for name, cost in data["costs"].items()},
+                bands={
+                    name: (float(low), float(high))
+                    for name, (low, high) in data["bands_rad_s"].items()
+                },
+                dropped=tuple(data["dropped"]),
+                converged=bool(data["converged"]),
+                searches_agreeing=int(data["searches_agreeing"]),
+                data=response_from_dict(data["data"]),
+                versions=data["provenance"]["versions"],
+            )
+        except KeyError as error:
+            raise InputError(f"the fit lacks {error}") from None
+        except InputError:
+            raise
+        except (TypeError, AttributeError, ValueError) as error:
+            raise InputError(f"the fit holds something of the wrong type: {error}") from None
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the fit as JSON that `load_fit` reads. Raises StorageError."""
+        write_json(self.to_dict(), path)
+
+    def to_latex(self, *, caption: str = "", label: str = "") -> str:
+        """Return the parameters as a LaTeX table, each value rounded by its standard error."""
+        return latex_table(self, caption=caption, label=label)
+
+    def to_matlab(self, path: str | PathLike[str]) -> None:
+        """Write A, B, C, D, InputDelay, OutputDelay and names as a MAT file.
+
+        Raises:
+            StorageError: the file can't be written.
+            IdentificationError: the model has no state-space form.
+        """
+        write_matlab(self, path)
 
 
 def _percent(part: float, whole: float) -> float:
@@ -264,45 +367,43 @@ def _percent(part: float, whole: float) -> float:
     return 100.0 * part / abs(whole) if whole != 0.0 else math.inf
 
 
-def _finite(number: float) -> float | None:
-    return number if math.isfinite(number) else None
+def load_fit(path: str | PathLike[str]) -> Fit:
+    """Read a fit that `Fit.save` wrote.
+
+    Raises:
+        StorageError: the file can't be read, or isn't JSON.
+        InputError: it isn't a fit; the message names the file.
+    """
+    data = read_json(path)
+    try:
+        return Fit.from_dict(data)
+    except InputError as error:
+        error.args = (f"{path}: {error}",)
+        raise
 
 
-def _report(fit: Fit) -> str:
-    """Return the fit as a table, with everything a reader should know below it."""
-    lines = [f"{fit.structure.name}: {fit.structure.meaning}".rstrip(": "), ""]
-    width = max(9, *(len(name) for name in fit.parameters))
-    units = max(4, *(len(one.unit) for one in fit.parameters.values()))
-    lines.append(
-        f"{'parameter':<{width}}  {'unit':<{units}}  {'value':>12}  {'CR %':>7}  "
-        f"{'insens. %':>9}  {'std. error':>10}  verdict"
+def _parameter_to_dict(one: FittedParameter) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "unit": one.unit,
+        "value": one.value,
+        "cramer_rao": number_out(one.cramer_rao),
+        "insensitivity": number_out(one.insensitivity),
+        "cr_percent": number_out(one.cr_percent),
+        "insensitivity_percent": number_out(one.insensitivity_percent),
+        "standard_error": number_out(one.standard_error),
+        "fixed": one.fixed,
+        "at_bound": one.at_bound,
+        "poorly_identified": one.poorly_identified,
+    }
+
+
+def _parameter_from_dict(structure: Structure, one: Mapping[str, Any]) -> FittedParameter:
+    return FittedParameter(
+        definition=structure.parameter(one["name"]),
+        value=float(one["value"]),
+        cramer_rao=number_in(one["cramer_rao"]),
+        insensitivity=number_in(one["insensitivity"]),
+        standard_error=number_in(one["standard_error"]),
+        at_bound=bool(one["at_bound"]),
     )
-    for one in fit.parameters.values():
-        numbers = (
-            f"{'-':>7}  {'-':>9}  {'-':>10}"
-            if one.fixed
-            else f"{one.cr_percent:7.2f}  {one.insensitivity_percent:9.2f}  "
-            f"{one.standard_error:10.3g}"
-        )
-        lines.append(
-            f"{one.name:<{width}}  {one.unit:<{units}}  {one.value:12.6g}  {numbers}  {one.verdict}"
-        )
-    lines.append("")
-    for name, cost in fit.costs.items():
-        low, high = fit.bands[name]
-        lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s")
-    quality = "excellent" if fit.excellent else "acceptable" if fit.acceptable else "too high"
-    lines.append(f"average J = {fit.cost:.4g}: {quality}")
-    return "\n".join(lines + _remarks(fit))
-
-
-def _remarks(fit: Fit) -> list[str]:
-    remarks = []
-    if not fit.converged:
-        remarks.append("the search did not converge: give better starts, or fix a parameter")
-    if fit.searches_agreeing < 2:
-        remarks.append("only one start ended in this minimum: try more searches")
-    if fit.dropped:
-        remarks.append(f"left out for lack of coherence: {', '.join(fit.dropped)}")
-    remarks.extend(f"{a} and {b} are correlated by {r:.3f}" for a, b, r in fit.correlated)
-    return remarks + list(fit.data.flags)

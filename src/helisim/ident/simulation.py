@@ -34,6 +34,48 @@ def simulate(
     return states @ c.T + inputs @ d.T
 
 
+def delayed(
+    model: control.StateSpace,
+    inputs: NDArray[np.float64],
+    step: float,
+    lags: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the outputs of a model at rest with a delay a pair, (n_time, n_out).
+
+    Exact for inputs linear between samples, also where a delay isn't a whole number of them.
+    Before the record inputs rest at their first value, after it at their last.
+
+    Args:
+        model: a continuous model.
+        inputs: (n_time, n_in), deviations from trim.
+        step: sample time, s.
+        lags: (n_out, n_in) s, negative where an output leads its input.
+    """
+    a, b, c, d = (np.asarray(x, dtype=np.float64) for x in (model.A, model.B, model.C, model.D))
+    samples, n_in = inputs.shape
+    outputs = np.zeros((samples, c.shape[0]))
+    # Room on both sides for what the delays reach beyond the record.
+    room = int(np.ceil(np.max(np.abs(lags), initial=0.0) / step)) + 1
+    transition, now, change = _discretise(a, b, step)
+    for j in range(n_in):
+        wide = np.pad(inputs[:, j], room, mode="edge")
+        rise = np.diff(wide, append=wide[-1])
+        driven = np.outer(wide, now[:, j]) + np.outer(rise, change[:, j])
+        states = _propagate(transition, driven, np.zeros(a.shape[0]))
+        for lag in np.unique(lags[:, j]):
+            whole = int(np.floor(-lag / step))
+            part = -lag - whole * step
+            at = slice(room + whole, room + whole + samples)
+            ahead, held, risen = _discretise(a, b, part)
+            slope = rise[at] * (part / step)
+            moved = (
+                states[at] @ ahead.T + np.outer(wide[at], held[:, j]) + np.outer(slope, risen[:, j])
+            )
+            for k in np.flatnonzero(lags[:, j] == lag):
+                outputs[:, k] += moved @ c[k] + (wide[at] + slope) * d[k, j]
+    return outputs
+
+
 def _discretise(a: NDArray[np.float64], b: NDArray[np.float64], step: float) -> Discrete:
     """Return the exact transition over one step of an input that changes linearly."""
     n, n_in = b.shape

@@ -5,7 +5,7 @@ transform on a logarithmic grid): no interpolation, no energy spent outside the 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,12 @@ class Spectra:
         names: the signals, in the order of the matrix.
         window: window length, s.
         averages: equivalent number of independent windows, n_d / C_eps^2.
+        transforms: (n_freq, n_signal, n_segment) of every window, unscaled.
+        scale: the matrix is this times the sum of transforms over the windows.
+        start: (n_segment,) when each window starts within its flight, s.
+        flight: (n_segment,) which flight it belongs to.
+        energy: (n_segment,) what white noise gives to it, in units of a whole window's: less
+            at the ends of a record.
     """
 
     frequency: NDArray[np.float64]
@@ -40,12 +46,21 @@ class Spectra:
     names: tuple[str, ...]
     window: float
     averages: float
+    transforms: NDArray[np.complex128] = field(repr=False)
+    scale: float = field(repr=False)
+    start: NDArray[np.float64] = field(repr=False)
+    flight: NDArray[np.intp] = field(repr=False)
+    energy: NDArray[np.float64] = field(repr=False)
 
     def block(self, rows: Sequence[str], columns: Sequence[str]) -> NDArray[np.complex128]:
         """Return G between named signals, (n_freq, n_row, n_column)."""
         i = [self.names.index(name) for name in rows]
         j = [self.names.index(name) for name in columns]
         return self.matrix[:, i, :][:, :, j]
+
+    def windowed(self, names: Sequence[str]) -> NDArray[np.complex128]:
+        """Return the transforms of named signals, (n_freq, n_name, n_segment)."""
+        return self.transforms[:, [self.names.index(name) for name in names], :]
 
 
 def cross_spectra(
@@ -63,8 +78,9 @@ def cross_spectra(
     times the vehicle's group delay. Beyond its ends a record is taken to be in trim, and it is
     faded into that over one period of the lowest frequency (5 % of the record at most).
     """
-    total = np.zeros((frequency.size, len(names), len(names)), dtype=np.complex128)
-    power = 0.0
+    pieces: list[NDArray[np.complex128]] = []
+    begins: list[NDArray[np.float64]] = []
+    energies: list[NDArray] = []
     correlated = 0.0
     kernels: dict[tuple[int, float], NDArray[np.complex128]] = {}
     for record in records:
@@ -76,13 +92,27 @@ def cross_spectra(
         starts = segment_starts(len(record), length, overlap)
         fade = _fade(len(record), 2.0 * np.pi / (frequency[0] * step))
         columns = detrend(record.select(names), axis=0, type="linear") * fade[:, None]
-        transforms = _transform(columns, starts, kernels[key])
-        total += np.matmul(transforms, transforms.conj().transpose(0, 2, 1))
+        pieces.append(_transform(columns, starts, kernels[key]))
+        begins.append(np.asarray(starts * step, dtype=np.float64))
         shared = _shared_power(starts, length, fade)
-        power += float(np.trace(shared))
+        energies.append(np.diagonal(shared))
         correlated += float(np.sum(shared**2))
-    matrix = (2.0 / (window * HANN_POWER * power)) * total
-    return Spectra(frequency, matrix, tuple(names), window, power**2 / correlated)
+    energy = np.concatenate(energies)
+    power = float(np.sum(energy))
+    transforms = np.concatenate(pieces, axis=2)
+    scale = 2.0 / (window * HANN_POWER * power)
+    return Spectra(
+        frequency=frequency,
+        matrix=scale * np.matmul(transforms, transforms.conj().transpose(0, 2, 1)),
+        names=tuple(names),
+        window=window,
+        averages=power**2 / correlated,
+        transforms=transforms,
+        scale=scale,
+        start=np.concatenate(begins),
+        flight=np.repeat(np.arange(len(begins)), [one.size for one in begins]),
+        energy=energy,
+    )
 
 
 def segment_starts(samples: int, length: int, overlap: float) -> NDArray[np.intp]:

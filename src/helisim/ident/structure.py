@@ -8,14 +8,18 @@ skewed against each other.
 """
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from os import PathLike
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.errors import InputError, StorageError, UnknownNameError
 from helisim.ident.expression import FUNCTIONS, Expression
+from helisim.ident.plain import MATRICES, axes, read_fields, to_toml
 
 Entries = tuple[tuple[str, ...], ...]
 """A matrix of expressions, by rows."""
@@ -149,16 +153,18 @@ class Structure:
     def entries(self) -> tuple[Entry, ...]:
         """Every matrix entry and delay that isn't the number zero."""
         found = []
-        for matrix in ("M", "F", "G", "H0", "H1", "D"):
+        for matrix, (rows, columns) in axes(self.states, self.inputs, self.outputs).items():
             for row, cells in enumerate(getattr(self, matrix)):
                 for column, cell in enumerate(cells):
-                    found.append(Entry(matrix, row, column, self._expression(cell)))
+                    place = f"{matrix}.{rows[row]}.{columns[column]}"
+                    found.append(Entry(matrix, row, column, self._expression(cell, place)))
         for matrix, delays, signals in (
             ("input_delays", self.input_delays, self.inputs),
             ("output_delays", self.output_delays, self.outputs),
         ):
             for name, cell in delays.items():
-                found.append(Entry(matrix, 0, signals.index(name), self._expression(cell)))
+                expression = self._expression(cell, f"{matrix}.{name}")
+                found.append(Entry(matrix, 0, signals.index(name), expression))
         return tuple(entry for entry in found if entry.expression.text not in ("0", "0.0"))
 
     def parameter(self, name: str) -> Parameter:
@@ -205,33 +211,46 @@ class Structure:
         (in M: one on the diagonal).
 
         Raises:
-            InputError: something is missing, unknown or misshapen.
+            InputError: something is missing, unknown, misshapen or of the wrong type.
         """
-        required = ("name", "parameters", "states", "inputs", "outputs", "F", "G")
-        optional = ("M", "H0", "H1", "D", "input_delays", "output_delays", "constants", "meaning")
-        for key in data:
-            if key not in required + optional:
-                raise UnknownNameError("key of a structure", key, required + optional)
-        missing = [key for key in required if key not in data]
-        if missing:
-            raise InputError(f"the structure lacks {', '.join(missing)}")
-        fields = dict(data)
-        fields["parameters"] = tuple(
-            _parameter(name, table) for name, table in data["parameters"].items()
-        )
-        states, inputs, outputs = data["states"], data["inputs"], data["outputs"]
-        axes = {
-            "M": (states, states),
-            "F": (states, states),
-            "G": (states, inputs),
-            "H0": (outputs, states),
-            "H1": (outputs, states),
-            "D": (outputs, inputs),
-        }
-        for matrix, (rows, columns) in axes.items():
-            if matrix in data:
-                fields[matrix] = _dense(data[matrix], rows, columns, matrix)
+        fields = read_fields(data)
+        fields["parameters"] = tuple(Parameter(**one) for one in fields["parameters"])
         return cls(**fields)
+
+    @classmethod
+    def from_toml(cls, path: str | PathLike[str]) -> "Structure":
+        """Read a structure from a TOML file; `to_toml` of any built-in one is an example.
+
+        Raises:
+            StorageError: the file can't be read, or isn't TOML.
+            InputError: something in it is missing, unknown, misshapen or of the wrong type; the
+                message names the file and the entry.
+        """
+        try:
+            data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            raise StorageError(f"can't read the structure file {path}: {error}") from None
+        except tomllib.TOMLDecodeError as error:
+            raise StorageError(f"{path} isn't valid TOML: {error}") from None
+        try:
+            return cls.from_dict(data)
+        except InputError as error:
+            error.args = (f"{path}: {error}",)
+            raise
+
+    def to_toml(self, path: str | PathLike[str] | None = None) -> str:
+        """Return the structure as TOML that `from_toml` reads back; write it if a path is given.
+
+        Raises:
+            StorageError: the file can't be written.
+        """
+        text = to_toml(self.to_dict())
+        if path is not None:
+            try:
+                Path(path).write_text(text, encoding="utf-8")
+            except OSError as error:
+                raise StorageError(f"can't write the structure file {path}: {error}") from None
+        return text
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data that `from_dict` reads back."""
@@ -239,7 +258,7 @@ class Structure:
         for parameter in self.parameters:
             row: dict[str, Any] = {"unit": parameter.unit, "start": parameter.start}
             if parameter.bounds is not None:
-                row["bounds"] = list(parameter.bounds)
+                row["bounds"] = [edge if math.isfinite(edge) else None for edge in parameter.bounds]
             if parameter.meaning:
                 row["meaning"] = parameter.meaning
             if parameter.scale is not None:
@@ -254,7 +273,7 @@ class Structure:
             "states": list(self.states),
             "inputs": list(self.inputs),
             "outputs": list(self.outputs),
-            **{key: [list(row) for row in getattr(self, key)] for key in _MATRICES},
+            **{key: [list(row) for row in getattr(self, key)] for key in MATRICES},
             "input_delays": dict(self.input_delays),
             "output_delays": dict(self.output_delays),
             "constants": dict(self.constants),
@@ -287,12 +306,16 @@ class Structure:
             raise InputError(f"{self.name}: {matrix} is missing")
         return tuple(("0",) * shape[1] for _ in range(shape[0]))
 
-    def _expression(self, text: str) -> Expression:
-        expression = Expression(text)
+    def _expression(self, text: str, place: str) -> Expression:
+        try:
+            expression = Expression(text)
+        except InputError as error:
+            error.args = (f"{place} of {self.name!r}: {error}",)
+            raise
         known = (*self.names, *self.constants)
         for name in sorted(expression.names):
             if name not in known:
-                raise UnknownNameError(f"name in {text!r} of {self.name!r}", name, known)
+                raise UnknownNameError(f"name in {place} = {text!r} of {self.name!r}", name, known)
         return expression
 
     def _check_names(self) -> None:
@@ -315,49 +338,9 @@ class Structure:
                     raise UnknownNameError(f"{what} with a delay", name, signals)
 
 
-_MATRICES = ("M", "F", "G", "H0", "H1", "D")
-
-
 def _entries(rows: Sequence[Sequence[object]], shape: tuple[int, int], what: str) -> Entries:
     entries = tuple(tuple(str(cell) for cell in row) for row in rows)
     if len(entries) != shape[0] or any(len(row) != shape[1] for row in entries):
         received = f"{len(entries)} rows of {sorted({len(row) for row in entries})}"
         raise InputError(f"{what} has {received} entries, expected {shape[0]} of {shape[1]}")
     return entries
-
-
-def _parameter(name: str, table: Mapping[str, Any]) -> Parameter:
-    known = ("unit", "start", "bounds", "meaning", "scale", "fixed")
-    for key in table:
-        if key not in known:
-            raise UnknownNameError(f"key of parameter {name!r}", key, known)
-    if "unit" not in table or "start" not in table:
-        raise InputError(f"parameter {name!r} needs a unit and a start")
-    fields = dict(table)
-    if fields.get("bounds") is not None:
-        low, high = fields["bounds"]
-        fields["bounds"] = (float(low), float(high))
-    return Parameter(name, **fields)
-
-
-def _dense(
-    matrix: Mapping[str, Mapping[str, Any]] | Sequence[Sequence[Any]],
-    rows: Sequence[str],
-    columns: Sequence[str],
-    what: str,
-) -> Entries:
-    if not isinstance(matrix, Mapping):
-        return tuple(tuple(str(cell) for cell in row) for row in matrix)
-    for row, cells in matrix.items():
-        if row not in rows:
-            raise UnknownNameError(f"row of {what}", row, rows)
-        for column in cells:
-            if column not in columns:
-                raise UnknownNameError(f"column of {what}", column, columns)
-    return tuple(
-        tuple(
-            str(matrix.get(row, {}).get(column, int(what == "M" and row == column)))
-            for column in columns
-        )
-        for row in rows
-    )

@@ -11,6 +11,8 @@ __all__ = [
     "BUILT_IN",
     "first_order_delay",
     "heave",
+    "hover",
+    "hover_imu",
     "named",
     "rollpitch",
     "rollpitch_tied",
@@ -249,6 +251,79 @@ rollpitch_tied = Structure(
     input_delays=rollpitch.input_delays,
 )
 
+_HOVER_STATES = ("u", "v", "p", "q", "phi", "theta", "a", "b")
+
+_hover_parameters = (
+    Parameter("X_u", "1/s", -0.1, None, "forward damping"),
+    Parameter("X_a", "m/s^2", -10.0, None, "forward acceleration by longitudinal flapping: -g"),
+    Parameter("Y_v", "1/s", -0.1, None, "side damping"),
+    Parameter("Y_b", "m/s^2", 10.0, None, "side acceleration by lateral flapping: g"),
+    Parameter("L_u", "rad/(s m)", 0.0, None, "roll acceleration by forward velocity", 0.5),
+    Parameter("L_v", "rad/(s m)", 0.0, None, "roll acceleration by side velocity", 0.5),
+    Parameter("L_b", "1/s^2", 100.0, None, "roll acceleration by lateral flapping"),
+    Parameter("M_u", "rad/(s m)", 0.0, None, "pitch acceleration by forward velocity", 0.5),
+    Parameter("M_v", "rad/(s m)", 0.0, None, "pitch acceleration by side velocity", 0.5),
+    *rollpitch.parameters[2:3],
+    *rollpitch.parameters[:1],
+    *rollpitch.parameters[3:],
+)
+"""Mettler, Tischler and Kanade's hover model of the Yamaha R-50 (J. AHS 47, 2002) without its
+stabiliser bar, heave and yaw."""
+
+
+def _hover(name: str, outputs: tuple[str, ...], meaning: str) -> Structure:
+    rows = {
+        "u": {"u": "X_u", "theta": "-g", "a": "X_a"},
+        "v": {"v": "Y_v", "phi": "g", "b": "Y_b"},
+        "p": {"u": "L_u", "v": "L_v", "b": "L_b"},
+        "q": {"u": "M_u", "v": "M_v", "a": "M_a"},
+        "phi": {"p": "1"},
+        "theta": {"q": "1"},
+        "a": {"q": "-tau_f", "a": "-1", "b": "A_b"},
+        "b": {"p": "-tau_f", "a": "B_a", "b": "-1"},
+    }
+    felt = {"ax": {"theta": "g"}, "ay": {"phi": "-g"}}
+    return Structure.from_dict(
+        {
+            "name": name,
+            "meaning": meaning,
+            "parameters": {
+                one.name: {
+                    "unit": one.unit,
+                    "start": one.start,
+                    "bounds": one.bounds,
+                    "meaning": one.meaning,
+                    "scale": one.scale,
+                }
+                for one in _hover_parameters
+            },
+            "constants": {"g": GRAVITY},
+            "states": _HOVER_STATES,
+            "inputs": ("lat", "lon"),
+            "outputs": outputs,
+            "M": {"a": {"a": "tau_f"}, "b": {"b": "tau_f"}},
+            "F": rows,
+            "G": {"a": {"lat": "A_lat", "lon": "A_lon"}, "b": {"lat": "B_lat", "lon": "B_lon"}},
+            "H0": {y: felt.get(y, {y: "1"}) for y in outputs},
+            "H1": {y: {"u" if y == "ax" else "v": "1"} for y in outputs if y in felt},
+            "input_delays": {"lat": "tau_lat", "lon": "tau_lon"},
+        }
+    )
+
+
+hover = _hover(
+    "hover",
+    ("p", "q", "u", "v"),
+    "rates and velocities over cyclic at hover: rigid body with speeds and attitudes, and "
+    "first-order flapping",
+)
+
+hover_imu = _hover(
+    "hover_imu",
+    ("p", "q", "ax", "ay"),
+    "as hover, with accelerometers for velocities: ax = du/dt + g theta, ay = dv/dt - g phi",
+)
+
 BUILT_IN: dict[str, Structure] = {
     structure.name: structure
     for structure in (
@@ -258,6 +333,8 @@ BUILT_IN: dict[str, Structure] = {
         yaw_overall,
         rollpitch,
         rollpitch_tied,
+        hover,
+        hover_imu,
     )
 }
 """The built-in structures by name."""

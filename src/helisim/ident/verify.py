@@ -1,15 +1,23 @@
-"""Verifies an identified model in the time domain, on a record that no fit has seen."""
+"""Verifies an identified model in the time domain, on a record that no fit has seen.
+
+Estimated from the record are each output's bias and the state's trim error alone. A trim error,
+a constant rate of a state, adds the model's own motions to a constant, and so does an unknown
+initial state: the latter is what is solved for, with an input's trim beside it where the model
+integrates.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError, InputError
+from helisim.ident.evaluate import matrices
 from helisim.ident.frf import fingerprint
 from helisim.ident.result import Fit
-from helisim.ident.simulation import simulate
+from helisim.ident.simulation import delayed, simulate
 from helisim.record import FlightRecord
 
 ACCEPTABLE_TIC = 0.25
@@ -52,6 +60,17 @@ class Trace:
         """Measured minus predicted, (n_time, n_out)."""
         return self.measured - self.predicted
 
+    @property
+    def j_rms(self) -> NDArray[np.float64]:
+        """Root mean square error of each output in its unit, (n_out,)."""
+        return _rms(self.residual)
+
+    @property
+    def tic(self) -> NDArray[np.float64]:
+        """Theil's inequality coefficient of each output about its mean, (n_out,)."""
+        trim = np.mean(self.measured, axis=0)
+        return _theil(self.measured - trim, self.predicted - trim)
+
 
 @dataclass(frozen=True, eq=False)
 class Verification:
@@ -79,6 +98,32 @@ class Verification:
     def acceptable(self) -> bool:
         """Whether Theil's coefficient is at most 0.25."""
         return self.tic <= ACCEPTABLE_TIC
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data for JSON, without the traces."""
+        return {
+            "j_rms": self.j_rms,
+            "tic": self.tic,
+            "acceptable": self.acceptable,
+            "outputs": [
+                {
+                    "name": name,
+                    "unit": unit,
+                    "j_rms": self.j_rms_by_output[name],
+                    "tic": self.tic_by_output[name],
+                }
+                for name, unit in zip(self.outputs, self.units)
+            ],
+            "records": [
+                {
+                    "duration_s": float(trace.time[-1] - trace.time[0]),
+                    "j_rms": dict(zip(self.outputs, trace.j_rms.tolist())),
+                    "tic": dict(zip(self.outputs, trace.tic.tolist())),
+                    "bias": dict(zip(self.outputs, trace.bias.tolist())),
+                }
+                for trace in self.traces
+            ],
+        }
 
     def __str__(self) -> str:
         lines = [f"{'output':<8}  {'unit':<6}  {'J_rms':>10}  {'TIC':>6}"]
@@ -120,7 +165,7 @@ def verify(fit: Fit, records: FlightRecord | Sequence[FlightRecord]) -> Verifica
     predicted = np.concatenate([trace.predicted - trim for trace, trim in zip(traces, trims)])
     outputs = fit.structure.outputs
     rms = _rms(measured - predicted)
-    tic = rms / (_rms(measured) + _rms(predicted))
+    tic = _theil(measured, predicted)
     return Verification(
         outputs=outputs,
         units=tuple(flights[0].unit(name) for name in outputs),
@@ -137,7 +182,9 @@ def _trace(fit: Fit, flight: FlightRecord) -> Trace:
     structure = fit.structure
     inputs = flight.select(structure.inputs)
     measured = flight.select(structure.outputs)
-    forced = _delayed_simulation(fit, time, inputs - inputs[0], step)
+    numbers = matrices(structure, fit.values)
+    lags = numbers.output_delays[:, None] + numbers.input_delays[None, :]
+    forced = delayed(fit.model, inputs - inputs[0], step, lags)
     free = _free_motions(fit, time, step)
     if not (np.all(np.isfinite(forced)) and np.all(np.isfinite(free))):
         raise IdentificationError(
@@ -154,24 +201,6 @@ def _trace(fit: Fit, flight: FlightRecord) -> Trace:
     return Trace(time, inputs, measured, predicted, weight[:n_out])
 
 
-def _delayed_simulation(
-    fit: Fit, time: NDArray[np.float64], inputs: NDArray[np.float64], step: float
-) -> NDArray[np.float64]:
-    """Simulate with every input and output delay, of either sign."""
-    into, out = fit.input_delays, fit.output_delays
-    outputs = []
-    for k, name in enumerate(fit.structure.outputs):
-        shifted = np.stack(
-            [
-                np.interp(time - into[x] - out[name], time, inputs[:, j])
-                for j, x in enumerate(fit.structure.inputs)
-            ],
-            axis=1,
-        )
-        outputs.append(simulate(fit.model, shifted, step)[:, k])
-    return np.stack(outputs, axis=1)
-
-
 def _free_motions(fit: Fit, time: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Return what bias, initial state and input trim can add, (n_motion, n_time, n_out)."""
     model = fit.model
@@ -186,6 +215,12 @@ def _free_motions(fit: Fit, time: NDArray[np.float64], step: float) -> NDArray[n
 
 def _rms(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.sqrt(np.mean(values**2, axis=0))
+
+
+def _theil(measured: NDArray[np.float64], predicted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return Theil's coefficient of each output, (n_out,); 0 where nothing moves at all."""
+    size = _rms(measured) + _rms(predicted)
+    return _rms(measured - predicted) / np.where(size > 0.0, size, 1.0)
 
 
 def _tic(measured: NDArray[np.float64], predicted: NDArray[np.float64]) -> float:

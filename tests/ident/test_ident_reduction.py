@@ -1,0 +1,133 @@
+"""Structure reduction: what is not there is dropped, what is needed stays, all is logged."""
+
+import json
+
+import numpy as np
+import pytest
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.ident import FrequencyResponse, Structure, reduce, structures
+from helisim.ident.evaluate import response
+
+FREQUENCY = np.geomspace(1.0, 40.0, 90)
+TRUE = {
+    "tau_f": 0.045, "L_b": 540.0, "M_a": 315.0, "A_b": 0.0, "B_a": 0.53, "A_lat": 0.0,
+    "A_lon": 0.37, "B_lat": 0.38, "B_lon": 0.0, "tau_lat": 0.0115, "tau_lon": 0.0,
+}  # fmt: skip
+ABSENT = {"A_b", "A_lat", "B_lon"}
+
+
+def noisy(structure, values, size=0.02, seed=0):
+    clean = response(structure, values, FREQUENCY)
+    random = np.random.default_rng(seed)
+    wobble = random.standard_normal(clean.shape) + 1j * random.standard_normal(clean.shape)
+    # A response of zero has no logarithm: give it a floor no larger than the noise.
+    floor = 1e-3 * np.max(np.abs(clean)) * wobble
+    return FrequencyResponse.exact(
+        FREQUENCY,
+        clean * np.exp(size * wobble) + np.where(np.abs(clean) < 1e-9, floor, 0.0),
+        inputs=structure.inputs,
+        outputs=structure.outputs,
+    )
+
+
+@pytest.fixture(scope="module")
+def reduction():
+    return reduce(
+        noisy(structures.rollpitch, TRUE),
+        structures.rollpitch,
+        responses=("p/lat", "p/lon", "q/lon"),
+    )
+
+
+def test_parameters_that_are_not_there_are_dropped(reduction):
+    """On a plant without three couplings the reduction finds these and no others."""
+    assert set(reduction.dropped) == ABSENT
+    assert reduction.fit.cost < reduction.full.cost + 1.0
+    for name, value in TRUE.items():
+        one = reduction.fit[name]
+        if name in ABSENT:
+            assert one.fixed
+            assert one.value == 0.0
+        elif not name.startswith("tau_l"):
+            assert one.value == pytest.approx(value, rel=0.03)
+
+
+def test_accuracy_improves(reduction):
+    """With fewer parameters the others are known better, never worse."""
+    for one in reduction.fit.structure.free:
+        assert reduction.fit[one.name].cramer_rao <= 1.05 * reduction.full[one.name].cramer_rao
+
+
+def test_each_step_is_logged(reduction):
+    """Steps chain from one cost to the next, name their reason, and print as they are."""
+    cost = reduction.full.cost
+    for step in reduction.steps:
+        assert step.cost_before == cost
+        limit = 10.0 if step.reason == "insensitivity" else 20.0
+        assert step.percent > limit
+        assert step.dropped == (step.cost_after <= reduction.full.cost + 1.0)
+        assert str(step) in str(reduction)
+        cost = step.cost_after if step.dropped else cost
+    plain = json.loads(json.dumps(reduction.to_dict(), allow_nan=False))
+    assert plain["dropped"] == list(reduction.dropped)
+
+
+def test_delays_stay_unless_allowed(reduction):
+    """A delay of zero is poorly known, stays, and goes when delays may be dropped."""
+    assert "tau_lon" in reduction.protected
+    assert not reduction.structure.parameter("tau_lon").fixed
+    allowed = reduce(
+        noisy(structures.rollpitch, TRUE),
+        structures.rollpitch,
+        responses=("p/lat", "p/lon", "q/lon"),
+        delays=True,
+    )
+    assert "tau_lon" in allowed.dropped
+    assert "tau_f" not in {step.parameter for step in allowed.steps}
+
+
+def test_what_must_stay_stays():
+    """A parameter in `keep` is not tried."""
+    kept = reduce(
+        noisy(structures.rollpitch, TRUE),
+        structures.rollpitch,
+        responses=("p/lat", "p/lon", "q/lon"),
+        keep=("A_b",),
+    )
+    assert "A_b" not in {step.parameter for step in kept.steps}
+    assert "A_b" in kept.protected
+
+
+def test_a_poor_parameter_that_is_needed_comes_back():
+    """One of two parameters that stand in for each other goes; the other, as needed, stays."""
+    plain = structures.heave.to_dict()
+    plain["parameters"]["K"] = {"unit": "1", "start": 1.0}
+    plain["G"] = [["Z_col + K"]]
+    structure = Structure.from_dict(plain)
+    data = noisy(structures.heave, {"Z_w": -1.0, "Z_col": -10.0, "tau_col": 0.05})
+    found = reduce(data, structure)
+    assert len(found.dropped) == 1
+    assert set(found.dropped) < {"K", "Z_col"}
+    stays = ({"K", "Z_col"} - set(found.dropped)).pop()
+    assert found.fit[stays].value == pytest.approx(-10.0, rel=0.02)
+    strict = reduce(data, structure, rise=0.0, keep=("K", "Z_col"))
+    assert strict.dropped == ()
+    assert strict.fit is strict.full
+
+
+def test_a_good_structure_is_left_alone():
+    """Where every parameter is well known nothing is tried."""
+    data = noisy(structures.heave, {"Z_w": -2.0, "Z_col": -10.0, "tau_col": 0.05})
+    found = reduce(data, structures.heave)
+    assert found.steps == ()
+    assert found.fit is found.full
+
+
+def test_wrong_arguments_are_refused():
+    """An unknown parameter to keep and a negative rise are refused before any fit."""
+    data = noisy(structures.heave, {"Z_w": -2.0, "Z_col": -10.0, "tau_col": 0.05})
+    with pytest.raises(UnknownNameError, match="Z_w, Z_col, tau_col"):
+        reduce(data, structures.heave, keep=("Z_q",))
+    with pytest.raises(InputError, match="rise"):
+        reduce(data, structures.heave, rise=-1.0)

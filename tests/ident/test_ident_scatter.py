@@ -1,0 +1,92 @@
+"""The errors of a response and how they hang together, against many flights."""
+
+import numpy as np
+import pytest
+from scipy.signal import chirp, lfilter
+
+from helisim.channels import channel
+from helisim.errors import IdentificationError, InputError
+from helisim.ident import FrequencyResponse, frequency_response, identify, structures
+from helisim.ident.cost import Cost
+from helisim.ident.evaluate import response
+from helisim.ident.points import select
+from helisim.record import FlightRecord
+
+STEP = 0.05
+SAMPLES = 2400
+REPLICATES = 150
+BAND = (2.0, 12.0)
+
+
+def swept(seed):
+    """Return a sweep seen through 0.3/(1 - 0.7/z) and a gain, with correlated coloured noise."""
+    random = np.random.default_rng(seed)
+    time = np.arange(SAMPLES) * STEP
+    lat = chirp(time, 0.1, time[-1], 3.0, method="logarithmic")
+    shared, own = random.standard_normal((2, SAMPLES))
+    slow = lfilter([0.3], [1.0, -0.8], shared)
+    p = lfilter([0.3], [1.0, -0.7], lat) + 0.3 * slow
+    q = 0.5 * lat + 0.3 * slow + 0.1 * own
+    columns = np.stack([lat, p, q], axis=1)
+    return FlightRecord(time, columns, tuple(map(channel, ("lat", "p", "q"))))
+
+
+@pytest.mark.parametrize(("windows", "overlap"), [(12.0, 0.5), (12.0, 0.75), (None, 0.8)])
+def test_stated_covariance_is_that_of_many_flights(windows, overlap):
+    """Variances and correlations of a sweep's response are as stated, composite included.
+
+    The sweep passes each frequency once, so averages over its windows say nothing of its error;
+    the outputs share a disturbance, and neighbouring frequencies share windows.
+    """
+    found, stated = [], []
+    for seed in range(REPLICATES):
+        frf = frequency_response(
+            swept(seed),
+            inputs="lat",
+            outputs=("p", "q"),
+            band=BAND,
+            windows=windows,
+            overlap=overlap,
+        )
+        index = np.arange(0, frf.frequency.size, 4)
+        found.append(frf.response[:, 0, index].ravel())
+        if seed < 20:
+            outputs = np.repeat([0, 1], index.size)
+            at = (outputs, np.zeros_like(outputs), np.tile(index, 2))
+            stated.append(frf.scatter.covariance(*at))
+            np.testing.assert_allclose(frf.scatter.variance(*at), np.diagonal(stated[-1]).real)
+    expected, measured = np.mean(stated, axis=0), np.cov(np.array(found).T)
+    size = np.sqrt(np.diagonal(measured).real)
+    ratio = np.sqrt(np.diagonal(expected).real) / size
+    # 150 replicates at some 8 independent frequencies of two related outputs: 3 %.
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.1)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.3)
+    gap = np.abs(expected - measured) / np.outer(size, size)
+    # A correlation of 150 replicates is known to 0.08; the largest of 400 to some 0.25.
+    assert np.mean(gap) < 0.12
+    assert np.max(gap) < 0.4
+
+
+def test_weighing_by_error_needs_records():
+    """A response without records is fitted by J; asking for its points' errors is refused."""
+    values = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
+    grid = np.geomspace(0.5, 20.0, 60)
+    exact = FrequencyResponse.exact(
+        grid, response(structures.yaw_base, values, grid), inputs=["ped"], outputs=["r"]
+    )
+    by_error = identify(exact, structures.yaw_base)
+    by_coherence = identify(exact, structures.yaw_base, weighting="coherence")
+    assert by_error.values == by_coherence.values
+    points = select(exact, structures.yaw_base, band=None, responses=None, count=20)
+    with pytest.raises(IdentificationError, match="not estimated from records"):
+        _ = Cost(structures.yaw_base, points).spread
+    with pytest.raises(InputError, match="expected 'error' or 'coherence'"):
+        identify(exact, structures.yaw_base, weighting="cifer")
+
+
+def test_the_interval_is_1_96_standard_errors_either_way():
+    """A parameter's interval follows from its standard error."""
+    frf = frequency_response(swept(0), inputs="lat", outputs="q", band=BAND)
+    fit = identify(frf, structures.first_order_delay(input="lat", output="q"), searches=2)
+    one = next(iter(fit.parameters.values()))
+    assert np.diff(one.interval)[0] == pytest.approx(2.0 * 1.96 * one.standard_error)

@@ -1,0 +1,182 @@
+"""Closed-loop flights of known plants with delayed inputs: unstable ones stay in the air.
+
+The plant is discretised exactly for inputs that are linear between samples of the simulation;
+a delay is a whole number of them, so the record belongs to a continuous plant with that delay.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm, solve_continuous_are
+from scipy.signal import butter, sosfiltfilt
+
+from helisim.channels import channel
+from helisim.ident import Structure
+from helisim.ident.evaluate import matrices, state_space
+from helisim.record import FlightRecord
+
+_BLOCK = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A plant under state feedback, u = stick - gain x(t), with all inputs delayed alike.
+
+    Attributes:
+        structure: the plant; each input is delayed by the same time.
+        values: its true parameters.
+        gain: (n_in, n_state).
+        rate: samples a second of the simulation; the delay is a whole number of them.
+        keep: one recorded sample in so many.
+        noise: rms of white sensor noise by channel.
+        gust: rms of the acceleration that a gust adds to a state's rate, by state.
+        gust_cutoff: rad/s.
+    """
+
+    structure: Structure
+    values: Mapping[str, float]
+    gain: NDArray[np.float64]
+    rate: int
+    keep: int
+    noise: Mapping[str, float]
+    gust: Mapping[str, float]
+    gust_cutoff: float = 6.0
+
+    @property
+    def sticks(self) -> tuple[str, ...]:
+        return tuple(name.upper() for name in self.structure.inputs)
+
+    def loop(self) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+        """Return the loop's transition and input matrices, and the delay in samples.
+
+        The state is x, then the inputs now, one sample ago and so on. The disturbance is
+        the gust now, its change to the next sample, and the sticks of the next sample.
+        """
+        model = state_space(self.structure, self.values)
+        numbers = matrices(self.structure, self.values)
+        lag = numbers.input_delays * self.rate
+        samples = round(float(lag[0]))
+        assert np.allclose(lag, samples, atol=1e-9)
+        assert samples >= 1
+        n, n_in = model.nstates, len(self.structure.inputs)
+        pushed = np.hstack([model.B, np.eye(n)])
+        transition, now, change = _discretise(np.asarray(model.A), pushed, 1.0 / self.rate)
+        size = n + n_in * (samples + 1)
+        loop = np.zeros((size, size))
+        loop[:n, :n] = transition
+        # v = u(k - samples) is the oldest input held, v' = u(k + 1 - samples) the one before.
+        loop[:n, -n_in:] += now[:, :n_in] - change[:, :n_in]
+        before = n + n_in * (samples - 1)
+        loop[:n, before : before + n_in] += change[:, :n_in]
+        loop[n + n_in :, n:-n_in] = np.eye(n_in * samples)
+        loop[n : n + n_in] = -self.gain @ loop[:n]
+        drive = np.zeros((size, 2 * n + n_in))
+        drive[:n, :n], drive[:n, n : 2 * n] = now[:, n_in:], change[:, n_in:]
+        drive[n : n + n_in] = -self.gain @ drive[:n]
+        drive[n : n + n_in, 2 * n :] = np.eye(n_in)
+        return loop, drive, samples
+
+    def fly(
+        self,
+        axis: str,
+        *,
+        seed: int,
+        band: tuple[float, float],
+        amplitude: float,
+        duration: float,
+        off_axis: float,
+    ) -> FlightRecord:
+        """Sweep one stick; the others carry a remnant of rms `off_axis` below the band's top."""
+        random = np.random.default_rng(seed)
+        names = self.structure.inputs
+        samples = round(duration * self.rate)
+        stick = np.zeros((samples, len(names)))
+        for k, name in enumerate(names):
+            if name == axis:
+                stick[:, k] = sweep(duration, *band, amplitude, self.rate)
+            elif off_axis:
+                stick[:, k] = coloured(random, samples, off_axis, band[1], self.rate)
+        states = self.structure.states
+        gust = np.zeros((samples, len(states)))
+        for name, rms in self.gust.items():
+            gust[:, states.index(name)] = coloured(
+                random, samples, rms, self.gust_cutoff, self.rate
+            )
+        loop, drive, _ = self.loop()
+        ahead = np.append(stick[1:], stick[-1:], axis=0)
+        rise = np.diff(gust, axis=0, append=gust[-1:])
+        motion = _propagate(loop, np.hstack([gust, rise, ahead]) @ drive.T)
+        x, u = motion[:, : len(states)], motion[:, len(states) : len(states) + len(names)]
+        outputs = x @ np.asarray(state_space(self.structure, self.values).C).T
+        columns = np.hstack([stick, u, outputs])[:: self.keep].copy()
+        channels = (*self.sticks, *names, *self.structure.outputs)
+        for k, name in enumerate(channels):
+            columns[:, k] += self.noise.get(name, 0.0) * random.standard_normal(len(columns))
+        time = np.arange(len(columns)) * (self.keep / self.rate)
+        return FlightRecord(time, columns, tuple(channel(name) for name in channels))
+
+
+def quadratic_gain(
+    structure: Structure,
+    values: Mapping[str, float],
+    states: Mapping[str, float],
+    inputs: float,
+) -> NDArray[np.float64]:
+    """Return the linear-quadratic gain for weights of the states' and inputs' squares."""
+    model = state_space(structure, values)
+    a, b = np.asarray(model.A), np.asarray(model.B)
+    weight = np.diag([states.get(name, 0.0) for name in structure.states])
+    riccati = solve_continuous_are(a, b, weight, inputs * np.eye(b.shape[1]))
+    return b.T @ riccati / inputs
+
+
+def sweep(duration: float, low: float, high: float, amplitude: float, rate: int) -> NDArray:
+    """Return the sweep of design section 6 at a rate, with a tenth of rest before and after."""
+    trim = 0.05 * duration
+    span = duration - 2.0 * trim
+    t = np.arange(round(duration * rate)) / rate - trim
+    c2 = 1.0 / (np.exp(4.0) - 1.0)
+    omega = low + c2 * (np.exp(4.0 * np.clip(t, 0.0, span) / span) - 1.0) * (high - low)
+    fade = np.clip(np.minimum(t, span - t) / (0.02 * duration), 0.0, 1.0)
+    inside = (t >= 0.0) & (t <= span)
+    return np.where(inside, amplitude * fade * np.sin(np.cumsum(omega) / rate), 0.0)
+
+
+def coloured(
+    random: np.random.Generator, samples: int, rms: float, cutoff: float, rate: int
+) -> NDArray[np.float64]:
+    """Return noise below `cutoff` rad/s with the given rms."""
+    sections = butter(2, cutoff / (np.pi * rate), output="sos")
+    noise = sosfiltfilt(sections, random.standard_normal(samples))
+    return noise * (rms / np.std(noise))
+
+
+def _discretise(a: NDArray, b: NDArray, step: float) -> tuple[NDArray, NDArray, NDArray]:
+    n, n_in = b.shape
+    block = np.zeros((n + 2 * n_in, n + 2 * n_in))
+    block[:n, :n], block[:n, n : n + n_in] = a * step, b * step
+    block[n : n + n_in, n + n_in :] = np.eye(n_in)
+    power = np.asarray(expm(block))
+    return power[:n, :n], power[:n, n : n + n_in], power[:n, n + n_in :]
+
+
+def _propagate(transition: NDArray, driven: NDArray) -> NDArray[np.float64]:
+    """Return z_0 = 0, z_1, ... of z_(k+1) = A z_k + driven_k, in blocks."""
+    samples, n = driven.shape
+    blocks = -(-samples // _BLOCK)
+    padded = np.zeros((blocks * _BLOCK, n))
+    padded[:samples] = driven
+    padded = padded.reshape(blocks, _BLOCK, n)
+    local = np.zeros((_BLOCK + 1, blocks, n))
+    powers = [np.eye(n)]
+    for k in range(_BLOCK):
+        local[k + 1] = local[k] @ transition.T + padded[:, k]
+        powers.append(transition @ powers[-1])
+    edge = np.zeros((blocks + 1, n))
+    for block in range(blocks):
+        edge[block + 1] = powers[_BLOCK] @ edge[block] + local[_BLOCK, block]
+    for k in range(_BLOCK):
+        local[k] += edge[:-1] @ powers[k].T
+    return local[:_BLOCK].transpose(1, 0, 2).reshape(-1, n)[:samples]

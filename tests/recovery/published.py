@@ -1,0 +1,223 @@
+"""Published linear models of aircraft other than the JR700, with their sources.
+
+Every number was read in the source named beside it, not remembered, and is quoted as printed
+there; what is converted says so. Each model is a structure as a user would write it, with the
+truth beside it and starts that are the truth's order of magnitude and sign at most.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from helisim.ident import Structure
+
+FOOT = 0.3048
+"""m (exact)."""
+
+# ---------------------------------------------------------------------------------------------
+# Boeing 747, lateral motion in cruise.
+# Source: MathWorks, Control System Toolbox, example "Yaw Damper Design for a 747 Jet Aircraft"
+# (jetdemo.m, revision 1.23.4.6 of 2009/08/29): states sideslip, yaw rate, roll rate, bank angle;
+# inputs rudder and aileron; radians. What aircraft data it rests on the example doesn't say.
+# Checked: read number by number in that file; three independent public codes have the same
+# state matrix. The example's figures follow from them, and a test says so: a Dutch roll near
+# 1 rad/s, damping of about 0.45 with K = 2.85, and of about 0.305 with a washout of 0.2 rad/s
+# and 2.34.
+BOEING_747 = {
+    "Y_beta": -0.0558,
+    "Y_p": 0.0802,
+    "N_beta": 0.598,
+    "N_r": -0.115,
+    "N_p": -0.0318,
+    "L_beta": -3.05,
+    "L_r": 0.388,
+    "L_p": -0.4650,
+    "N_rud": -0.475,
+    "L_rud": 0.153,
+    "N_ail": 0.00775,
+    "L_ail": 0.143,
+    "tau": 0.02,  # of the recording: the source has none
+}
+BOEING_747_KNOWN = {"Y_r": -0.9968, "Y_phi": 0.0415, "Y_rud": 0.00729, "tan_theta": 0.0805}
+"""Kinematics of the trim, and the rudder's small side force: sideslip isn't measured, so its
+scale and origin must come from somewhere."""
+
+# ---------------------------------------------------------------------------------------------
+# Blade 360, sub-scale flybarless helicopter at hover.
+# Source: J. Walker and M. Tischler, "Identification and Control Design of a Sub-Scale
+# Flybarless Helicopter", Vertical Flight Society 77th Annual Forum, 2021, as ArduPilot's
+# simulator quotes it (libraries/SITL/SIM_Helicopter.cpp, frame blade360, commit 01756036).
+# Checked: read number by number in that file; SI, radians, forward-right-down; a and b are the
+# tip path plane's tilts, tpp_angle.y and .x. The paper itself was not seen. The file writes
+# g a and g b for X_a = -g and Y_b = g, and delays all servos by 40 ms.
+# Open loop: 0.971 +- 0.770i is unstable.
+BLADE_360 = {
+    "X_u": -0.2270,
+    "Y_v": -0.1852,
+    "Y_p": 0.2303,
+    "L_u": -28.7796,
+    "L_v": -5.5376,
+    "L_b": 5115.2,
+    "M_u": 2.7501,
+    "M_v": -2.3039,
+    "M_a": 796.7,
+    "Z_w": -0.5910,
+    "Z_col": -22.3239,
+    "N_v": 1.7258,
+    "N_w": 5.7574,
+    "N_r": -2.0131,
+    "N_col": -32.4616,
+    "N_ped": 63.0040,
+    "tau_f": 0.0353,
+    "A_b": -1.0057,
+    "B_a": 1.0477,
+    "A_lat": 0.0344,
+    "A_lon": 0.2292,
+    "B_lat": 0.2375,
+    "B_lon": -0.0286,
+    "tau": 0.040,
+}
+
+# ---------------------------------------------------------------------------------------------
+# Westland Lynx at hover, eight states.
+# Source: S. Skogestad and I. Postlethwaite, Multivariable Feedback Control, 2nd edition, Wiley
+# 2005 (helicopter case study), as GNU Octave's control package quotes it (WestlandLynx.m,
+# L. Reichlin, 2010): states theta, phi (rad), p, q, xi (yaw rate, rad/s), v_x, v_y, v_z (ft/s);
+# inputs main collective, longitudinal cyclic, lateral cyclic, tail collective.
+# Checked: read number by number there; an independent Scilab transcription has the same A and
+# B. Open loop: 0.234 +- 0.551i is unstable.
+LYNX_STATES = ("theta", "phi", "p", "q", "r", "u", "v", "w")
+LYNX_INPUTS = ("col", "lon", "lat", "ped")
+LYNX_A_FEET = (
+    (0, 0, 0, 0.99857378005981, 0.05338427424431, 0, 0, 0),
+    (0, 0, 1.0, -0.00318221934140, 0.05952465534210, 0, 0, 0),
+    (0, 0, -11.57049560546880, -2.54463768005371,
+     -0.06360262632370, 0.10678052902222, -0.09491866827011, 0.00710757449269),
+    (0, 0, 0.43935656547546, -1.99818229675293,
+     0, 0.01665188372135, 0.01846204698086, -0.00118747074157),
+    (0, 0, -2.04089546203613, -0.45899915695190,
+     -0.73502779006958, 0.01925575733185, -0.00459562242031, 0.00212036073208),
+    (-32.10360717773440, 0, -0.50335502624512, 2.29785919189453,
+     0, -0.02121581137180, -0.02116791903973, 0.01581159234047),
+    (0.10216116905212, 32.05783081054690, -2.34721755981445, -0.50361156463623,
+     0.83494758605957, 0.02122657001019, -0.03787973523140, 0.00035400385968),
+    (-1.91097259521484, 1.71382904052734, -0.00400543212891, -0.05741119384766,
+     0, 0.01398963481188, -0.00090675335377, -0.29051351547241),
+)  # fmt: skip
+LYNX_B_FEET = (
+    (0, 0, 0, 0),
+    (0, 0, 0, 0),
+    (0.12433505058289, 0.08278584480286, -2.75247764587402, -0.01788876950741),
+    (-0.03635892271996, 0.47509527206421, 0.01429074257612, 0),
+    (0.30449151992798, 0.01495801657438, -0.49651837348938, -0.20674192905426),
+    (0.28773546218872, -0.54450607299805, -0.01637935638428, 0),
+    (-0.01907348632812, 0.01636743545532, -0.54453611373901, 0.23484230041504),
+    (-4.82063293457031, -0.00038146972656, 0, 0),
+)
+
+
+def rough(value: float) -> float:
+    """Return a value's sign and nearest power of ten: a start that is no answer."""
+    return math.copysign(10.0 ** round(math.log10(abs(value))), value)
+
+
+def _parameters(truth: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Any]:
+    """Return a table of parameters that start at powers of ten, delays at zero."""
+    table: dict[str, Any] = {}
+    for name, value in truth.items():
+        table[name] = {"unit": units.get(name, "SI"), "start": rough(value)}
+        if name == "tau":
+            table[name] = {"unit": "s", "start": 0.0, "bounds": [-0.3, 0.3], "scale": 0.03}
+        if name == "tau_f":
+            table[name] |= {"unit": "s", "bounds": [1e-3, 1.0]}
+    return table
+
+
+def boeing_747() -> Structure:
+    """Return the 747's lateral structure: yaw rate, roll rate, bank angle; side force known."""
+    return Structure.from_dict(
+        {
+            "name": "boeing_747_lateral",
+            "parameters": _parameters(BOEING_747, {}),
+            "constants": BOEING_747_KNOWN,
+            "states": ["beta", "r", "p", "phi"],
+            "inputs": ["ped", "lat"],
+            "outputs": ["r", "p", "phi"],
+            "F": {
+                "beta": {"beta": "Y_beta", "r": "Y_r", "p": "Y_p", "phi": "Y_phi"},
+                "r": {"beta": "N_beta", "r": "N_r", "p": "N_p"},
+                "p": {"beta": "L_beta", "r": "L_r", "p": "L_p"},
+                "phi": {"r": "tan_theta", "p": 1},
+            },
+            "G": {
+                "beta": {"ped": "Y_rud"},
+                "r": {"ped": "N_rud", "lat": "N_ail"},
+                "p": {"ped": "L_rud", "lat": "L_ail"},
+            },
+            "input_delays": {"ped": "tau", "lat": "tau"},
+        }
+    )
+
+
+def blade_360() -> Structure:
+    """Return the Blade 360's structure of ten states, read from the TOML file beside this one."""
+    return Structure.from_toml(Path(__file__).with_name("blade360.toml"))
+
+
+def lynx() -> tuple[Structure, dict[str, float]]:
+    """Return the Lynx's structure in SI and its true parameters.
+
+    Free are the main derivatives of the six body axes (`LYNX_FREE`); gravity, the attitudes'
+    rows and the small cross terms are held at the published values.
+    """
+    truth: dict[str, float] = {}
+    known: dict[str, float] = {}
+    feet = {name: 1.0 / FOOT if name in "uvw" else 1.0 for name in LYNX_STATES}
+    rows: dict[str, Any] = {}
+    controls: dict[str, Any] = {}
+    for i, row in enumerate(LYNX_STATES):
+        for j, column in enumerate(LYNX_STATES):
+            value = LYNX_A_FEET[i][j] * feet[column] / feet[row]
+            if value:
+                free = (row, column) in LYNX_FREE
+                name = f"{_AXIS[row]}_{column}" if free else f"k_{row}_{column}"
+                (truth if free else known)[name] = value
+                rows.setdefault(row, {})[column] = name
+        for j, column in enumerate(LYNX_INPUTS):
+            value = LYNX_B_FEET[i][j] / feet[row]
+            if value:
+                free = (row, column) in LYNX_FREE
+                name = f"{_AXIS[row]}_{column}" if free else f"k_{row}_{column}"
+                (truth if free else known)[name] = value
+                controls.setdefault(row, {})[column] = name
+    truth["tau"] = 0.02  # of the recording: the source has none
+    structure = Structure.from_dict(
+        {
+            "name": "lynx_hover",
+            "parameters": _parameters(truth, {}),
+            "constants": known,
+            "states": list(LYNX_STATES),
+            "inputs": list(LYNX_INPUTS),
+            "outputs": ["p", "q", "r", "u", "v", "w"],
+            "F": rows,
+            "G": controls,
+            "input_delays": dict.fromkeys(LYNX_INPUTS, "tau"),
+        }
+    )
+    return structure, truth
+
+
+_AXIS = {"theta": "T", "phi": "P", "p": "L", "q": "M", "r": "N", "u": "X", "v": "Y", "w": "Z"}
+
+LYNX_FREE = frozenset(
+    [
+        *[("p", x) for x in ("p", "q", "u", "v", "col", "lon", "lat")],
+        *[("q", x) for x in ("p", "q", "u", "v", "col", "lon")],
+        *[("r", x) for x in ("p", "r", "col", "lat", "ped")],
+        *[("u", x) for x in ("u", "lon")],
+        *[("v", x) for x in ("v", "lat", "ped")],
+        *[("w", x) for x in ("w", "col")],
+    ]
+)
+"""The derivatives that are identified; the others are held at the published values."""
