@@ -31,6 +31,8 @@ ATTITUDES = ("phi", "theta", "psi")
 VELOCITIES = ("u", "v", "w")
 ACCELERATIONS = ("ax", "ay", "az")
 POSITIONS = ("north", "east", "down")
+ROTOR = ("a", "b", "thrust", "torque", "tail_thrust")
+"""What only a simulation knows; a recorder writes it on request, and no fit may use it."""
 OUT = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS + POSITIONS
 
 AXES = IN1
@@ -64,6 +66,11 @@ _STANDARD = (
     Channel("north", "m", "OUT", "position north of the start"),
     Channel("east", "m", "OUT", "position east of the start"),
     Channel("down", "m", "OUT", "position below the start"),
+    Channel("a", "rad", "OTHER", "true rearward tilt of the tip-path plane"),
+    Channel("b", "rad", "OTHER", "true rightward tilt of the tip-path plane"),
+    Channel("thrust", "N", "OTHER", "true main rotor thrust"),
+    Channel("torque", "N m", "OTHER", "true main rotor torque"),
+    Channel("tail_thrust", "N", "OTHER", "true tail rotor thrust, positive nose right"),
 )
 
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}

@@ -11,8 +11,11 @@ import numpy as np
 from helisim import ident
 from helisim.channels import AXES
 from helisim.comparison import ComparisonTable, ParameterRow, Results, paper_tolerance
+from helisim.errata import errata
 from helisim.errors import InputError, StorageError
 from helisim.experiment import MODELS, Model
+from helisim.output.evidence import Evidence, write_evidence
+from helisim.output.report import write_report
 from helisim.record import FlightRecord
 from helisim.reference import ReferenceTable, jr700
 from helisim.sim import Recorder, Sweep, fly
@@ -39,19 +42,21 @@ def reproduce(
     jobs: int | None = None,
     parameters: Mapping[str, float] | None = None,
     timestep: float | None = None,
+    recorder: Recorder | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> tuple[Results, Flights]:
     """Fly sweeps on all four axes, keep the best, identify the models, set them beside truth.
 
     Args:
-        out: folder for `results.json` and `flights/`; nothing is written if None.
+        out: folder for `results.json`, `flights/` and the report; nothing is written if None.
         flights: kept on each axis; some more are flown and the least coherent left out.
         seed: of pilots and sensors.
         jobs: threads; all processors if None.
         parameters: physical parameters that replace the calibrated ones, for another truth;
             the paper is then printed but not judged by.
         timestep: s, of the simulation; the model's own if None.
-        on_progress: called with a word after each flight and each model.
+        recorder: the default `Recorder` if None.
+        on_progress: called with a word after each flight, each model and the report.
 
     Returns:
         The results, and the kept records by axis.
@@ -66,11 +71,14 @@ def reproduce(
     folder = _prepared_folder(out)
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
     tell = on_progress or (lambda _: None)
-    recorder = Recorder()
+    recorder = recorder or Recorder()
     kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, folder, tell)
-    tables = []
+    tables, evidence = [], []
     for model in MODELS:
-        tables.append(identify_model(vehicle, model, kept, recorder, judge_paper=not parameters))
+        fit = ident.identify(frequency_response(model, kept), model.structure)
+        tables.append(compare(vehicle, model, fit, recorder, judge_paper=not parameters))
+        exact = exact_response(vehicle, model, recorder)
+        evidence.append(Evidence(model.name, fit, exact=exact, note=model.note))
         tell(model.name)
     results = Results(
         tables=tuple(tables),
@@ -88,7 +96,20 @@ def reproduce(
     if folder is not None:
         with atomic_write(folder / "results.json") as path:
             path.write_text(json.dumps(results.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_evidence(folder / "fits.json", evidence)
+        report(folder)
+        tell("report")
     return results, kept
+
+
+def report(folder: Path) -> Path:
+    """Write a run's `report.html` and `figures/` from its other files; return the report's path.
+
+    Raises:
+        StorageError: a file can't be read or written.
+        InputError: a file holds something else.
+    """
+    return write_report(folder, errata=errata())
 
 
 def flights_in_all(flights: int) -> int:
@@ -184,16 +205,15 @@ def _usable_band(band: tuple[float, float], records: list[FlightRecord]) -> tupl
     return max(band[0], 1.01 * 2.0 * np.pi / longest_window), band[1]
 
 
-def identify_model(
+def compare(
     vehicle: Vehicle,
     model: Model,
-    flights: Flights,
+    fit: ident.Fit,
     recorder: Recorder,
     *,
     judge_paper: bool = True,
 ) -> ComparisonTable:
-    """Identify one model from the records and set it beside the truth and the paper."""
-    fit = ident.identify(frequency_response(model, flights), model.structure)
+    """Set an identified model beside the truth and the paper."""
     truth = true_values(vehicle, model, recorder)
     paper = jr700.table(model.name)
     rows = [_row(fit, name, truth, paper, model, judge_paper) for name in fit.values]

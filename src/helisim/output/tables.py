@@ -10,7 +10,7 @@ from helisim.comparison import ComparisonTable, ParameterRow, Results, Verdict
 from helisim.vehicle import Linearization
 
 WIDTH = 80
-_HEADINGS = (
+HEADINGS = (
     "parameter",
     "unit",
     "paper",
@@ -20,7 +20,7 @@ _HEADINGS = (
     "insens. %",
     "verdict",
 )
-_LEFT = frozenset({"parameter", "unit", "verdict"})
+LEFT = frozenset({"parameter", "unit", "verdict"})
 _DIGITS = 4
 """Significant digits: bounds are of the order of a percent, so a fifth would say nothing."""
 _ZERO_POLE = 1e-6
@@ -47,16 +47,16 @@ def wants_color(stream: TextIO, environment: Mapping[str, str] = os.environ) -> 
 
 def render_table(table: ComparisonTable, *, color: bool = False) -> str:
     """Return a table as lines of at most 80 columns, without a final line end."""
-    cells = [_cells(row) for row in table.parameters]
-    widths = [max(map(len, column)) for column in zip(_HEADINGS, *cells)]
+    rows = [cells(row) for row in table.parameters]
+    widths = [max(map(len, column)) for column in zip(HEADINGS, *rows)]
     low, high = table.band_rad_s
     title = (
         f"{table.name}: from {table.input}, {low:.3g} to {high:.3g} rad/s, "
         f"average cost {table.cost:.3g}"
     )
-    lines = [_paint(title, _BOLD, color), _line(_HEADINGS, widths)]
+    lines = [_paint(title, _BOLD, color), _line(HEADINGS, widths)]
     lines.append("-" * len(lines[-1]))
-    for row, row_cells in zip(table.parameters, cells):
+    for row, row_cells in zip(table.parameters, rows):
         text = _line(row_cells, widths)
         verdict = row_cells[-1]
         start = text.removesuffix(verdict)
@@ -77,7 +77,8 @@ def render_results(results: Results, *, color: bool = False) -> str:
     return "\n\n".join(blocks)
 
 
-def _cells(row: ParameterRow) -> tuple[str, ...]:
+def cells(row: ParameterRow) -> tuple[str, ...]:
+    """Return a row as text, one cell a heading."""
     decimals = _decimals(row.paper, row.truth, row.identified)
     return (
         row.name,
@@ -85,8 +86,8 @@ def _cells(row: ParameterRow) -> tuple[str, ...]:
         _number(row.paper, decimals),
         _number(row.truth, decimals),
         _number(row.identified, decimals),
-        _percent(row.cr_percent),
-        _percent(row.insensitivity_percent),
+        percent(row.cr_percent),
+        percent(row.insensitivity_percent),
         row.verdict,
     )
 
@@ -110,8 +111,8 @@ def _number(value: float | None, decimals: int | None) -> str:
     return f"{value:.{decimals}f}"
 
 
-def _percent(value: float | None) -> str:
-    """Two significant digits, as is usual for an uncertainty."""
+def percent(value: float | None) -> str:
+    """Return two significant digits, as is usual for an uncertainty."""
     if value is None:
         return "-"
     if not math.isfinite(value):
@@ -126,8 +127,8 @@ def _percent(value: float | None) -> str:
 def _line(cells: tuple[str, ...], widths: list[int]) -> str:
     gap = "  " if sum(widths) + 2 * (len(widths) - 1) <= WIDTH else " "
     return gap.join(
-        cell.ljust(width) if heading in _LEFT else cell.rjust(width)
-        for heading, cell, width in zip(_HEADINGS, cells, widths)
+        cell.ljust(width) if heading in LEFT else cell.rjust(width)
+        for heading, cell, width in zip(HEADINGS, cells, widths)
     ).rstrip()
 
 

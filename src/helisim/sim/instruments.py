@@ -23,6 +23,7 @@ from helisim.channels import (
     IN2,
     POSITIONS,
     RATES,
+    ROTOR,
     SERVOS,
     VELOCITIES,
     channel,
@@ -61,6 +62,8 @@ class Recorder:
         noise: standard deviation by channel name, in the channel's unit.
         resolution: step by channel name; 0 where none is given.
         lever_arm_corrected: False leaves velocity and force as they are at the IMU.
+        rotor: True adds the rotor's true tilt, thrusts and torque, to look at; no flight
+            computer measures them.
     """
 
     rate_hz: float = 100.0
@@ -69,6 +72,7 @@ class Recorder:
     noise: Mapping[str, float] = field(default_factory=lambda: dict(_NOISE))
     resolution: Mapping[str, float] = field(default_factory=lambda: dict(_RESOLUTION))
     lever_arm_corrected: bool = True
+    rotor: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 < self.antialias_hz < 0.5 * self.rate_hz < np.inf:
@@ -91,6 +95,7 @@ class Recorder:
             "rate_hz": self.rate_hz,
             "antialias_hz": self.antialias_hz,
             "lever_arm_corrected": self.lever_arm_corrected,
+            "rotor": self.rotor,
             **plain,
         }
 
@@ -107,6 +112,8 @@ class Recorder:
         sampling = _Sampling(self, truth, rng)
         columns = {name: sampling.inputs(name) for name in (*IN1, *IN2, *SERVOS)}
         columns |= sampling.motion()
+        if self.rotor:
+            columns |= sampling.rotor()
         names = [name for name in CHANNELS if name in columns]
         values = np.column_stack([columns[name] for name in names])
         kept = tuple(CHANNELS[name] for name in names)
@@ -176,6 +183,12 @@ class _Sampling:
             for group, names in groups.items()
             for k, name in enumerate(names)
         }
+
+    def rotor(self) -> dict[str, NDArray[np.float64]]:
+        """Return the rotor's true tilt and loads by name, filtered and sampled like the rest."""
+        thrust, torque, _, tail_thrust = self.truth.rotor.T
+        true = (*self.truth.flapping.T, thrust, torque, tail_thrust)
+        return {name: self._sampled(signal, name) for name, signal in zip(ROTOR, true)}
 
     def _lever_arm(
         self, rates: NDArray[np.float64], attitudes: NDArray[np.float64]

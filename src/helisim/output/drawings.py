@@ -1,0 +1,78 @@
+"""Which figures belong to a fit and to a run."""
+
+from helisim.ident import Fit
+from helisim.output.evidence import Evidence
+from helisim.output.plots import Drawing, draw_bode, draw_flight, draw_verification
+from helisim.output.run import Run
+
+_SWEPT = {
+    "col": ("COL", "col", "w", "phi", "theta"),
+    "lon": ("LON", "lon", "q", "theta", "u"),
+    "lat": ("LAT", "lat", "p", "phi", "v"),
+    "ped": ("PED", "ped", "r", "psi", "v"),
+}
+"""Axis -> what is shown of its sweep: stick, swashplate or tail, motion."""
+
+_AXIS_NAMES = {"col": "collective", "lon": "longitudinal", "lat": "lateral", "ped": "pedal"}
+
+
+def run_drawings(run: Run) -> dict[str, list[Drawing]]:
+    """Return all figures of a run: by model, "time MODEL" for verifications, and "sweeps"."""
+    groups: dict[str, list[Drawing]] = {}
+    for item in run.evidence:
+        groups[item.name] = bode_drawings(item)
+        groups[f"time {item.name}"] = verification_drawings(item)
+    groups["sweeps"] = [
+        draw_flight(
+            f"sweep_{axis}",
+            f"{_AXIS_NAMES[axis]} sweep",
+            record,
+            [name for name in _SWEPT[axis] if name in record],
+        )
+        for axis, record in run.sweeps.items()
+    ]
+    return groups
+
+
+def bode_drawings(item: Evidence) -> list[Drawing]:
+    """Return one figure for each pair of a model."""
+    fit = item.fit
+    drawings = []
+    for output in fit.structure.outputs:
+        for input_ in fit.structure.inputs:
+            pair = f"{output}/{input_}"
+            drawings.append(
+                draw_bode(
+                    f"bode_{item.name}_{output}_{input_}",
+                    output,
+                    input_,
+                    data=fit.data,
+                    identified=fit.response(fit.data.frequency),
+                    truth=item.exact,
+                    used=fit.bands.get(pair),
+                    caption=_pair_caption(fit, pair),
+                )
+            )
+    return drawings
+
+
+def verification_drawings(item: Evidence) -> list[Drawing]:
+    """Return one figure for each flight that verified a model."""
+    if item.verification is None:
+        return []
+    names = item.verified_on or tuple(
+        f"flight {k + 1}" for k in range(len(item.verification.traces))
+    )
+    return [
+        draw_verification(
+            f"time_{item.name}_{k + 1}", item.verification, item.fit.structure.inputs, k, name
+        )
+        for k, name in enumerate(names)
+    ]
+
+
+def _pair_caption(fit: Fit, pair: str) -> str:
+    if pair not in fit.costs:
+        return f"{pair}: not enough coherent points, left out of the fit"
+    low, high = fit.bands[pair]
+    return f"{pair}: cost {fit.costs[pair]:.3g} over {low:.3g} to {high:.3g} rad/s"

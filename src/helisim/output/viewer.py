@@ -1,0 +1,198 @@
+"""Fly the vehicle in MuJoCo's own viewer, in real time."""
+
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+
+from helisim.errors import DisplayError, DivergedError, InputError
+from helisim.physics.layout import STATE
+from helisim.physics.native import installed
+from helisim.sim import Pilot
+from helisim.sim.excitation import Excitation
+from helisim.vehicle import Vehicle
+from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import place
+
+_HEIGHT = 3.0
+"""m above the pad: near enough to see it, with room for a sweep."""
+_FRAME = 1.0 / 60.0
+"""s between two pictures."""
+_FALLEN_BEHIND = 0.5
+"""s: a computer that is later than this lets the clock go instead of hurrying after it."""
+_METRES_PER_NEWTON = 0.008
+_THRUST_COLOUR = np.array([0.9, 0.3, 0.1, 1.0], dtype=np.float32)
+
+
+class Window(Protocol):
+    """What the loop asks of a viewer."""
+
+    user_scn: mujoco.MjvScene | None
+
+    def is_running(self) -> bool:
+        """Return whether the window is still open."""
+        ...
+
+    def sync(self) -> None:
+        """Show the present state."""
+        ...
+
+    def lock(self) -> AbstractContextManager[Any]:
+        """Keep the viewer from reading while the state changes."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LiveFlight:
+    """A flight that is about to be watched.
+
+    Attributes:
+        model: with every part to be seen, the pilot and the manoeuvre in place.
+        data: in the hover.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+
+
+def prepare_live(
+    vehicle: Vehicle,
+    excitation: Excitation | None = None,
+    *,
+    pilot: Pilot | None = None,
+    seed: int = 1,
+) -> LiveFlight:
+    """Return a vehicle with all its parts, hovering above its pad, ready to be watched.
+
+    Args:
+        vehicle: that flies.
+        excitation: sweep or doublet; None holds the hover.
+        pilot: the default `Pilot` if None.
+        seed: of the pilot's hand, 0 or more.
+    """
+    if seed < 0:
+        raise InputError(f"seed must be 0 or more, got {seed}")
+    model = vehicle.visual_model()
+    par = model.actuator_user[addresses(model).rotor]
+    (pilot or Pilot()).write(par, vehicle, seed=seed, height=_HEIGHT)
+    if excitation is not None:
+        excitation.write(par)
+    data = mujoco.MjData(model)
+    place(model, data, vehicle.trim, height=_HEIGHT)
+    with installed():
+        mujoco.mj_forward(model, data)
+    return LiveFlight(model, data)
+
+
+def watch(
+    flight: LiveFlight,
+    window: Window,
+    *,
+    duration: float | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> float:
+    """Step a flight in real time until its window is closed or its time is over.
+
+    Args:
+        flight: to be watched; its data move.
+        window: that shows it.
+        duration: s of flight; None flies on.
+        clock: s, rising.
+        sleep: for a number of seconds.
+
+    Returns:
+        The seconds that were flown.
+
+    Raises:
+        DivergedError: the state is no longer finite.
+    """
+    model, data = flight.model, flight.data
+    step, end = model.opt.timestep, np.inf if duration is None else duration
+    origin = clock() - data.time
+    with installed():
+        while window.is_running() and data.time < end - 0.5 * step:
+            until = min(clock() - origin, end, data.time + _FALLEN_BEHIND)
+            with window.lock():
+                while data.time < until - 0.5 * step:
+                    mujoco.mj_step(model, data)
+                _draw_thrust(window.user_scn, model, data)
+            if not np.all(np.isfinite(data.qpos)) or any(w.number for w in data.warning):
+                raise DivergedError(f"the flight has no finite state at {data.time:.2f} s")
+            window.sync()
+            behind = clock() - origin - data.time
+            if behind > _FALLEN_BEHIND:
+                origin += behind
+            sleep(max(0.0, _FRAME - max(behind, 0.0)))
+    return float(data.time)
+
+
+def view(
+    vehicle: Vehicle,
+    excitation: Excitation | None = None,
+    *,
+    duration: float | None = None,
+    seed: int = 1,
+) -> float:
+    """Fly in MuJoCo's viewer until its window is closed; return the seconds flown.
+
+    Raises:
+        DisplayError: there is no display to open a window on.
+    """
+    check_display()
+    flight = prepare_live(vehicle, excitation, seed=seed)
+    if duration is None and excitation is not None:
+        duration = excitation.duration
+    try:
+        from mujoco import viewer
+
+        window = viewer.launch_passive(flight.model, flight.data)
+    except (ImportError, RuntimeError, mujoco.FatalError) as error:
+        raise DisplayError(f"can't open a window: {error}; {_INSTEAD}") from None
+    with window:
+        window.cam.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+        window.cam.trackbodyid = flight.model.body(vehicle.name).id
+        window.cam.distance, window.cam.azimuth, window.cam.elevation = 3.2, -140.0, -15.0
+        return watch(flight, window, duration=duration)
+
+
+_INSTEAD = "record the flight instead: helisim fly --rerun FILE.rrd"
+
+
+def check_display(
+    environment: Mapping[str, str] = os.environ, platform: str = sys.platform
+) -> None:
+    """Raise DisplayError where no window can open; macOS and Windows always have a display."""
+    if platform.startswith("linux") and not (
+        environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")
+    ):
+        raise DisplayError(f"no display: neither DISPLAY nor WAYLAND_DISPLAY is set; {_INSTEAD}")
+
+
+def _draw_thrust(scene: mujoco.MjvScene | None, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Put an arrow for the rotor's thrust into the viewer's scene."""
+    if scene is None:
+        return
+    sensor = model.sensor("rotor").adr[0]
+    tilt = data.act[addresses(model).state + STATE.flap_a :][:2]
+    hub = data.site("hub")
+    # rearwards by a, right by b, in MuJoCo's axes: forward, left, up
+    up = np.array([-np.sin(tilt[0]), -np.sin(tilt[1]), np.cos(tilt[0]) * np.cos(tilt[1])])
+    tip = hub.xpos + hub.xmat.reshape(3, 3) @ up * _METRES_PER_NEWTON * data.sensordata[sensor]
+    geom = scene.geoms[0]
+    mujoco.mjv_initGeom(
+        geom,
+        mujoco.mjtGeom.mjGEOM_ARROW,
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(9),
+        _THRUST_COLOUR,
+    )
+    mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_ARROW, 0.015, hub.xpos, tip)
+    scene.ngeom = 1

@@ -1,0 +1,65 @@
+"""The commands `record`, `report` and `view`: what they write, and how they fail."""
+
+import json
+
+import pytest
+from made_run import make_flight, write_run
+
+from helisim.cli import main
+from helisim.storage import write_record
+
+
+def fails(capsys, *arguments) -> str:
+    """Run a command that must fail on its input; return the one line that it prints."""
+    assert main(list(arguments)) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.strip().splitlines()
+    return line
+
+
+def test_a_log_becomes_a_recording(tmp_path, capsys):
+    """`record` writes the recording and says how to open it; --quiet says nothing."""
+    log, out = tmp_path / "a.parquet", tmp_path / "a.rrd"
+    write_record(make_flight(), log)
+    assert main(["record", str(log), "--out", str(out)]) == 0
+    assert f"rerun {out}" in capsys.readouterr().out
+    assert out.stat().st_size > 0
+    assert main(["record", str(log), "--out", str(out), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_a_run_becomes_a_recording_and_a_report(tmp_path, capsys):
+    """`record DIR` takes all flights and the findings; `report DIR` writes page and figures."""
+    write_run(tmp_path)
+    assert main(["record", str(tmp_path), "--out", str(tmp_path / "run.rrd")]) == 0
+    capsys.readouterr()
+    assert main(["report", str(tmp_path), "--json"]) == 0
+    written = json.loads(capsys.readouterr().out)
+    assert written["report"] == str(tmp_path / "report.html")
+    assert len(written["figures"]) == 2 * (5 + 2 + 1)  # pairs, sweeps, a verification
+
+
+def test_mistakes_end_in_one_line(tmp_path, capsys, monkeypatch):
+    """Each says what is wrong, and no file stays behind."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    assert "no such file" in fails(capsys, "record", "a.parquet", "--out", "a.rrd")
+    assert ".rrd" in fails(capsys, "record", "a.parquet", "--out", "a.txt")
+    assert "results.json" in fails(capsys, "record", ".", "--out", "a.rrd")
+    assert "results.json" in fails(capsys, "report", ".")
+    assert "results.json" in fails(capsys, "report", "absent")
+    assert "available: col, lon, lat, ped" in fails(capsys, "view", "--axis", "roll")
+    assert "--duration" in fails(capsys, "view", "--duration", "nan")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("arguments", [[], ["--axis", "lat"]])
+def test_a_view_needs_a_display(capsys, monkeypatch, arguments):
+    """Without one, the message names the way that needs none."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr("helisim.output.viewer.sys.platform", "linux")
+    assert "helisim fly --rerun" in fails(capsys, "view", *arguments)

@@ -1,0 +1,193 @@
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+
+import pytest
+from browser import Browser, find
+from made_run import make_evidence, make_flight, write_run
+
+from helisim import pipeline
+from helisim.errors import InputError, StorageError
+from helisim.output.report import write_fit_report, write_report
+from helisim.output.run import read_run
+from helisim.reference import jr700
+
+PAIRS = ("w_col", "p_lat", "p_lon", "q_lat", "q_lon")
+ROUNDING = 0.6e-3  # four digits: half a unit of the last, of numbers that begin with 1
+
+
+class Page(HTMLParser):
+    """Collects the cells with a key, the figures and all addresses of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.cells: dict[str, tuple[float | None, str]] = {}
+        self.figures: list[str] = []
+        self.addresses: list[str] = []
+        self.ids: list[str] = []
+        self._key: tuple[str, float | None] | None = None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        if "id" in given:
+            self.ids.append(given["id"])
+        if tag == "figure":
+            self.figures.append(given["id"])
+        self.addresses += [given[name] for name in ("src", "href") if name in given]
+        assert tag not in ("script", "iframe", "object")
+        if tag == "td" and "data-key" in given:
+            value = given.get("data-value")
+            self._key = (given["data-key"], None if value is None else float(value))
+
+    def handle_data(self, data):
+        if self._key is not None:
+            key, value = self._key
+            self.cells[key] = (value, data)
+            self._key = None
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("run")
+    write_run(made)
+    pipeline.report(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def page(folder) -> Page:
+    return Page((folder / "report.html").read_text())
+
+
+def test_every_number_is_that_of_the_results(folder, page):
+    """Each number of results.json is in the page in full, and shown to its four digits."""
+    results = json.loads((folder / "results.json").read_text())
+    shown = {key for key in page.cells if key.startswith("tables.")}
+    expected = set()
+    for table in results["tables"]:
+        for row in table["parameters"]:
+            prefix = f"tables.{table['name']}.{row['name']}"
+            expected.add(f"{prefix}.verdict")
+            assert page.cells[f"{prefix}.verdict"][1] == row["verdict"]
+            for column in ("paper", "truth", "identified", "cr_percent", "insensitivity_percent"):
+                if row[column] is None:
+                    continue
+                value, text = page.cells[f"{prefix}.{column}"]
+                expected.add(f"{prefix}.{column}")
+                assert value == row[column]
+                digits = ROUNDING if not column.endswith("percent") else 0.06  # two digits
+                largest = max(abs(row[name] or 0.0) for name in ("paper", "truth", "identified"))
+                scale = largest if not column.endswith("percent") else abs(value)
+                assert abs(float(text) - value) <= digits * scale
+    assert shown == expected
+
+
+def test_the_papers_numbers_are_the_references(page):
+    """Table 1 and the paper's own bounds are those of the reference."""
+    for value in jr700.AIRFRAME:
+        assert page.cells[f"paper.airframe.{value.name}"][0] == value.value
+    assert page.cells["paper.rollpitch_in1.L_b.cr_percent"][0] == 13.9  # Table 3
+
+
+def test_every_pair_sweep_and_verification_has_its_figure(folder, page):
+    """One figure a pair, a kept sweep of each axis, one a verified flight; PNG and SVG too."""
+    expected = {f"bode_heave_{PAIRS[0]}", *(f"bode_rollpitch_in1_{pair}" for pair in PAIRS[1:])}
+    expected |= {"sweep_lat", "sweep_col", "time_rollpitch_in1_1"}
+    assert set(page.figures) == expected
+    for name in page.figures:
+        assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in (folder / "figures" / f"{name}.svg").read_text()
+
+
+def test_the_page_needs_nothing_else(page):
+    """Every picture is inside, every link stays on the page, no identifier is there twice."""
+    for address in page.addresses:
+        assert address.startswith(("data:", "#")), address
+    assert len(set(page.ids)) == len(page.ids)
+    assert {a[1:] for a in page.addresses if a.startswith("#")} <= set(page.ids)
+
+
+def test_all_is_said(folder):
+    """What was left out, errata, seed and versions are in the page, and texts are escaped."""
+    text = (folder / "report.html").read_text()
+    assert "flight lat_01: its mean coherence" in text
+    assert 'id="errata"' in text
+    assert "Seed 7" in text
+    assert "4.0.0" in text
+    assert "a note with &lt; and &amp;" in text
+
+
+def test_the_kept_sweep_is_shown(folder):
+    """A flight that was left out is not the one that stands for its axis."""
+    assert read_run(folder).sweeps["lat"].provenance["flight"] == "lat_02"
+
+
+def test_the_report_is_the_same_again(folder):
+    """Made again from the same files, it has the same bytes."""
+    before = (folder / "report.html").read_bytes()
+    pipeline.report(folder)
+    assert (folder / "report.html").read_bytes() == before
+
+
+def test_an_interrupted_report_leaves_the_old_one(folder, tmp_path, monkeypatch):
+    """A failure while writing keeps what was there and leaves nothing half-written."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    (copy / "report.html").write_text("old")
+
+    def fail(*_arguments, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("helisim.storage.os.replace", fail)
+    with pytest.raises(KeyboardInterrupt):
+        write_report(copy)
+    assert (copy / "report.html").read_text() == "old"
+    assert not list(copy.rglob("*.tmp*"))
+
+
+def test_a_run_with_tables_alone_has_a_report(folder, tmp_path):
+    """Without fits and flights the tables are still a report."""
+    shutil.copy(folder / "results.json", tmp_path)
+    page = Page(write_report(tmp_path).read_text())
+    assert "tables.heave.Z_w.truth" in page.cells
+    assert page.figures == []
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path):
+    """The fault is named in one line."""
+    with pytest.raises(StorageError, match=r"has no results\.json"):
+        write_report(tmp_path)
+    (tmp_path / "results.json").write_text('{"tables": [{}]}')
+    with pytest.raises(InputError, match="not the results of a run"):
+        write_report(tmp_path)
+
+
+def test_anyones_fit_has_a_report(tmp_path):
+    """A model and its records make a page with parameters, figures and records."""
+    item = make_evidence("heave")
+    path = write_fit_report(tmp_path / "fit.html", item.fit, records={"one": make_flight()})
+    page = Page(path.read_text())
+    for name, value in item.fit.values.items():
+        assert page.cells[f"parameters.{name}.value"][0] == value
+    assert page.figures == ["bode_heave_w_col", "flight_0"]
+
+
+@pytest.mark.skipif(find() is None, reason="needs Chromium (Debian: apt-get install chromium)")
+def test_a_browser_shows_it_at_any_width(folder, tmp_path):
+    """No complaint, no request, no sideways scroll on phone or desk; all pictures are drawn."""
+    with Browser(tmp_path) as browser:
+        for width in (390, 1280):
+            browser.open((folder / "report.html").as_uri(), width)
+            pictures = browser.evaluate(
+                "Promise.all([...document.images].map(i => i.decode().then(() => i.naturalWidth)))"
+            )
+            assert len(pictures) == len(PAIRS) + 3
+            assert min(pictures) > 0
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width
+            tables = browser.evaluate("[...document.querySelectorAll('table')].length")
+            assert tables >= 4  # Table 1, two models, a verification
+        assert browser.complaints == []
+        outside = [url for url in browser.fetched if not re.match("data:|file:", url)]
+        assert outside == []

@@ -1,0 +1,124 @@
+"""What a recording shows in space, and of a whole run."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+from made_run import make_flight, write_run
+from test_rerun_log import SINGLE, read
+
+from helisim.channels import CHANNELS, POSITIONS, ROTOR
+from helisim.output.rerun_log import TILT_GAIN, write_recording
+from helisim.output.run import read_run
+from helisim.sim import Recorder, Sweep, fly
+
+STIFFNESS = 86.0
+
+
+@pytest.fixture(scope="module")
+def contents(tmp_path_factory, jr700):
+    record = make_flight(parameters={"main_rotor.hub_stiffness": STIFFNESS})
+    path = tmp_path_factory.mktemp("scene") / "scene.rrd"
+    return record, read(write_recording(path, {"f": record}, model=jr700.visual_model()))
+
+
+def test_the_disc_tilts_with_the_tip_path_plane(contents):
+    """The rotor turns by b about x and a about y, ten times as far, about the model's hub."""
+    record, found = contents
+    rotor = found["/f/world/helicopter/rotor"]
+    x, y, z, w = rotor["Transform3D:quaternion"].reshape(-1, 4)[-len(record) :].T
+    half = 0.5 * TILT_GAIN * np.hypot(record["a"], record["b"])
+    turn = np.sinc(half / np.pi) * 0.5 * TILT_GAIN  # sin(half) / |(a, b)|
+    sign = np.sign(w * np.cos(half))
+    np.testing.assert_allclose(x * sign, turn * record["b"], atol=SINGLE)
+    np.testing.assert_allclose(y * sign, turn * record["a"], atol=SINGLE)
+    np.testing.assert_allclose(z, 0.0, atol=SINGLE)
+    hub = rotor["Transform3D:translation"].reshape(-1, 3)[-1]
+    np.testing.assert_allclose(hub, [0.0, 0.0, -0.28], atol=1e-5)  # models/jr700/jr700.xml
+
+
+def test_arrows_are_thrust_and_moment(contents):
+    """The thrust's arrow is along the disc's axis, the moment's is the spring's times the tilt."""
+    record, found = contents
+    lift = found["/f/world/helicopter/rotor/thrust"]["Arrows3D:vectors"].reshape(-1, 3)
+    np.testing.assert_allclose(lift[:, 2], -0.008 * record["thrust"], atol=SINGLE)
+    np.testing.assert_allclose(lift[:, :2], 0.0)
+    turn = found["/f/world/helicopter/hub_moment"]["Arrows3D:vectors"].reshape(-1, 3)
+    np.testing.assert_allclose(turn[:, 0], 0.3 * STIFFNESS * record["b"], atol=1e-5)
+    np.testing.assert_allclose(turn[:, 1], 0.3 * STIFFNESS * record["a"], atol=1e-5)
+
+
+def test_the_models_own_geoms_are_drawn(contents, jr700):
+    """Blades and disc are the rotor's, everything else the body's."""
+    _, found = contents
+    base = "/f/world/helicopter"
+    model = jr700.visual_model()
+    blade = model.geom("blade_1").id
+    assert f"{base}/rotor/visual_geometries/mesh_{blade}" in found
+    canopy = model.geom("canopy").id
+    assert f"{base}/visual_geometries/mesh_{canopy}" in found
+
+
+def test_ground_and_trail_are_there(contents):
+    """The ground is at the height of the world's zero; the trail runs along the positions."""
+    record, found = contents
+    ground = found["/f/world/ground/surface"]["Boxes3D:centers"].ravel()
+    assert ground[2] == pytest.approx(0.0, abs=0.05)
+    trail = found["/f/world/trail"]["LineStrips3D:strips"]
+    pieces = np.array([list(row) for row in trail if row is not None], dtype=float)
+    assert np.allclose(pieces.reshape(-1, 2, 3)[0, 0], record.select(POSITIONS)[0], atol=1e-4)
+
+
+def test_without_the_rotors_truth_there_are_no_arrows(tmp_path):
+    """A real log has no flapping: its helicopter is drawn, its disc stays square to the mast."""
+    names = tuple(name for name in CHANNELS if name not in ROTOR)
+    found = read(write_recording(tmp_path / "real.rrd", {"f": make_flight(names)}))
+    assert "/f/world/helicopter" in found
+    assert not [name for name in found if "thrust" in name or "moment" in name]
+
+
+def test_a_run_is_recorded_with_its_models(tmp_path):
+    """Pictures, numbers, table and steps stand beside the flights."""
+    write_run(tmp_path)
+    run = read_run(tmp_path)
+    found = read(write_recording(tmp_path / "run.rrd", {"lat_02": run.sweeps["lat"]}, run=run))
+    item = run.evidence[1]
+    for output in ("p", "q"):
+        for input_ in ("lat", "lon"):
+            entity = found[f"/models/rollpitch_in1/{output}_{input_}/numbers"]
+            pair = item.fit.data.index(output, input_)
+            np.testing.assert_allclose(
+                np.ravel(entity["data_real"]), item.fit.data.response[pair].real
+            )
+            np.testing.assert_allclose(np.ravel(entity["coherence"]), item.fit.data.coherence[pair])
+            assert f"/models/rollpitch_in1/{output}_{input_}/figure" in found
+    table = found["/models/table"]["TextDocument:text"].ravel()[0]
+    assert all(f"| {name} |" in table for name in item.fit.values)
+    steps = [str(text) for text in found["/models/log"]["TextLog:text"].ravel()]
+    assert any("left out: flight lat_01" in step for step in steps)
+    events = [str(text) for text in found["/lat_02/log"]["TextLog:text"].ravel()]
+    assert events == ["trimmed hover", "lat sweep begins", "lat sweep ends, trimmed hover"]
+    results = found["/__properties/run"]["results"].ravel()[0]
+    assert json.loads(results) == dict(run.results)
+
+
+def test_a_flight_of_90_seconds_is_quick_and_small(tmp_path, jr700):
+    """With everything in it, it is written in under a second and is below 15 MB."""
+    (record,) = fly(jr700, Sweep(axis="lat"), seed=1, recorder=Recorder(rotor=True))
+    model = jr700.visual_model()
+    start = time.perf_counter()
+    path = write_recording(tmp_path / "lat.rrd", {"lat": record}, model=model)
+    assert time.perf_counter() - start < 1.0  # issue 5; 0.10 s measured
+    assert path.stat().st_size < 15e6  # issue 5; 4.9 MB measured
+
+
+def test_the_rotors_truth_is_recorded_on_request_alone(jr700):
+    """The rotor's channels are there when asked for, and change no other channel."""
+    sweep = Sweep(axis="lat", duration=13.0)
+    (plain,) = fly(jr700, sweep, seed=3)
+    (more,) = fly(jr700, sweep, seed=3, recorder=Recorder(rotor=True))
+    assert not set(ROTOR) & set(plain.names)
+    np.testing.assert_array_equal(more.select(plain.names), plain.values)
+    weight = 8.01 * 9.8015  # Table 1
+    assert np.mean(more["thrust"]) == pytest.approx(weight, rel=0.02)  # sweeps tilt and heave it

@@ -1,0 +1,95 @@
+from contextlib import nullcontext
+
+import mujoco
+import numpy as np
+import pytest
+
+from helisim.errors import DisplayError, InputError
+from helisim.output.viewer import check_display, prepare_live, watch
+from helisim.sim import Doublet
+
+
+class Window:
+    """A window that is closed after some pictures."""
+
+    def __init__(self, model: mujoco.MjModel, pictures: int) -> None:
+        self.left = pictures
+        self.shown = 0
+        self.user_scn = mujoco.MjvScene(model, maxgeom=10)
+
+    def is_running(self) -> bool:
+        return self.left > 0
+
+    def sync(self) -> None:
+        self.left -= 1
+        self.shown += 1
+
+    def lock(self):
+        return nullcontext()
+
+
+class Clock:
+    """A clock that only sleeping moves."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+def test_a_hover_is_flown_in_real_time(jr700):
+    """A second of the clock is a second of flight; the pilot stays within a decimetre."""
+    flight, clock = prepare_live(jr700), Clock()
+    window = Window(flight.model, pictures=61)
+    flown = watch(flight, window, clock=clock, sleep=clock.sleep)
+    assert flown > 0.9
+    assert flown == pytest.approx(clock.now - 100.0, abs=0.02)  # a picture
+    assert np.linalg.norm(flight.data.qpos[:3] - [0.0, 0.0, 3.0]) < 0.1
+    assert window.user_scn.ngeom == 1  # the thrust
+    assert window.user_scn.geoms[0].size[2] > 0.0
+
+
+def test_a_doublet_ends_by_itself(jr700):
+    """The flight ends with its time, and has rolled on the way."""
+    doublet = Doublet(axis="lat", duration=2.0, trim_time=0.2)
+    flight, clock = prepare_live(jr700, doublet), Clock()
+    start = flight.data.qpos[3:7].copy()
+    window = Window(flight.model, pictures=10**6)
+    flown = watch(flight, window, duration=0.7, clock=clock, sleep=clock.sleep)
+    assert flown == pytest.approx(0.7)
+    assert np.abs(flight.data.qpos[3:7] - start).max() > 0.01
+
+
+def test_a_slow_computer_does_not_hurry_after_the_clock(jr700):
+    """After a pause of ten seconds, at most half a second is made up at once."""
+    flight, clock = prepare_live(jr700), Clock()
+
+    def stalling(_seconds: float) -> None:
+        clock.now += 10.0
+
+    flown = watch(flight, Window(flight.model, pictures=3), clock=clock, sleep=stalling)
+    assert flown <= 1.5
+
+
+@pytest.mark.parametrize("environment", [{}, {"DISPLAY": ""}])
+def test_no_display_is_said(environment):
+    """Without a display the message says what to do instead."""
+    with pytest.raises(DisplayError, match="helisim fly --rerun"):
+        check_display(environment, "linux")
+
+
+def test_a_display_is_enough():
+    """X11, Wayland, and systems that always have one."""
+    check_display({"DISPLAY": ":0"}, "linux")
+    check_display({"WAYLAND_DISPLAY": "wayland-0"}, "linux")
+    check_display({}, "darwin")
+
+
+def test_a_negative_seed_is_refused(jr700):
+    """It is said before anything flies."""
+    with pytest.raises(InputError, match="seed"):
+        prepare_live(jr700, seed=-1)
