@@ -108,6 +108,8 @@ class ParamIndex(NamedTuple):
     servo_travel: int
     # gyro
     gyro_on: int
+    gyro_period: int
+    gyro_heading_lock: int
     gyro_k_p: int
     gyro_k_i: int
     gyro_k_delta: int

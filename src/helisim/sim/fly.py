@@ -116,7 +116,6 @@ def _run(
             list(models),
             workers,
             initial_state=np.tile(state, (len(models), 1)),
-            control=np.tile(start.ctrl, (len(models), steps, 1)),
             nstep=steps,
         )
     return sensordata

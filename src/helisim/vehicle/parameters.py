@@ -150,6 +150,8 @@ _DIRECT = {
     "tail_damping": "servo.tail_damping",
     "servo_rate_limit": "servo.rate_limit",
     "servo_travel": "servo.travel",
+    "gyro_period": "gyro.period",
+    "gyro_heading_lock": "gyro.heading_lock",
     "gyro_k_p": "gyro.k_p",
     "gyro_k_i": "gyro.k_i",
     "gyro_k_delta": "gyro.k_delta",
@@ -205,6 +207,7 @@ _POSITIVE = (
     "servo.tail_damping",
     "servo.rate_limit",
     "servo.travel",
+    "gyro.period",
     "gyro.k_i",
     "gyro.ki_lat",
     "gyro.ki_lon",
@@ -223,6 +226,7 @@ _NOT_NEGATIVE = (
     "main_rotor.hub_stiffness",
     "main_rotor.flap_back",
     "gyro.ped_latency",
+    "gyro.latency",
     "gyro.lead",
 )
 

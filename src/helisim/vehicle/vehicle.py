@@ -4,12 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+import control
 import mujoco
 
+from helisim.channels import IN1
 from helisim.physics.layout import PARAM
 from helisim.physics.servo import equivalent_delay
 from helisim.vehicle.assembly import assemble, model_folder
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
+from helisim.vehicle.loop import SampledGyro, close, sampled_gyro
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.parameters import Parameters, read_parameters
 from helisim.vehicle.trim import Trim, find_hover, place
@@ -41,12 +44,33 @@ class Vehicle:
         """Return the exact linearisation at the hover, its delays beside it.
 
         Args:
-            inputs: "IN1" for servo commands to motion, "IN2" for sticks to motion.
+            inputs: "IN1" for servo commands to motion, continuous; "IN2" for sticks to motion,
+                sampled at the gyro's rate.
         """
+        if inputs == "IN2":
+            system = close(self._linear("IN1"), self.gyro)
+            return Linearization(system, {"PED": self.parameters["gyro.ped_latency"]}, self.trim)
+        held = 0.5 * self.parameters["gyro.period"]
+        return Linearization(self._linear(inputs).system, dict.fromkeys(IN1, held), self.trim)
+
+    @cached_property
+    def gyro(self) -> SampledGyro:
+        """The gyro's linear law at its ticks."""
+        period, latency = self.parameters["gyro.period"], self.parameters["gyro.latency"]
+        return sampled_gyro(self._linear("IN2"), period, latency)
+
+    def loop(self, axis: str) -> control.StateSpace:
+        """Return what comes back at a servo command when the gyro's loop is cut there.
+
+        Sampled; the input is the command of that axis ("lon", "lat" or "ped"), the output the
+        gyro's answer to it, all other loops closed. Positive feedback: -1 is the stable side.
+        """
+        cut = close(self._linear("IN1"), self.gyro, open_at=axis)
+        return cut[cut.output_labels.index(axis), 0]
+
+    def _linear(self, inputs: Inputs) -> Linearization:
         model = assemble(self.name, self.parameters, delays=False)
-        linear = linearize(model, self.trim, inputs=inputs)
-        delays = {"PED": self.parameters["gyro.ped_latency"]} if inputs == "IN2" else {}
-        return Linearization(linear.system, delays, self.trim)
+        return linearize(model, self.trim, inputs=inputs)
 
     def visual_model(self) -> mujoco.MjModel:
         """Return the same vehicle with all its parts and the scene around it, to look at."""
@@ -58,11 +82,17 @@ class Vehicle:
         return stability_derivatives(self.linearize("IN1"))
 
     def servo_delay(self, axis: str) -> float:
-        """Return the equivalent delay of the servos that move a control axis, s."""
+        """Return the delay of the servos that move a control axis, s.
+
+        The equivalent delay of the servo, and half a period in which its command is held.
+        """
+        held = 0.5 * self.parameters["gyro.period"]
         par = self.model.actuator_user[addresses(self.model).rotor]
         if axis == "ped":
-            return equivalent_delay.py_func(par[PARAM.tail_frequency], par[PARAM.tail_damping])
-        return equivalent_delay.py_func(par[PARAM.swash_frequency], par[PARAM.swash_damping])
+            lag = equivalent_delay.py_func(par[PARAM.tail_frequency], par[PARAM.tail_damping])
+        else:
+            lag = equivalent_delay.py_func(par[PARAM.swash_frequency], par[PARAM.swash_damping])
+        return held + lag
 
 
 def load(
