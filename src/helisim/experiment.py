@@ -109,6 +109,26 @@ ROLLPITCH_IN1 = Model(
         "speeds; to 42 rad/s, past the rotor's modes near 15 and 27 rad/s."
     ),
 )
+ROLLPITCH_IN2 = Model(
+    name="rollpitch_in2",
+    input="IN2",
+    sweeps=("lat", "lon"),
+    inputs=("LAT", "LON"),
+    outputs=("p", "q"),
+    conditioning=("COL", "PED"),
+    band=(3.0, 42.0),
+    structure=ident.structures.rollpitch_tied.renamed(
+        {"lat": "LAT", "lon": "LON"}, name="rollpitch_in2"
+    ),
+    tolerances={
+        **dict.fromkeys(("L_b", "M_a", "A_lon", "B_lat"), TIGHT),
+        **dict.fromkeys(("tau_f", "B_a", "A_lat", "B_lon", "tau_lat", "tau_lon"), LOOSE),
+    },
+    note=(
+        "The gyro is inside, so the parameters describe the whole and are no rotor's. Truth is "
+        "this structure fitted to the exact response of the vehicle with its gyro."
+    ),
+)
 HEAVE = Model(
     name="heave",
     input="IN1",
@@ -124,4 +144,4 @@ HEAVE = Model(
     ),
 )
 
-MODELS = (YAW_BASE, YAW_OVERALL, ROLLPITCH_IN1, HEAVE)
+MODELS = (YAW_BASE, YAW_OVERALL, ROLLPITCH_IN1, ROLLPITCH_IN2, HEAVE)

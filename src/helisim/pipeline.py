@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from helisim import ident
 from helisim.channels import AXES
@@ -66,7 +67,7 @@ def reproduce(
     folder = _prepared_folder(out)
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
     tell = on_progress or (lambda _: None)
-    recorder = Recorder()
+    recorder = Recorder.of(vehicle)
     kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, folder, tell)
     tables = []
     for model in MODELS:
@@ -260,16 +261,15 @@ def true_values(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str,
 
 
 def _fitted_truth(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str, float]:
-    exact = exact_response(vehicle, model, recorder)
+    exact = exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200))
     return dict(ident.identify(exact, model.structure).values)
 
 
 def exact_response(
-    vehicle: Vehicle, model: Model, recorder: Recorder, points: int = 200
+    vehicle: Vehicle, model: Model, recorder: Recorder, omega: NDArray[np.float64]
 ) -> ident.FrequencyResponse:
     """Return the exact response of a model's channels, recorder latencies included."""
     linear = vehicle.linearize("IN2" if model.input == "IN2" else "IN1")
-    omega = np.geomspace(*model.band, points)
     rows = [linear.system.output_labels.index(name) for name in model.outputs]
     columns = [linear.system.input_labels.index(name) for name in model.inputs]
     response = linear.response(omega)[np.ix_(rows, columns)]
@@ -297,5 +297,6 @@ def calibrated_text(name: str) -> str:
     """
     tables = (jr700.YAW_BASE, jr700.ROLLPITCH_IN1, jr700.HEAVE)
     targets = {value.name: value.value for table in tables for value in table}
-    given = read_parameters(model_folder(name) / "parameters.toml")
+    folder = model_folder(name)
+    given = read_parameters(folder / "parameters.toml", folder / "tuned.toml")
     return to_toml(calibrate(name, given, targets, "paper, Tables 2 to 4"), _CALIBRATED_HEADER)

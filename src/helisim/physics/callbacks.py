@@ -438,6 +438,7 @@ def yaw_law(m, d, offsets, rotor_id, par, act, first, control, seen):
         par[PARAM.gyro_k_a],
         par[PARAM.gyro_lead],
         par[PARAM.gyro_lead_filter],
+        par[PARAM.gyro_lead_lag],
     )
     integral = par[PARAM.gyro_heading_lock] * act[first + STATE.gyro_r_integral]
     command = gyro.yaw_command(error, integral, par[PARAM.gyro_k_p], par[PARAM.gyro_k_i])
@@ -451,7 +452,7 @@ def cyclic_law(par, act, first, lat_stick, lon_stick):
     q = act[first + STATE.gyro_q_filter]
     p_error = par[PARAM.gyro_p_per_lat] * lat_stick + par[PARAM.gyro_p_per_lon] * lon_stick - p
     q_error = par[PARAM.gyro_q_per_lat] * lat_stick + par[PARAM.gyro_q_per_lon] * lon_stick - q
-    slow = par[PARAM.gyro_derivative_filter]
+    slow = par[PARAM.gyro_derivative_lag]
     p_rate = (p - act[first + STATE.gyro_p_derivative]) / slow
     q_rate = (q - act[first + STATE.gyro_q_derivative]) / slow
     lat, lon = gyro.rotate(

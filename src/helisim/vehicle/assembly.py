@@ -21,7 +21,7 @@ USER_SENSORS = (
     "rotor",
     "clock",
 )
-"""The vehicle's own sensors; their numbers are consecutive, between what the gyro sees and the clock."""
+"""The vehicle's own sensors, consecutive, after what the gyro sees and before the clock."""
 
 
 def models_folder() -> Path:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError, UnknownNameError
+from helisim.physics.gyro import held_lag
 from helisim.physics.layout import MAGIC, PARAM, ROTOR
 
 
@@ -252,6 +253,11 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
     block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
     block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
+    period = parameters["gyro.period"]
+    block[PARAM.gyro_lead_lag] = held_lag.py_func(parameters["gyro.lead_filter"], period)
+    block[PARAM.gyro_derivative_lag] = held_lag.py_func(
+        parameters["gyro.derivative_filter"], period
+    )
     block[PARAM.gyro_on] = 1.0
     block[PARAM.remnant_interval] = 1.0
     block[PARAM.excitation_duration] = 1.0

@@ -1,5 +1,6 @@
 """A vehicle, ready to fly: its model, parameters, hover and linearisations."""
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +15,7 @@ from helisim.vehicle.assembly import assemble, model_folder
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
 from helisim.vehicle.loop import SampledGyro, close, sampled_gyro
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.parameters import Parameters, read_parameters
+from helisim.vehicle.parameters import Parameters, force_law_block, read_parameters
 from helisim.vehicle.trim import Trim, find_hover, place
 
 
@@ -48,10 +49,10 @@ class Vehicle:
                 sampled at the gyro's rate.
         """
         if inputs == "IN2":
-            system = close(self._linear("IN1"), self.gyro)
+            system = close(self._base, self.gyro)
             return Linearization(system, {"PED": self.parameters["gyro.ped_latency"]}, self.trim)
         held = 0.5 * self.parameters["gyro.period"]
-        return Linearization(self._linear(inputs).system, dict.fromkeys(IN1, held), self.trim)
+        return Linearization(self._base.system, dict.fromkeys(IN1, held), self.trim)
 
     @cached_property
     def gyro(self) -> SampledGyro:
@@ -65,12 +66,35 @@ class Vehicle:
         Sampled; the input is the command of that axis ("lon", "lat" or "ped"), the output the
         gyro's answer to it, all other loops closed. Positive feedback: -1 is the stable side.
         """
-        cut = close(self._linear("IN1"), self.gyro, open_at=axis)
+        cut = close(self._base, self.gyro, open_at=axis)
         return cut[cut.output_labels.index(axis), 0]
 
+    def with_settings(self, settings: Mapping[str, float]) -> "Vehicle":
+        """Return the same vehicle with other settings of gyro and recorder, such as "gyro.k_p".
+
+        For trying many: nothing is compiled or trimmed again, so the airframe can't change
+        here, and the latencies inside the gyro change its linear model only.
+        """
+        parameters = self.parameters.replace(settings)
+        model = copy.copy(self.model)
+        model.actuator_user[addresses(model).rotor, : len(PARAM)] = force_law_block(parameters)
+        changed = Vehicle(self.name, parameters, model, self.trim)
+        changed.__dict__.update(_base=self._base, _unsampled=self._unsampled)
+        return changed
+
+    @cached_property
+    def _base(self) -> Linearization:
+        return self._linear("IN1")
+
     def _linear(self, inputs: Inputs) -> Linearization:
-        model = assemble(self.name, self.parameters, delays=False)
+        model = copy.copy(self._unsampled)
+        user = self.model.actuator_user[addresses(self.model).rotor]
+        model.actuator_user[addresses(model).rotor] = user
         return linearize(model, self.trim, inputs=inputs)
+
+    @cached_property
+    def _unsampled(self) -> mujoco.MjModel:
+        return assemble(self.name, self.parameters, delays=False)
 
     def visual_model(self) -> mujoco.MjModel:
         """Return the same vehicle with all its parts and the scene around it, to look at."""
@@ -116,7 +140,8 @@ def load(
         TrimError: it can't hover.
     """
     folder = model_folder(name)
-    values = read_parameters(folder / "parameters.toml", folder / "calibrated.toml")
+    files = ("parameters.toml", "calibrated.toml", "tuned.toml")
+    values = read_parameters(*(folder / file for file in files))
     values = values.replace(parameters or {})
     model = assemble(name, values, timestep=timestep)
     return Vehicle(name, values, model, find_hover(model))
