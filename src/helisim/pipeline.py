@@ -25,6 +25,8 @@ from helisim.vehicle.parameters import to_toml
 _RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
 """Axis -> the stick and the motion by whose coherence a sweep is judged."""
 
+_GYRO_GAINS = ("k_p", "k_I", "k_delta", "k_a")
+
 _CALIBRATED_HEADER = """\
 Written by `helisim calibrate --write`; not by hand.
 Solved so that the linearised nonlinear model has the paper's derivatives."""
@@ -69,12 +71,14 @@ def reproduce(
     tell = on_progress or (lambda _: None)
     recorder = Recorder.of(vehicle)
     kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, folder, tell)
-    tables = []
+    tables: dict[str, ComparisonTable] = {}
     for model in MODELS:
-        tables.append(identify_model(vehicle, model, kept, recorder, judge_paper=not parameters))
+        tables[model.name] = identify_model(
+            vehicle, model, kept, recorder, before=tables, judge_paper=not parameters
+        )
         tell(model.name)
     results = Results(
-        tables=tuple(tables),
+        tables=tuple(tables.values()),
         seed=seed,
         versions={name: version(name) for name in ("helisim", "mujoco", "numpy", "scipy", "numba")},
         configuration={
@@ -191,13 +195,27 @@ def identify_model(
     flights: Flights,
     recorder: Recorder,
     *,
+    before: Mapping[str, ComparisonTable] | None = None,
     judge_paper: bool = True,
 ) -> ComparisonTable:
-    """Identify one model from the records and set it beside the truth and the paper."""
-    fit = ident.identify(frequency_response(model, flights), model.structure)
+    """Identify one model from the records and set it beside the truth and the paper.
+
+    Args:
+        vehicle: that flew, for the truth.
+        model: to identify.
+        flights: records by axis.
+        recorder: that wrote them, for the true delays.
+        before: tables by name, whose values the model takes as known.
+        judge_paper: whether the paper is the truth's, and so a measure.
+    """
+    known = {name: (before or {})[table][name].identified for name, table in model.known.items()}
+    known |= {name: vehicle.parameters[setting] for name, setting in model.settings.items()}
+    structure = model.structure.with_fixed(known) if known else model.structure
+    fit = ident.identify(frequency_response(model, flights), structure)
     truth = true_values(vehicle, model, recorder)
     paper = jr700.table(model.name)
-    rows = [_row(fit, name, truth, paper, model, judge_paper) for name in fit.values]
+    found = [name for name in fit.values if name not in model.known]
+    rows = [_row(fit, name, truth, paper, model, judge_paper) for name in found]
     return ComparisonTable(
         name=model.name,
         input=model.input,
@@ -246,6 +264,9 @@ def true_values(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str,
     model has no parameters of its own in the vehicle: its truth is the structure fitted to
     the exact frequency response.
     """
+    if model.settings:
+        gains = {name: vehicle.parameters[f"gyro.{name.lower()}"] for name in _GYRO_GAINS}
+        return {**gains, "tau_PED": vehicle.parameters["gyro.ped_latency"]}
     if model.input == "IN2":
         return _fitted_truth(vehicle, model, recorder)
     late = recorder.latency
