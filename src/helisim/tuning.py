@@ -20,21 +20,23 @@ from helisim.reference import jr700
 from helisim.sim import Recorder
 from helisim.vehicle import Parameter, Parameters, Vehicle
 
-_YAW = ("gyro.lead", "gyro.lead_filter", "gyro.ped_latency")
-_CYCLIC = (
-    "gyro.kp_lat",
-    "gyro.kp_lon",
-    "gyro.ki_lat",
-    "gyro.ki_lon",
-    "gyro.kd_lat",
-    "gyro.kd_lon",
-    "gyro.phase",
-    "gyro.p_per_lat",
-    "gyro.p_per_lon",
-    "gyro.q_per_lat",
-    "gyro.q_per_lon",
-    "recorder_latency.LAT",
-)
+_YAW = {"gyro.lead": 0.01, "gyro.lead_filter": 0.005, "gyro.ped_latency": 0.02}
+_CYCLIC = {
+    "gyro.kp_lat": 0.05,
+    "gyro.kp_lon": 0.1,
+    "gyro.ki_lat": 1.2,
+    "gyro.ki_lon": 1.2,
+    "gyro.kd_lat": 0.003,
+    "gyro.kd_lon": 0.01,
+    "gyro.phase": 0.3,
+    "gyro.p_per_lat": 6.5,
+    "gyro.p_per_lon": -1.0,
+    "gyro.q_per_lat": 0.25,
+    "gyro.q_per_lon": 6.5,
+    "recorder_latency.LAT": 0.01,
+}
+"""Setting -> where the search starts, SI."""
+
 _STEPS = 30
 _REST = 0.02
 """Weight that keeps what the targets leave free where the response put it."""
@@ -99,18 +101,17 @@ def tune(vehicle: Vehicle, *, shape: int = 60) -> Parameters:
     in which it is identified; then the identified parameters themselves are met.
 
     Args:
-        vehicle: with the airframe calibrated and Table 2's yaw gains; its cyclic gains are the
-            start.
+        vehicle: with the airframe calibrated and Table 2's yaw gains.
         shape: number of frequencies of the first stage.
 
     Raises:
         ModelError: the targets can't be met.
     """
     settings: dict[str, float] = {}
-    for names, model in ((_YAW, YAW_OVERALL), (_CYCLIC, ROLLPITCH_IN2)):
+    for starts, model in ((_YAW, YAW_OVERALL), (_CYCLIC, ROLLPITCH_IN2)):
         target = {value.name: value.value for value in jr700.table(model.name)}
         target = {name: value for name, value in target.items() if name in model.tolerances}
-        settings |= _solve(vehicle, names, model, target, shape)
+        settings |= _solve(vehicle, starts, model, target, shape)
     source = "solved by helisim tune: eq. (8) and the IN2 column of Table 3"
     entries = {
         name: Parameter(name, value, vehicle.parameters.entry(name).unit, source)
@@ -121,12 +122,12 @@ def tune(vehicle: Vehicle, *, shape: int = 60) -> Parameters:
 
 def _solve(
     vehicle: Vehicle,
-    names: tuple[str, ...],
+    first: Mapping[str, float],
     model: Model,
     target: Mapping[str, float],
     shape: int,
 ) -> dict[str, float]:
-    starts = np.array([vehicle.parameters[name] for name in names])
+    names, starts = list(first), np.array(list(first.values()))
     omega = np.geomspace(*model.band, shape)
     tied = {"A_b": -target["B_a"]} if "B_a" in target else {}
     wanted = response(model.structure, {**target, **tied}, omega)

@@ -9,6 +9,7 @@ import control
 import mujoco
 
 from helisim.channels import IN1
+from helisim.errors import InputError
 from helisim.physics.layout import PARAM
 from helisim.physics.servo import equivalent_delay
 from helisim.vehicle.assembly import assemble, model_folder
@@ -47,7 +48,12 @@ class Vehicle:
         Args:
             inputs: "IN1" for servo commands to motion, continuous; "IN2" for sticks to motion,
                 sampled at the gyro's rate.
+
+        Raises:
+            InputError: no such set of inputs.
         """
+        if inputs not in ("IN1", "IN2"):
+            raise InputError(f"inputs must be 'IN1' or 'IN2', got {inputs!r}")
         if inputs == "IN2":
             system = close(self._base, self.gyro)
             return Linearization(system, {"PED": self.parameters["gyro.ped_latency"]}, self.trim)
