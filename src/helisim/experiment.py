@@ -41,6 +41,8 @@ class Model:
         reference: channels outside the loop, for the joint input-output method.
         band: rad/s.
         structure: of the model.
+        known: parameter -> the table whose identified value it is given.
+        settings: parameter -> the setting of the gyro whose value it is given.
         tolerances: by parameter name; a parameter without one is reported, not judged.
         note: why this band and these channels.
     """
@@ -54,6 +56,8 @@ class Model:
     reference: tuple[str, ...] = ()
     band: tuple[float, float]
     structure: ident.Structure
+    known: dict[str, str] = field(default_factory=dict)
+    settings: dict[str, str] = field(default_factory=dict)
     tolerances: dict[str, Tolerance] = field(default_factory=dict)
     note: str = ""
 
@@ -74,6 +78,23 @@ YAW_BASE = Model(
         "first-order N_r is 6 % too large (the share I_zz / (m l^2)), and the lightly damped "
         "lateral mode near 0.5 rad/s leaks into the band. The sticks as reference, because the "
         "gyro feeds every disturbance of the yaw rate back to the pedal."
+    ),
+)
+YAW_GYRO = Model(
+    name="yaw_gyro",
+    input="IN2",
+    sweeps=("ped",),
+    inputs=("PED",),
+    outputs=("ped",),
+    conditioning=("LAT", "COL"),
+    band=(0.6, 30.0),
+    structure=ident.structures.yaw_gyro,
+    known={"N_r": "yaw_base", "N_ped": "yaw_base"},
+    settings={"k_I": "gyro.k_i"},
+    tolerances=dict.fromkeys(("k_p", "k_delta", "k_a"), TIGHT),
+    note=(
+        "Stage two of three: the gyro around the base helicopter that stage one found. From the "
+        "signals the four gains follow only up to one factor, so k_I is the ground test's."
     ),
 )
 YAW_OVERALL = Model(
@@ -109,6 +130,26 @@ ROLLPITCH_IN1 = Model(
         "speeds; to 42 rad/s, past the rotor's modes near 15 and 27 rad/s."
     ),
 )
+ROLLPITCH_IN2 = Model(
+    name="rollpitch_in2",
+    input="IN2",
+    sweeps=("lat", "lon"),
+    inputs=("LAT", "LON"),
+    outputs=("p", "q"),
+    conditioning=("COL", "PED"),
+    band=(3.0, 42.0),
+    structure=ident.structures.rollpitch_tied.renamed(
+        {"lat": "LAT", "lon": "LON"}, name="rollpitch_in2"
+    ),
+    tolerances={
+        **dict.fromkeys(("L_b", "M_a", "A_lon", "B_lat"), TIGHT),
+        **dict.fromkeys(("tau_f", "B_a", "A_lat", "B_lon", "tau_lat", "tau_lon"), LOOSE),
+    },
+    note=(
+        "The gyro is inside, so the parameters describe the whole and are no rotor's. Truth is "
+        "this structure fitted to the exact response of the vehicle with its gyro."
+    ),
+)
 HEAVE = Model(
     name="heave",
     input="IN1",
@@ -124,4 +165,4 @@ HEAVE = Model(
     ),
 )
 
-MODELS = (YAW_BASE, YAW_OVERALL, ROLLPITCH_IN1, HEAVE)
+MODELS = (YAW_BASE, YAW_GYRO, YAW_OVERALL, ROLLPITCH_IN1, ROLLPITCH_IN2, HEAVE)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from helisim import ident
 from helisim.channels import AXES
@@ -26,6 +27,8 @@ from helisim.vehicle.parameters import to_toml
 
 _RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
 """Axis -> the stick and the motion by whose coherence a sweep is judged."""
+
+_GYRO_GAINS = ("k_p", "k_I", "k_delta", "k_a")
 
 _CALIBRATED_HEADER = """\
 Written by `helisim calibrate --write`; not by hand.
@@ -71,17 +74,18 @@ def reproduce(
     folder = _prepared_folder(out)
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
     tell = on_progress or (lambda _: None)
-    recorder = recorder or Recorder()
+    recorder = recorder or Recorder.of(vehicle)
     kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, folder, tell)
-    tables, evidence = [], []
+    tables: dict[str, ComparisonTable] = {}
+    evidence = []
     for model in MODELS:
-        fit = ident.identify(frequency_response(model, kept), model.structure)
-        tables.append(compare(vehicle, model, fit, recorder, judge_paper=not parameters))
-        exact = exact_response(vehicle, model, recorder)
+        fit = identify_model(vehicle, model, kept, before=tables)
+        tables[model.name] = compare(vehicle, model, fit, recorder, judge_paper=not parameters)
+        exact = exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200))
         evidence.append(Evidence(model.name, fit, exact=exact, note=model.note))
         tell(model.name)
     results = Results(
-        tables=tuple(tables),
+        tables=tuple(tables.values()),
         seed=seed,
         versions={name: version(name) for name in ("helisim", "mujoco", "numpy", "scipy", "numba")},
         configuration={
@@ -205,6 +209,27 @@ def _usable_band(band: tuple[float, float], records: list[FlightRecord]) -> tupl
     return max(band[0], 1.01 * 2.0 * np.pi / longest_window), band[1]
 
 
+def identify_model(
+    vehicle: Vehicle,
+    model: Model,
+    flights: Flights,
+    *,
+    before: Mapping[str, ComparisonTable] | None = None,
+) -> ident.Fit:
+    """Identify one model from the records.
+
+    Args:
+        vehicle: whose gyro was set as known.
+        model: to identify.
+        flights: records by axis.
+        before: tables by name, whose identified values the model takes as known.
+    """
+    known = {name: (before or {})[table][name].identified for name, table in model.known.items()}
+    known |= {name: vehicle.parameters[setting] for name, setting in model.settings.items()}
+    structure = model.structure.with_fixed(known) if known else model.structure
+    return ident.identify(frequency_response(model, flights), structure)
+
+
 def compare(
     vehicle: Vehicle,
     model: Model,
@@ -216,7 +241,8 @@ def compare(
     """Set an identified model beside the truth and the paper."""
     truth = true_values(vehicle, model, recorder)
     paper = jr700.table(model.name)
-    rows = [_row(fit, name, truth, paper, model, judge_paper) for name in fit.values]
+    found = [name for name in fit.values if name not in model.known]
+    rows = [_row(fit, name, truth, paper, model, judge_paper) for name in found]
     return ComparisonTable(
         name=model.name,
         input=model.input,
@@ -265,6 +291,9 @@ def true_values(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str,
     model has no parameters of its own in the vehicle: its truth is the structure fitted to
     the exact frequency response.
     """
+    if model.settings:
+        gains = {name: vehicle.parameters[f"gyro.{name.lower()}"] for name in _GYRO_GAINS}
+        return {**gains, "tau_PED": vehicle.parameters["gyro.ped_latency"]}
     if model.input == "IN2":
         return _fitted_truth(vehicle, model, recorder)
     late = recorder.latency
@@ -280,16 +309,15 @@ def true_values(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str,
 
 
 def _fitted_truth(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str, float]:
-    exact = exact_response(vehicle, model, recorder)
+    exact = exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200))
     return dict(ident.identify(exact, model.structure).values)
 
 
 def exact_response(
-    vehicle: Vehicle, model: Model, recorder: Recorder, points: int = 200
+    vehicle: Vehicle, model: Model, recorder: Recorder, omega: NDArray[np.float64]
 ) -> ident.FrequencyResponse:
     """Return the exact response of a model's channels, recorder latencies included."""
     linear = vehicle.linearize("IN2" if model.input == "IN2" else "IN1")
-    omega = np.geomspace(*model.band, points)
     rows = [linear.system.output_labels.index(name) for name in model.outputs]
     columns = [linear.system.input_labels.index(name) for name in model.inputs]
     response = linear.response(omega)[np.ix_(rows, columns)]
@@ -317,5 +345,6 @@ def calibrated_text(name: str) -> str:
     """
     tables = (jr700.YAW_BASE, jr700.ROLLPITCH_IN1, jr700.HEAVE)
     targets = {value.name: value.value for table in tables for value in table}
-    given = read_parameters(model_folder(name) / "parameters.toml")
+    folder = model_folder(name)
+    given = read_parameters(folder / "parameters.toml", folder / "tuned.toml")
     return to_toml(calibrate(name, given, targets, "paper, Tables 2 to 4"), _CALIBRATED_HEADER)

@@ -23,6 +23,7 @@ SENSORS = {
     "imu_velocity": 3,
     "imu_attitude": 4,
     "imu_position": 3,
+    "gyro_rate": 3,
     "stick": 4,
     "servo_command": 4,
     "servo_position": 4,
@@ -240,7 +241,7 @@ def test_sensors(model):
     assert names == SENSORS
     assert list(names) == list(SENSORS)
     users = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_USER)
-    assert [model.sensor(i).name for i in users] == list(SENSORS)[5:10]
+    assert [model.sensor(i).name for i in users] == list(SENSORS)[6:11]
     assert np.all(model.sensor_needstage[users] == mujoco.mjtStage.mjSTAGE_ACC)
 
 

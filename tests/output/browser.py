@@ -68,7 +68,8 @@ class Browser:
         self.complaints: list[str] = []
         self.fetched: list[str] = []
         self._loaded = False
-        target = self.call("Target.getTargets")["targetInfos"][0]["targetId"]
+        # A target of our own: the browser's first one may not be a page yet.
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
         attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
         self._session = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):

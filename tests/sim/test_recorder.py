@@ -26,6 +26,7 @@ from helisim.sim.excitation import Sweep
 from helisim.sim.fly import fly, simulate
 from helisim.sim.instruments import Recorder
 from helisim.sim.truth import Truth, imu_offset, read_truth
+from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, write_motion
 
 STEP = 0.002
@@ -171,7 +172,7 @@ def test_latency_is_the_channels_own(name):
 
 def test_default_latencies_are_the_designs():
     """R is 40.5 ms late (design, section 5), and lon late enough to lead its input by 8.3 ms."""
-    latency = Recorder().latency
+    latency = Recorder.of(load()).latency
     servo_ms, tail_ms = 0.008, 0.010
     assert latency["r"] == pytest.approx(0.0505 - tail_ms, abs=1e-12)  # Table 2, tau_r_base
     tau_lat = servo_ms + latency["p"]
@@ -183,12 +184,12 @@ def test_default_latencies_are_the_designs():
 def test_default_latencies_reach_the_record():
     """With the default recorder's latencies, p, r and lon are late by their own."""
     plain = record(artificial(), **WIDE, **PLAIN)
-    seen = record(artificial(), **WIDE, noise={}, resolution={})
+    seen = record(artificial(), **WIDE, **PLAIN | {"latency": Recorder.of(load()).latency})
     for name, latency in (("p", 0.0035), ("q", 0.0035), ("r", 0.0405), ("lon", 0.0198)):
         late = np.interp(plain.time - latency, plain.time, plain[name])
         settled = plain.time > latency
         assert seen[name][settled] == pytest.approx(late[settled], abs=5e-6)  # as above
-    for name in ("col", "lat", "ped", "LON", "servo_front", "phi", "u"):
+    for name in ("col", "lat", "ped", "COL", "servo_front", "phi", "u"):
         assert np.array_equal(seen[name], plain[name])
 
 

@@ -19,7 +19,7 @@ TARGETS = {
 
 def test_calibrated_file_is_what_calibrate_writes():
     """Solving again gives the numbers of calibrated.toml: nobody typed them."""
-    given = read_parameters(FOLDER / "parameters.toml")
+    given = read_parameters(FOLDER / "parameters.toml", FOLDER / "tuned.toml")
     stored = read_parameters(FOLDER / "calibrated.toml")
     solved = calibrate("jr700", given, TARGETS, "paper")
     assert list(solved) == list(stored)

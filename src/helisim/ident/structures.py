@@ -19,6 +19,7 @@ __all__ = [
     "second_order_delay",
     "transfer_function",
     "yaw_base",
+    "yaw_gyro",
     "yaw_overall",
     "yaw_sway",
 ]
@@ -188,6 +189,29 @@ yaw_sway = Structure(
     constants={"g": GRAVITY},
 )
 
+yaw_gyro = Structure(
+    name="yaw_gyro",
+    meaning="tail servo command over pedal stick: a PI yaw gyro around a known base helicopter "
+    "(fix N_r, N_ped and k_I: signals alone give the four gains up to one common factor)",
+    parameters=(
+        Parameter("N_r", "1/s", -1.0, None, "yaw damping", fixed=True),
+        Parameter("N_ped", "1/s^2", 10.0, None, "yaw acceleration by pedal", fixed=True),
+        Parameter("k_I", "1/s", 10.0, None, "integral gain", fixed=True),
+        Parameter("k_p", "1", 1.0, None, "proportional gain"),
+        Parameter("k_delta", "1", 1.0, None, "commanded rate by stick, in the gyro's unit"),
+        Parameter("k_a", "s/rad", 0.1, None, "gyro's unit by yaw rate"),
+        _delay("tau_PED", "delay from pedal stick to gyro"),
+    ),
+    states=("r", "x"),
+    inputs=("PED",),
+    outputs=("ped",),
+    F=(("N_r - N_ped*k_p*k_a", "N_ped*k_I"), ("-k_a", "0")),
+    G=(("N_ped*k_p*k_delta",), ("k_delta",)),
+    H0=(("-k_p*k_a", "k_I"),),
+    D=(("k_p*k_delta",),),
+    input_delays={"PED": "tau_PED"},
+)
+
 yaw_overall = transfer_function(
     zeros=1,
     poles=2,
@@ -330,6 +354,7 @@ BUILT_IN: dict[str, Structure] = {
         heave,
         yaw_base,
         yaw_sway,
+        yaw_gyro,
         yaw_overall,
         rollpitch,
         rollpitch_tied,

@@ -15,10 +15,11 @@ from helisim.physics.kernel import kernel
 from helisim.physics.layout import DOUBLET, MAGIC, PARAM, ROTOR, STATE, SWEEP
 
 _NPARAM = len(PARAM)
-_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 _ACCELERATION_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
+_REPORTS = 18
+"""Numbers in a vehicle's own sensors."""
 _STOPPED = 0.05
 """Below this fraction of its speed the rotor counts as stopped."""
 
@@ -101,6 +102,44 @@ def state_of(m, d, offsets, rotor_id):
 def control_of(m, offsets, rotor_id):
     """Return the address of a vehicle's first control, the collective stick."""
     return ints(m, offsets.actuator_ctrladr)[rotor_id] - ROTOR
+
+
+@kernel()
+def speed_ratio(m, d, offsets, rotor_id, par):
+    """Return the rotor's speed over its nominal one; a pilot flies with the governor on."""
+    if par[PARAM.pilot_on] != 0.0:
+        return 1.0
+    return doubles(d, offsets.ctrl)[control_of(m, offsets, rotor_id) + ROTOR]
+
+
+@kernel()
+def reports(m, offsets, body):
+    """Return where a vehicle's own sensors start: the first user sensor on its body, or -1.
+
+    The gyro's rates stand in the three numbers before, the clock in the one behind the last.
+    """
+    for k in range(long(m, offsets.nsensor)):
+        ours = ints(m, offsets.sensor_type)[k] == _USER_SENSOR
+        ours = ours and ints(m, offsets.sensor_objtype)[k] == _BODY
+        ours = ours and ints(m, offsets.sensor_dim)[k] == 4
+        if ours and ints(m, offsets.sensor_objid)[k] == body:
+            return ints(m, offsets.sensor_adr)[k]
+    return -1
+
+
+@kernel()
+def is_tick(m, d, offsets, par, clock):
+    """Tell whether the gyro acts now: at a step's start, once in each of its periods.
+
+    MuJoCo computes sensors at the start of a step only, so the clock tells the start from the
+    later stages of the integrator.
+    """
+    time = double(d, offsets.time)
+    if time != clock:
+        return False
+    period = par[PARAM.gyro_period]
+    before = time - double(m, offsets.timestep)
+    return math.floor(time / period + 1e-6) != math.floor(before / period + 1e-6)
 
 
 @kernel()
@@ -274,7 +313,7 @@ def passive(m, d, offsets):
         u, v, w = air_velocity(m, d, offsets, body)
         p, q, r = rates(d, offsets, body)
         act = doubles(d, offsets.act)
-        speed = doubles(d, offsets.ctrl)[control_of(m, offsets, rotor_id) + ROTOR]
+        speed = speed_ratio(m, d, offsets, rotor_id, par)
         force = wrench(par, act, first, u, v, w, p, q, r, speed)
         apply_wrench(m, d, offsets, body, *force)
 
@@ -344,8 +383,8 @@ def fly(m, d, offsets, rotor_id, par, body, control):
 
 
 @kernel()
-def delayed_control(m, d, offsets, actuator, address, shift):
-    """Return an actuator's control as it was one delay ago, linear between samples.
+def delayed_control(m, d, offsets, actuator, address, now):
+    """Return an actuator's control as it was one delay before `now`, linear between samples.
 
     Args:
         m: address of mjModel.
@@ -353,7 +392,7 @@ def delayed_control(m, d, offsets, actuator, address, shift):
         offsets: of the fields.
         actuator: its id.
         address: of its control.
-        shift: s, by which the samples are younger than their stamps.
+        now: s.
     """
     buffer = ints(m, offsets.actuator_historyadr)[actuator]
     delay = doubles(m, offsets.actuator_delay)[actuator]
@@ -362,28 +401,35 @@ def delayed_control(m, d, offsets, actuator, address, shift):
     count = ints(m, offsets.actuator_history)[2 * actuator]
     history = doubles(d, offsets.history)
     times, values = buffer + 2, buffer + 2 + count
-    wanted = double(d, offsets.time) - delay - shift
+    wanted = now - delay
     newest = int(history[buffer + 1])
     later = newest
     for back in range(count):
         k = (newest - back) % count
-        if history[times + k] <= wanted:
+        if history[times + k] <= wanted + 1e-9:
             if back == 0:
                 return history[values + k]
             span = history[times + later] - history[times + k]
-            ahead = (wanted - history[times + k]) / span
+            ahead = max(0.0, (wanted - history[times + k]) / span)
             return history[values + k] + ahead * (history[values + later] - history[values + k])
         later = k
     return history[values + later]
 
 
 @kernel()
-def yaw_law(m, d, offsets, rotor_id, par, act, first, control, r):
+def last_tick(par, clock):
+    """Return the time at which the gyro last acted, s."""
+    period = par[PARAM.gyro_period]
+    return period * math.floor(clock / period + 1e-6)
+
+
+@kernel()
+def yaw_law(m, d, offsets, rotor_id, par, act, first, control, seen):
     """Return the yaw gyro's rate error, the derivative of its lead, and the tail command."""
-    shift = 0.0
-    if par[PARAM.pilot_on] != 0.0 and _ints_at(m + offsets.integrator)[0] == _RK4:
-        shift = double(m, offsets.timestep)  # stored after the last stage, see design
-    stick = delayed_control(m, d, offsets, rotor_id - ROTOR + 3, control + 3, shift)
+    sensordata = doubles(d, offsets.sensordata)
+    _, _, r = frames.flip(sensordata[seen - 3], sensordata[seen - 2], sensordata[seen - 1])
+    now = last_tick(par, sensordata[seen + _REPORTS])
+    stick = delayed_control(m, d, offsets, rotor_id - ROTOR + 3, control + 3, now)
     error, lead_rate = gyro.yaw_error(
         stick,
         r,
@@ -392,8 +438,9 @@ def yaw_law(m, d, offsets, rotor_id, par, act, first, control, r):
         par[PARAM.gyro_k_a],
         par[PARAM.gyro_lead],
         par[PARAM.gyro_lead_filter],
+        par[PARAM.gyro_lead_lag],
     )
-    integral = act[first + STATE.gyro_r_integral]
+    integral = par[PARAM.gyro_heading_lock] * act[first + STATE.gyro_r_integral]
     command = gyro.yaw_command(error, integral, par[PARAM.gyro_k_p], par[PARAM.gyro_k_i])
     return error, lead_rate, command
 
@@ -405,7 +452,7 @@ def cyclic_law(par, act, first, lat_stick, lon_stick):
     q = act[first + STATE.gyro_q_filter]
     p_error = par[PARAM.gyro_p_per_lat] * lat_stick + par[PARAM.gyro_p_per_lon] * lon_stick - p
     q_error = par[PARAM.gyro_q_per_lat] * lat_stick + par[PARAM.gyro_q_per_lon] * lon_stick - q
-    slow = par[PARAM.gyro_derivative_filter]
+    slow = par[PARAM.gyro_derivative_lag]
     p_rate = (p - act[first + STATE.gyro_p_derivative]) / slow
     q_rate = (q - act[first + STATE.gyro_q_derivative]) / slow
     lat, lon = gyro.rotate(
@@ -423,7 +470,10 @@ def cyclic_law(par, act, first, lat_stick, lon_stick):
 
 @kernel()
 def control(m, d, offsets):
-    """Fly every vehicle: pilot to sticks, gyro to servo commands. What mjcb_control does."""
+    """Fly every vehicle: pilot to sticks, gyro to servo commands. What mjcb_control does.
+
+    Both act at the gyro's ticks; in between, sticks and servo commands are held.
+    """
     if long(m, offsets.nuser_actuator) < _NPARAM:
         return
     for rotor_id in range(long(m, offsets.nactuator)):
@@ -431,15 +481,20 @@ def control(m, d, offsets):
             continue
         par = parameters(m, offsets, rotor_id)
         body = body_of(m, offsets, rotor_id)
+        seen = reports(m, offsets, body)
+        if seen < 0 or not is_tick(
+            m, d, offsets, par, doubles(d, offsets.sensordata)[seen + _REPORTS]
+        ):
+            continue
         first = state_of(m, d, offsets, rotor_id)
         address = control_of(m, offsets, rotor_id)
         controls = _doubles_at(_longs_at(d + offsets.ctrl)[0] + 8 * address)
         act = doubles(d, offsets.act)
         if par[PARAM.pilot_on] != 0.0:
             fly(m, d, offsets, rotor_id, par, body, controls)
+            controls[ROTOR] = 1.0
         if par[PARAM.gyro_on] != 0.0:
-            _, _, r = rates(d, offsets, body)
-            _, _, ped = yaw_law(m, d, offsets, rotor_id, par, act, first, address, r)
+            _, _, ped = yaw_law(m, d, offsets, rotor_id, par, act, first, address, seen)
             _, _, lat, lon = cyclic_law(par, act, first, controls[2], controls[1])
             lat = min(0.5, max(-0.5, lat))
             lon = min(0.5, max(-0.5, lon))
@@ -476,7 +531,7 @@ def flapping_derivatives(m, d, offsets, rotor_id, par, first):
     rate = doubles(d, offsets.act_dot)
     u, v, w = air_velocity(m, d, offsets, body)
     p, q, _ = rates(d, offsets, body)
-    speed = doubles(d, offsets.ctrl)[control_of(m, offsets, rotor_id) + ROTOR]
+    speed = speed_ratio(m, d, offsets, rotor_id, par)
     col, lon, lat = servo.unmix(
         act[first + STATE.front_position],
         act[first + STATE.left_position],
@@ -518,19 +573,25 @@ def servo_derivatives(d, offsets, par, first, ordinal, address):
 
 @kernel()
 def gyro_derivatives(m, d, offsets, rotor_id, par, first, ordinal):
-    """Write the derivatives of the gyro's states that belong to one stick."""
-    body = body_of(m, offsets, rotor_id)
+    """Write the derivatives of the gyro's states that belong to one stick.
+
+    What the gyro sees and the sticks are held between its ticks, so the integrals are exactly
+    those of a sampled controller, and the filters its exact discretisation.
+    """
+    seen = reports(m, offsets, body_of(m, offsets, rotor_id))
+    if par[PARAM.gyro_on] == 0.0 or seen < 0:
+        return
     act = doubles(d, offsets.act)
     rate = doubles(d, offsets.act_dot)
     address = control_of(m, offsets, rotor_id)
     sticks = doubles(d, offsets.ctrl)
-    p, q, r = rates(d, offsets, body)
-    if par[PARAM.gyro_on] == 0.0:
-        return
+    sensordata = doubles(d, offsets.sensordata)
+    p, q, _ = frames.flip(sensordata[seen - 3], sensordata[seen - 2], sensordata[seen - 1])
     if ordinal == 3:
-        error, lead_rate, command = yaw_law(m, d, offsets, rotor_id, par, act, first, address, r)
+        error, lead_rate, command = yaw_law(m, d, offsets, rotor_id, par, act, first, address, seen)
         rate[first + STATE.gyro_r_lead] = lead_rate
-        rate[first + STATE.gyro_r_integral] = gyro.hold_when_saturated(error, command, 0.5)
+        held = par[PARAM.gyro_heading_lock] * gyro.hold_when_saturated(error, command, 0.5)
+        rate[first + STATE.gyro_r_integral] = held
         return
     p_error, q_error, lat, lon = cyclic_law(
         par, act, first, sticks[address + 2], sticks[address + 1]
@@ -554,13 +615,9 @@ def sensor(m, d, offsets, stage):
         if not is_rotor(m, offsets, rotor_id):
             continue
         body = body_of(m, offsets, rotor_id)
-        for k in range(long(m, offsets.nsensor)):
-            ours = ints(m, offsets.sensor_type)[k] == _USER_SENSOR
-            ours = ours and ints(m, offsets.sensor_objtype)[k] == _BODY
-            ours = ours and ints(m, offsets.sensor_dim)[k] == 4
-            if ours and ints(m, offsets.sensor_objid)[k] == body:
-                report(m, d, offsets, rotor_id, body, ints(m, offsets.sensor_adr)[k])
-                break
+        address = reports(m, offsets, body)
+        if address >= 0:
+            report(m, d, offsets, rotor_id, body, address)
 
 
 @kernel()
@@ -580,6 +637,7 @@ def report(m, d, offsets, rotor_id, body, address):
     u, v, w = air_velocity(m, d, offsets, body)
     p, q, r = rates(d, offsets, body)
     collective, _, _ = servo.unmix(out[8], out[9], out[10])
-    thrust, torque, inflow, _, _ = main_rotor(par, u, v, w, p, q, control[ROTOR], collective)
+    speed = speed_ratio(m, d, offsets, rotor_id, par)
+    thrust, torque, inflow, _, _ = main_rotor(par, u, v, w, p, q, speed, collective)
     out[14], out[15], out[16] = thrust, torque, inflow
-    out[17] = tail_rotor(par, v, p, r, control[ROTOR], out[11])
+    out[17] = tail_rotor(par, v, p, r, speed, out[11])

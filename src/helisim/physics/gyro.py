@@ -5,18 +5,27 @@ d are tracked by u = (Kp + M Ki/s)(R d - y) - M Kd s/(td s + 1) y, where y is th
 rate and M turns by the phase angle of the swashplate.
 """
 
+import math
+
 from helisim.physics.kernel import kernel
 
 
 @kernel()
-def yaw_error(ped_stick, r, lead_state, k_delta, k_a, lead, lead_filter):
+def yaw_error(ped_stick, r, lead_state, k_delta, k_a, lead, lead_filter, lead_lag):
     """Return the rate error k_delta PED - k_a r of the yaw gyro and d(lead_state)/dt.
 
-    The rate passes (1 + (lead + filter) s) / (1 + filter s): a net lead at low frequency.
+    The rate is led by `lead` at low frequency: (1 + (lead + lag) s) / (1 + lag s), where `lag`
+    is by how much the sampled filter is late, `held_lag(lead_filter, period)`.
     """
-    lead_rate = (r - lead_state) / lead_filter
-    led = lead_state + (lead + lead_filter) * lead_rate
-    return k_delta * ped_stick - k_a * led, lead_rate
+    behind = r - lead_state
+    led = lead_state + (lead + lead_lag) / lead_lag * behind
+    return k_delta * ped_stick - k_a * led, behind / lead_filter
+
+
+@kernel()
+def held_lag(time_constant, period):
+    """Return by how much a first-order filter of samples held for a period is late, s."""
+    return period / -math.expm1(-period / time_constant)
 
 
 @kernel()

@@ -108,12 +108,15 @@ class ParamIndex(NamedTuple):
     servo_travel: int
     # gyro
     gyro_on: int
+    gyro_period: int
+    gyro_heading_lock: int
     gyro_k_p: int
     gyro_k_i: int
     gyro_k_delta: int
     gyro_k_a: int
     gyro_lead: int
     gyro_lead_filter: int
+    gyro_lead_lag: int
     gyro_kp_lat: int
     gyro_kp_lon: int
     gyro_ki_lat: int
@@ -122,6 +125,7 @@ class ParamIndex(NamedTuple):
     gyro_kd_lon: int
     gyro_filter: int
     gyro_derivative_filter: int
+    gyro_derivative_lag: int
     gyro_phase_cosine: int
     gyro_phase_sine: int
     gyro_p_per_lat: int

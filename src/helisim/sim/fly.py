@@ -47,7 +47,7 @@ def fly(
         count: number of flights.
         seed: of pilots and sensors; flight k of a seed is always the same.
         pilot: the default `Pilot` if None.
-        recorder: the default `Recorder` if None.
+        recorder: the vehicle's own if None.
         jobs: threads; all processors if None.
         on_flight: called after each flight, for progress.
 
@@ -58,7 +58,7 @@ def fly(
         InputError: count, seed or jobs is out of range.
         DivergedError: a flight left the validity of the model.
     """
-    recorder = recorder or Recorder()
+    recorder = recorder or Recorder.of(vehicle)
     records = []
     for k, truth in enumerate(
         simulate(vehicle, excitation, count=count, seed=seed, pilot=pilot, jobs=jobs)
@@ -116,7 +116,6 @@ def _run(
             list(models),
             workers,
             initial_state=np.tile(state, (len(models), 1)),
-            control=np.tile(start.ctrl, (len(models), steps, 1)),
             nstep=steps,
         )
     return sensordata

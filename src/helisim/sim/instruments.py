@@ -32,11 +32,7 @@ from helisim.errors import InputError
 from helisim.physics import servo
 from helisim.record import FlightRecord
 from helisim.sim.truth import Truth
-
-_LATENCY = {"p": 0.0035, "q": 0.0035, "r": 0.0405, "lon": 0.0198}
-"""s. What Table 2's tau_r_base and Table 3's tau_lat and tau_lon leave when the servos' own
-10 and 8 ms are taken off. A tau_lon of -8.3 ms can't be physics: a shared servo does not
-lead, so the record of `lon` is late."""
+from helisim.vehicle import Vehicle
 
 _NOISE = {
     **dict.fromkeys(RATES, 0.005),
@@ -68,7 +64,7 @@ class Recorder:
 
     rate_hz: float = 100.0
     antialias_hz: float = 40.0
-    latency: Mapping[str, float] = field(default_factory=lambda: dict(_LATENCY))
+    latency: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=lambda: dict(_NOISE))
     resolution: Mapping[str, float] = field(default_factory=lambda: dict(_RESOLUTION))
     lever_arm_corrected: bool = True
@@ -87,6 +83,13 @@ class Recorder:
                 if not (np.isfinite(value) and value >= 0.0):
                     raise InputError(f"{name} of {key!r} must be 0 or more, got {value}")
             object.__setattr__(self, name, MappingProxyType(values))
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> "Recorder":
+        """Return the vehicle's own flight computer, with the latencies of its channels."""
+        section = "recorder_latency."
+        own = [name for name in vehicle.parameters if name.startswith(section)]
+        return cls(latency={name.removeprefix(section): vehicle.parameters[name] for name in own})
 
     def as_dict(self) -> dict[str, Any]:
         """Return the settings as plain data, for provenance."""

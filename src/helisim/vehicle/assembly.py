@@ -12,8 +12,16 @@ from helisim.errors import InputError, ModelError, UnknownNameError
 from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, STATE
 from helisim.vehicle.parameters import Parameters, force_law_block
 
-USER_SENSORS = ("stick", "servo_command", "servo_position", "flapping", "rotor")
-"""The vehicle's own sensors; their eighteen numbers are consecutive."""
+USER_SENSORS = (
+    "gyro_rate",
+    "stick",
+    "servo_command",
+    "servo_position",
+    "flapping",
+    "rotor",
+    "clock",
+)
+"""The vehicle's own sensors, consecutive, after what the gyro sees and before the clock."""
 
 
 def models_folder() -> Path:
@@ -82,6 +90,7 @@ def assemble(
         if timestep is not None:
             spec.option.timestep = timestep
         _set_latency(spec, parameters["gyro.ped_latency"] if delays else 0.0)
+        _set_gyro_rate(spec, parameters["gyro.period"], parameters["gyro.latency"], delays)
         _set_force_laws(spec, force_law_block(parameters))
         spec.compiler.discardvisual = not visual
         _close_inertia(
@@ -101,6 +110,29 @@ def _mjcf(name: str, *, visual: bool, rig: str | None) -> Path:
     if rig not in rig_names(name):
         raise UnknownNameError("rig", rig, rig_names(name))
     return model_folder(name) / "rigs" / f"{rig}.xml"
+
+
+def _set_gyro_rate(spec: mujoco.MjSpec, period: float, latency: float, sampled: bool) -> None:
+    """Let the gyro sense at its own rate; without sampling it sees the present rates."""
+    sensor = spec.sensor("gyro_rate")
+    if not sampled:
+        sensor.interval, sensor.delay, sensor.nsample = [0.0, 0.0], 0.0, 0
+        return
+    steps = period / spec.option.timestep
+    if abs(steps - round(steps)) > 1e-6 or steps < 0.5:
+        raise ModelError(
+            f"gyro.period must be a whole number of time steps of {spec.option.timestep:g} s, "
+            f"got {period:g} s"
+        )
+    if latency != 0.0 and latency < spec.option.timestep:
+        raise ModelError(
+            f"gyro.latency must be 0 or at least a time step of {spec.option.timestep:g} s, "
+            f"got {latency:g}"
+        )
+    early = 0.25 * spec.option.timestep  # so that rounding of the time never skips a sample
+    sensor.interval = [period, -early]
+    sensor.delay = max(0.0, latency - early)
+    sensor.nsample = math.ceil(latency / period) + 2
 
 
 def _advice(message: str) -> str:

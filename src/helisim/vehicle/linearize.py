@@ -63,7 +63,10 @@ class Linearization:
 
     def response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the frequency response with delays, (n_out, n_in, n_freq), omega in rad/s."""
-        response = np.asarray(self.system(1j * np.asarray(omega), squeeze=False))
+        omega = np.asarray(omega, dtype=np.float64)
+        step = self.system.dt
+        point = np.exp(1j * omega * step) if step else 1j * omega
+        response = np.asarray(self.system(point, squeeze=False))
         lags = np.array([self.delays.get(name, 0.0) for name in self.system.input_labels])
         return response * np.exp(-1j * lags[None, :, None] * np.asarray(omega))
 
@@ -97,7 +100,7 @@ def linearize(model: mujoco.MjModel, trim: Trim, *, inputs: Inputs = "IN1") -> L
         jacobian[n:, n:],
         states=list(dynamics.states),
         inputs=list(dynamics.inputs),
-        outputs=list(OUTPUTS),
+        outputs=[*OUTPUTS, *IN1],
         name=f"{inputs}_to_OUT",
     )
     return Linearization(system, {}, trim)
@@ -136,7 +139,10 @@ class _Dynamics:
         rates = self.data.act_dot[start : start + n - n_motion]
         felt = specific_force(self.data, self.model, motion)
         seen = [getattr(motion, name) for name in OUTPUTS[:-3]]
-        return np.concatenate([motion_rates(self.data, motion), rates, seen, felt])
+        commands = self.data.ctrl[self.where.control + 4 : self.where.control + 8]
+        swash = servo.unmix.py_func(*commands[:3])
+        asked = [*swash, commands[3]]
+        return np.concatenate([motion_rates(self.data, motion), rates, seen, felt, asked])
 
     def _command(self, deviation: NDArray[np.float64]) -> None:
         control = self.data.ctrl[self.where.control : self.where.control + ROTOR + 1]

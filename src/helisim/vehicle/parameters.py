@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError, UnknownNameError
+from helisim.physics.gyro import held_lag
 from helisim.physics.layout import MAGIC, PARAM, ROTOR
 
 
@@ -150,6 +151,8 @@ _DIRECT = {
     "tail_damping": "servo.tail_damping",
     "servo_rate_limit": "servo.rate_limit",
     "servo_travel": "servo.travel",
+    "gyro_period": "gyro.period",
+    "gyro_heading_lock": "gyro.heading_lock",
     "gyro_k_p": "gyro.k_p",
     "gyro_k_i": "gyro.k_i",
     "gyro_k_delta": "gyro.k_delta",
@@ -205,6 +208,7 @@ _POSITIVE = (
     "servo.tail_damping",
     "servo.rate_limit",
     "servo.travel",
+    "gyro.period",
     "gyro.k_i",
     "gyro.ki_lat",
     "gyro.ki_lon",
@@ -223,6 +227,7 @@ _NOT_NEGATIVE = (
     "main_rotor.hub_stiffness",
     "main_rotor.flap_back",
     "gyro.ped_latency",
+    "gyro.latency",
     "gyro.lead",
 )
 
@@ -248,6 +253,11 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
     block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
     block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
+    period = parameters["gyro.period"]
+    block[PARAM.gyro_lead_lag] = held_lag.py_func(parameters["gyro.lead_filter"], period)
+    block[PARAM.gyro_derivative_lag] = held_lag.py_func(
+        parameters["gyro.derivative_filter"], period
+    )
     block[PARAM.gyro_on] = 1.0
     block[PARAM.remnant_interval] = 1.0
     block[PARAM.excitation_duration] = 1.0

@@ -1,17 +1,22 @@
 """A vehicle, ready to fly: its model, parameters, hover and linearisations."""
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+import control
 import mujoco
 
+from helisim.channels import IN1
+from helisim.errors import InputError
 from helisim.physics.layout import PARAM
 from helisim.physics.servo import equivalent_delay
 from helisim.vehicle.assembly import assemble, model_folder
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
+from helisim.vehicle.loop import SampledGyro, close, sampled_gyro
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.parameters import Parameters, read_parameters
+from helisim.vehicle.parameters import Parameters, force_law_block, read_parameters
 from helisim.vehicle.trim import Trim, find_hover, place
 
 
@@ -41,12 +46,61 @@ class Vehicle:
         """Return the exact linearisation at the hover, its delays beside it.
 
         Args:
-            inputs: "IN1" for servo commands to motion, "IN2" for sticks to motion.
+            inputs: "IN1" for servo commands to motion, continuous; "IN2" for sticks to motion,
+                sampled at the gyro's rate.
+
+        Raises:
+            InputError: no such set of inputs.
         """
-        model = assemble(self.name, self.parameters, delays=False)
-        linear = linearize(model, self.trim, inputs=inputs)
-        delays = {"PED": self.parameters["gyro.ped_latency"]} if inputs == "IN2" else {}
-        return Linearization(linear.system, delays, self.trim)
+        if inputs not in ("IN1", "IN2"):
+            raise InputError(f"inputs must be 'IN1' or 'IN2', got {inputs!r}")
+        if inputs == "IN2":
+            system = close(self._base, self.gyro)
+            return Linearization(system, {"PED": self.parameters["gyro.ped_latency"]}, self.trim)
+        held = 0.5 * self.parameters["gyro.period"]
+        return Linearization(self._base.system, dict.fromkeys(IN1, held), self.trim)
+
+    @cached_property
+    def gyro(self) -> SampledGyro:
+        """The gyro's linear law at its ticks."""
+        period, latency = self.parameters["gyro.period"], self.parameters["gyro.latency"]
+        return sampled_gyro(self._linear("IN2"), period, latency)
+
+    def loop(self, axis: str) -> control.StateSpace:
+        """Return what comes back at a servo command when the gyro's loop is cut there.
+
+        Sampled; the input is the command of that axis ("lon", "lat" or "ped"), the output the
+        gyro's answer to it, all other loops closed. Positive feedback: -1 is the stable side.
+        """
+        cut = close(self._base, self.gyro, open_at=axis)
+        return cut[cut.output_labels.index(axis), 0]
+
+    def with_settings(self, settings: Mapping[str, float]) -> "Vehicle":
+        """Return the same vehicle with other settings of gyro and recorder, such as "gyro.k_p".
+
+        For trying many: nothing is compiled or trimmed again, so the airframe can't change
+        here, and the latencies inside the gyro change its linear model only.
+        """
+        parameters = self.parameters.replace(settings)
+        model = copy.copy(self.model)
+        model.actuator_user[addresses(model).rotor, : len(PARAM)] = force_law_block(parameters)
+        changed = Vehicle(self.name, parameters, model, self.trim)
+        changed.__dict__.update(_base=self._base, _unsampled=self._unsampled)
+        return changed
+
+    @cached_property
+    def _base(self) -> Linearization:
+        return self._linear("IN1")
+
+    def _linear(self, inputs: Inputs) -> Linearization:
+        model = copy.copy(self._unsampled)
+        user = self.model.actuator_user[addresses(self.model).rotor]
+        model.actuator_user[addresses(model).rotor] = user
+        return linearize(model, self.trim, inputs=inputs)
+
+    @cached_property
+    def _unsampled(self) -> mujoco.MjModel:
+        return assemble(self.name, self.parameters, delays=False)
 
     def visual_model(self) -> mujoco.MjModel:
         """Return the same vehicle with all its parts and the scene around it, to look at."""
@@ -58,11 +112,17 @@ class Vehicle:
         return stability_derivatives(self.linearize("IN1"))
 
     def servo_delay(self, axis: str) -> float:
-        """Return the equivalent delay of the servos that move a control axis, s."""
+        """Return the delay of the servos that move a control axis, s.
+
+        The equivalent delay of the servo, and half a period in which its command is held.
+        """
+        held = 0.5 * self.parameters["gyro.period"]
         par = self.model.actuator_user[addresses(self.model).rotor]
         if axis == "ped":
-            return equivalent_delay.py_func(par[PARAM.tail_frequency], par[PARAM.tail_damping])
-        return equivalent_delay.py_func(par[PARAM.swash_frequency], par[PARAM.swash_damping])
+            lag = equivalent_delay.py_func(par[PARAM.tail_frequency], par[PARAM.tail_damping])
+        else:
+            lag = equivalent_delay.py_func(par[PARAM.swash_frequency], par[PARAM.swash_damping])
+        return held + lag
 
 
 def load(
@@ -86,7 +146,8 @@ def load(
         TrimError: it can't hover.
     """
     folder = model_folder(name)
-    values = read_parameters(folder / "parameters.toml", folder / "calibrated.toml")
+    files = ("parameters.toml", "calibrated.toml", "tuned.toml")
+    values = read_parameters(*(folder / file for file in files))
     values = values.replace(parameters or {})
     model = assemble(name, values, timestep=timestep)
     return Vehicle(name, values, model, find_hover(model))
