@@ -62,7 +62,8 @@ def write_bode(run: Run, path: Path) -> None:
 def write_sweep(path: Path) -> Path:
     """Fly a lateral sweep and record it with the rotor's true tilt and loads."""
     vehicle = hs.load("jr700")
-    (record,) = hs.fly(vehicle, hs.Sweep(axis="lat"), seed=1, recorder=hs.Recorder(rotor=True))
+    recorder = hs.Recorder.of(vehicle, rotor=True)
+    (record,) = hs.fly(vehicle, hs.Sweep(axis="lat"), seed=1, recorder=recorder)
     return write_recording(path, {"lateral sweep": record}, model=vehicle.visual_model())
 
 

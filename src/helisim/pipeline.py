@@ -45,7 +45,7 @@ def reproduce(
     jobs: int | None = None,
     parameters: Mapping[str, float] | None = None,
     timestep: float | None = None,
-    recorder: Recorder | None = None,
+    rotor: bool = False,
     on_progress: Callable[[str], None] | None = None,
 ) -> tuple[Results, Flights]:
     """Fly sweeps on all four axes, keep the best, identify the models, set them beside truth.
@@ -58,7 +58,7 @@ def reproduce(
         parameters: physical parameters that replace the calibrated ones, for another truth;
             the paper is then printed but not judged by.
         timestep: s, of the simulation; the model's own if None.
-        recorder: the default `Recorder` if None.
+        rotor: True records the rotor's true tilt and loads too, to look at.
         on_progress: called with a word after each flight, each model and the report.
 
     Returns:
@@ -74,7 +74,7 @@ def reproduce(
     folder = _prepared_folder(out)
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
     tell = on_progress or (lambda _: None)
-    recorder = recorder or Recorder.of(vehicle)
+    recorder = Recorder.of(vehicle, rotor=rotor)
     kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, folder, tell)
     tables: dict[str, ComparisonTable] = {}
     evidence = []

@@ -138,7 +138,7 @@ def _solve(
     def far(x: NDArray[np.float64]) -> NDArray[np.float64]:
         tried = vehicle.with_settings(setting(x))
         found = exact_response(tried, model, Recorder.of(tried), omega).response
-        ratio = np.log(found / wanted)
+        ratio = np.asarray(np.log(found / wanted), dtype=np.complex128)
         errors = [_DECIBEL * ratio.real.ravel(), _PHASE_WEIGHT * ratio.imag.ravel()]
         return np.concatenate(errors) / np.sqrt(found.size)
 

@@ -105,7 +105,7 @@ def test_a_run_is_recorded_with_its_models(tmp_path):
 
 def test_a_flight_of_90_seconds_is_quick_and_small(tmp_path, jr700):
     """With everything in it, it is written in under a second and is below 15 MB."""
-    (record,) = fly(jr700, Sweep(axis="lat"), seed=1, recorder=Recorder(rotor=True))
+    (record,) = fly(jr700, Sweep(axis="lat"), seed=1, recorder=Recorder.of(jr700, rotor=True))
     model = jr700.visual_model()
     start = time.perf_counter()
     path = write_recording(tmp_path / "lat.rrd", {"lat": record}, model=model)
@@ -117,7 +117,7 @@ def test_the_rotors_truth_is_recorded_on_request_alone(jr700):
     """The rotor's channels are there when asked for, and change no other channel."""
     sweep = Sweep(axis="lat", duration=13.0)
     (plain,) = fly(jr700, sweep, seed=3)
-    (more,) = fly(jr700, sweep, seed=3, recorder=Recorder(rotor=True))
+    (more,) = fly(jr700, sweep, seed=3, recorder=Recorder.of(jr700, rotor=True))
     assert not set(ROTOR) & set(plain.names)
     np.testing.assert_array_equal(more.select(plain.names), plain.values)
     weight = 8.01 * 9.8015  # Table 1

@@ -48,7 +48,7 @@ def _run(options: argparse.Namespace) -> int:
             vehicle,
             sweep,
             seed=options.seed,
-            recorder=Recorder(rotor=options.rerun is not None),
+            recorder=Recorder.of(vehicle, rotor=options.rerun is not None),
             on_flight=lambda: advance("flight"),
         )
     write_record(record, options.out)

@@ -41,7 +41,6 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.experiment import MODELS
     from helisim.output.run import read_run
     from helisim.output.tables import render_results, wants_color
-    from helisim.sim import Recorder
     from helisim.storage import check_destination
 
     if options.flights < 1:
@@ -57,7 +56,7 @@ def _run(options: argparse.Namespace) -> int:
             jobs=options.jobs,
             parameters=parameters(options),
             timestep=options.timestep,
-            recorder=Recorder(rotor=options.rerun is not None),
+            rotor=options.rerun is not None,
             on_progress=advance,
         )
     if options.json:

@@ -85,11 +85,12 @@ class Recorder:
             object.__setattr__(self, name, MappingProxyType(values))
 
     @classmethod
-    def of(cls, vehicle: Vehicle) -> "Recorder":
+    def of(cls, vehicle: Vehicle, *, rotor: bool = False) -> "Recorder":
         """Return the vehicle's own flight computer, with the latencies of its channels."""
         section = "recorder_latency."
         own = [name for name in vehicle.parameters if name.startswith(section)]
-        return cls(latency={name.removeprefix(section): vehicle.parameters[name] for name in own})
+        latency = {name.removeprefix(section): vehicle.parameters[name] for name in own}
+        return cls(latency=latency, rotor=rotor)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the settings as plain data, for provenance."""

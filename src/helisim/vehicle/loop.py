@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import control
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm
+from scipy.linalg import expm
 
 from helisim.channels import IN1, RATES
 from helisim.errors import ModelError
@@ -37,14 +37,10 @@ class SampledGyro:
 def sample(a: Matrix, b: Matrix, period: float) -> tuple[Matrix, Matrix]:
     """Return the matrices of a linear system sampled with held inputs."""
     n, m = b.shape
-    whole = expm(block_diag(a, np.zeros((m, m))) * period + _beside(b, n, m) * period)
+    both = np.zeros((n + m, n + m))
+    both[:n] = np.hstack([a, b])
+    whole = np.asarray(expm(both * period), dtype=np.float64)
     return whole[:n, :n], whole[:n, n:]
-
-
-def _beside(b: Matrix, n: int, m: int) -> Matrix:
-    corner = np.zeros((n + m, n + m))
-    corner[:n, n:] = b
-    return corner
 
 
 def close(
