@@ -5,6 +5,7 @@ structure, the band, and the tolerances with their reasons.
 """
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from helisim import ident
 
@@ -41,6 +42,8 @@ class Model:
         reference: channels outside the loop, for the joint input-output method.
         band: rad/s.
         structure: of the model.
+        weighting: of the fit; "coherence", CIFER's own, where the structure is a low-order
+            equivalent, whose parameters depend on how the misfit is shared out.
         known: parameter -> the table whose identified value it is given.
         settings: parameter -> the setting of the gyro whose value it is given.
         tolerances: by parameter name; a parameter without one is reported, not judged.
@@ -56,6 +59,7 @@ class Model:
     reference: tuple[str, ...] = ()
     band: tuple[float, float]
     structure: ident.Structure
+    weighting: Literal["error", "coherence"] = "error"
     known: dict[str, str] = field(default_factory=dict)
     settings: dict[str, str] = field(default_factory=dict)
     tolerances: dict[str, Tolerance] = field(default_factory=dict)
@@ -89,6 +93,7 @@ YAW_GYRO = Model(
     conditioning=("LAT", "COL"),
     band=(0.6, 30.0),
     structure=ident.structures.yaw_gyro,
+    weighting="coherence",
     known={"N_r": "yaw_base", "N_ped": "yaw_base"},
     settings={"k_I": "gyro.k_i"},
     tolerances=dict.fromkeys(("k_p", "k_delta", "k_a"), TIGHT),
@@ -106,6 +111,7 @@ YAW_OVERALL = Model(
     conditioning=("LAT", "COL"),
     band=(0.6, 25.0),
     structure=ident.structures.yaw_overall,
+    weighting="coherence",
     tolerances=dict.fromkeys(("b1", "b0", "a1", "a0", "tau_r_all"), LOOSE),
     note=(
         "Truth is this structure fitted to the exact response of the vehicle with its gyro: "
@@ -141,6 +147,7 @@ ROLLPITCH_IN2 = Model(
     structure=ident.structures.rollpitch_tied.renamed(
         {"lat": "LAT", "lon": "LON"}, name="rollpitch_in2"
     ),
+    weighting="coherence",
     tolerances={
         **dict.fromkeys(("L_b", "M_a", "A_lon", "B_lat"), TIGHT),
         **dict.fromkeys(("tau_f", "B_a", "A_lat", "B_lon", "tau_lat", "tau_lon"), LOOSE),

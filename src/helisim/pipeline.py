@@ -227,7 +227,8 @@ def identify_model(
     known = {name: (before or {})[table][name].identified for name, table in model.known.items()}
     known |= {name: vehicle.parameters[setting] for name, setting in model.settings.items()}
     structure = model.structure.with_fixed(known) if known else model.structure
-    return ident.identify(frequency_response(model, flights), structure)
+    estimated = frequency_response(model, flights)
+    return ident.identify(estimated, structure, weighting=model.weighting)
 
 
 def compare(
@@ -310,7 +311,7 @@ def true_values(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str,
 
 def _fitted_truth(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str, float]:
     exact = exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200))
-    return dict(ident.identify(exact, model.structure).values)
+    return dict(ident.identify(exact, model.structure, weighting=model.weighting).values)
 
 
 def exact_response(

@@ -21,6 +21,7 @@ from helisim.cli import (
     report,
     reproduce,
     structures,
+    tune,
     verify,
     view,
 )
@@ -41,6 +42,7 @@ _COMMANDS = (
     fly,
     linearize,
     calibrate,
+    tune,
     identify,
     frf,
     verify,

@@ -425,7 +425,7 @@ def last_tick(par, clock):
 
 @kernel()
 def yaw_law(m, d, offsets, rotor_id, par, act, first, control, seen):
-    """Return the yaw gyro's rate error, the derivative of its lead, and the tail command."""
+    """Return what the yaw gyro integrates, the derivative of its lead, and the tail command."""
     sensordata = doubles(d, offsets.sensordata)
     _, _, r = frames.flip(sensordata[seen - 3], sensordata[seen - 2], sensordata[seen - 1])
     now = last_tick(par, sensordata[seen + _REPORTS])
@@ -440,9 +440,14 @@ def yaw_law(m, d, offsets, rotor_id, par, act, first, control, seen):
         par[PARAM.gyro_lead_filter],
         par[PARAM.gyro_lead_lag],
     )
-    integral = par[PARAM.gyro_heading_lock] * act[first + STATE.gyro_r_integral]
+    # The state integrates what is held, by the trapezoidal rule; the integral of the lead's
+    # part of the rate is the lead times the filtered rate.
+    plain = par[PARAM.gyro_k_delta] * stick - par[PARAM.gyro_k_a] * r
+    led = par[PARAM.gyro_k_a] * par[PARAM.gyro_lead] * act[first + STATE.gyro_r_lead]
+    integral = act[first + STATE.gyro_r_integral] - led + 0.5 * par[PARAM.gyro_period] * plain
+    integral *= par[PARAM.gyro_heading_lock]
     command = gyro.yaw_command(error, integral, par[PARAM.gyro_k_p], par[PARAM.gyro_k_i])
-    return error, lead_rate, command
+    return plain, lead_rate, command
 
 
 @kernel()

@@ -1,0 +1,50 @@
+"""`helisim tune`: the gyro's gains from the paper's tables, with the margins they leave."""
+
+import argparse
+from typing import Any
+
+
+def add(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = commands.add_parser(
+        "tune",
+        help="solve the gyro's gains from the paper's tables",
+        description="Solve for the gyro's settings at which the vehicle, seen from the sticks, has "
+        "the paper's eq. (8) and the IN2 column of Table 3; print the margins of its loops.",
+        epilog="example: helisim tune",
+    )
+    command.add_argument(
+        "--write",
+        action="store_true",
+        help="replace the vehicle's tuned.toml",
+    )
+    command.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from helisim.storage import atomic_write
+    from helisim.tuning import margins, tune
+    from helisim.vehicle import load
+    from helisim.vehicle.assembly import model_folder
+    from helisim.vehicle.parameters import to_toml
+
+    vehicle = load()
+    settings = tune(vehicle)
+    header = "Written by `helisim tune --write`; not by hand."
+    text = to_toml(settings, header)
+    print(text)
+    tuned = vehicle.with_settings(dict(settings))
+    print("# Margins: loop, more delay (ms), gain (dB), phase (deg), crossover (rad/s)")
+    for axis in ("lat", "lon", "ped"):
+        for extra_delay in (0.0, 0.005, 0.010):
+            found = margins(tuned, axis, extra_delay=extra_delay)
+            print(
+                f"# {axis} {1e3 * extra_delay:4.0f} {found.gain_db:6.1f} "
+                f"{found.phase_deg:6.1f} {found.crossover:6.1f}"
+            )
+    if options.write:
+        path = model_folder("jr700") / "tuned.toml"
+        with atomic_write(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        print(f"Written: {path}")
+    return 0
