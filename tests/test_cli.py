@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from helisim import experiment, read_record
+from helisim import experiment, load, read_record
 from helisim.cli import main
 from helisim.experiment import Tolerance
 
@@ -65,7 +65,7 @@ def test_linearize_prints_the_truth(capsys):
     model = json.loads(capsys.readouterr().out)
     assert len(model["A"]) == len(model["states"])
     assert model["inputs"] == ["COL", "LON", "LAT", "PED"]
-    assert model["delays_s"]["PED"] == pytest.approx(0.0235, abs=1e-4)  # tuned.toml
+    assert model["delays_s"] == {"PED": load().parameters["gyro.ped_latency"]}
     assert model["derivatives"]["N_r"] == pytest.approx(-0.7512, rel=1e-3)  # calibration
 
 

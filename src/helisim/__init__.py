@@ -17,9 +17,12 @@ if TYPE_CHECKING:
         Verification,
         frequency_response,
         identify,
+        load_fit,
+        reduce,
         structures,
         verify,
     )
+    from helisim.logs import read_log
     from helisim.physics.native import installed
     from helisim.pipeline import reproduce
     from helisim.record import FlightRecord
@@ -40,6 +43,9 @@ _HOMES = {
     "Sweep": "helisim.sim",
     "Vehicle": "helisim.vehicle",
     "Verification": "helisim.ident",
+    "load_fit": "helisim.ident",
+    "read_log": "helisim.logs",
+    "reduce": "helisim.ident",
     "fly": "helisim.sim",
     "frequency_response": "helisim.ident",
     "identify": "helisim.ident",
@@ -69,7 +75,10 @@ __all__ = [
     "identify",
     "installed",
     "load",
+    "load_fit",
+    "read_log",
     "read_record",
+    "reduce",
     "reproduce",
     "structures",
     "verify",

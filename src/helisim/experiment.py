@@ -46,6 +46,7 @@ class Model:
             equivalent, whose parameters depend on how the misfit is shared out.
         known: parameter -> the table whose identified value it is given.
         settings: parameter -> the setting of the gyro whose value it is given.
+        verified_by: axes whose doublets it must predict (the paper's Figures 7 and 8).
         tolerances: by parameter name; a parameter without one is reported, not judged.
         note: why this band and these channels.
     """
@@ -62,6 +63,7 @@ class Model:
     weighting: Literal["error", "coherence"] = "error"
     known: dict[str, str] = field(default_factory=dict)
     settings: dict[str, str] = field(default_factory=dict)
+    verified_by: tuple[str, ...] = ()
     tolerances: dict[str, Tolerance] = field(default_factory=dict)
     note: str = ""
 
@@ -125,6 +127,7 @@ ROLLPITCH_IN1 = Model(
     inputs=("lat", "lon"),
     outputs=("p", "q"),
     conditioning=("col", "ped"),
+    verified_by=("lon", "lat"),
     band=(3.0, 42.0),
     structure=ident.structures.rollpitch,
     tolerances={
@@ -143,6 +146,7 @@ ROLLPITCH_IN2 = Model(
     inputs=("LAT", "LON"),
     outputs=("p", "q"),
     conditioning=("COL", "PED"),
+    verified_by=("lon", "lat"),
     band=(3.0, 42.0),
     structure=ident.structures.rollpitch_tied.renamed(
         {"lat": "LAT", "lon": "LON"}, name="rollpitch_in2"

@@ -19,7 +19,7 @@ from helisim.output.evidence import Evidence, write_evidence
 from helisim.output.report import write_report
 from helisim.record import FlightRecord
 from helisim.reference import ReferenceTable, jr700
-from helisim.sim import Recorder, Sweep, fly
+from helisim.sim import Doublet, Recorder, Sweep, fly
 from helisim.storage import atomic_write, check_destination, write_record
 from helisim.vehicle import Vehicle, calibrate, load, read_parameters
 from helisim.vehicle.assembly import model_folder
@@ -76,13 +76,25 @@ def reproduce(
     tell = on_progress or (lambda _: None)
     recorder = Recorder.of(vehicle, rotor=rotor)
     kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, folder, tell)
+    doublets = fly_doublets(vehicle, seed, recorder, folder)
     tables: dict[str, ComparisonTable] = {}
     evidence = []
     for model in MODELS:
         fit = identify_model(vehicle, model, kept, before=tables)
         tables[model.name] = compare(vehicle, model, fit, recorder, judge_paper=not parameters)
         exact = exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200))
-        evidence.append(Evidence(model.name, fit, exact=exact, note=model.note))
+        unseen = {axis: doublets[axis] for axis in model.verified_by}
+        verification = ident.verify(fit, list(unseen.values())) if unseen else None
+        evidence.append(
+            Evidence(
+                model.name,
+                fit,
+                exact=exact,
+                note=model.note,
+                verification=verification,
+                verified_on=tuple(f"{axis}_doublet" for axis in unseen),
+            )
+        )
         tell(model.name)
     results = Results(
         tables=tuple(tables.values()),
@@ -176,6 +188,21 @@ def fly_sweeps(
             if k not in best
         ]
     return kept, tuple(excluded)
+
+
+def fly_doublets(
+    vehicle: Vehicle, seed: int, recorder: Recorder, folder: Path | None
+) -> dict[str, FlightRecord]:
+    """Fly a doublet on each axis that a model is verified on; no fit sees them."""
+    axes = dict.fromkeys(axis for model in MODELS for axis in model.verified_by)
+    records = {}
+    for axis in axes:
+        (records[axis],) = fly(
+            vehicle, Doublet(axis=axis), seed=seed * len(AXES), recorder=recorder
+        )
+        if folder is not None:
+            write_record(records[axis], folder / "flights" / f"{axis}_doublet.parquet")
+    return records
 
 
 def sweep_coherence(record: FlightRecord, axis: str) -> float:

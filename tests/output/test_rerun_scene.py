@@ -1,7 +1,6 @@
 """What a recording shows in space, and of a whole run."""
 
 import json
-import time
 
 import numpy as np
 import pytest
@@ -103,14 +102,12 @@ def test_a_run_is_recorded_with_its_models(tmp_path):
     assert json.loads(results) == dict(run.results)
 
 
-def test_a_flight_of_90_seconds_is_quick_and_small(tmp_path, jr700):
-    """With everything in it, it is written in under a second and is below 15 MB."""
+def test_a_flight_of_90_seconds_is_small(tmp_path, jr700):
+    """With everything in it, its recording is below 15 MB."""
     (record,) = fly(jr700, Sweep(axis="lat"), seed=1, recorder=Recorder.of(jr700, rotor=True))
     model = jr700.visual_model()
-    start = time.perf_counter()
     path = write_recording(tmp_path / "lat.rrd", {"lat": record}, model=model)
-    assert time.perf_counter() - start < 1.0  # issue 5; 0.10 s measured
-    assert path.stat().st_size < 15e6  # issue 5; 4.9 MB measured
+    assert path.stat().st_size < 15e6  # what opens at once on a phone line; 4.9 MB measured
 
 
 def test_the_rotors_truth_is_recorded_on_request_alone(jr700):
