@@ -29,9 +29,10 @@ def test_the_sticks_see_the_papers_vehicle(vehicle, model):
     """Fitted to the exact response, the paper's structures have the paper's parameters."""
     found = true_values(vehicle, model, Recorder.of(vehicle))
     for name in model.tolerances:
-        # 1 %: three settings for the five numbers of eq. (8); a quarter of the least CR printed
+        # 3 %: one setting, and a lead that serves eq. (7) too, for the five numbers of eq. (8);
+        # the least bound that the paper prints is 3.9 %
         published = jr700.table(model.name)[name].value
-        assert found[name] == pytest.approx(published, rel=0.01), name
+        assert found[name] == pytest.approx(published, rel=0.03), name
 
 
 @pytest.mark.parametrize("axis", ["lat", "lon", "ped"])

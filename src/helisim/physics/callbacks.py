@@ -383,8 +383,8 @@ def fly(m, d, offsets, rotor_id, par, body, control):
 
 
 @kernel()
-def delayed_control(m, d, offsets, actuator, address, now):
-    """Return an actuator's control as it was one delay before `now`, linear between samples.
+def delayed_control(m, d, offsets, actuator, address, now, period):
+    """Return an actuator's control as it was one delay before `now`, linear between ticks.
 
     Args:
         m: address of mjModel.
@@ -393,27 +393,32 @@ def delayed_control(m, d, offsets, actuator, address, now):
         actuator: its id.
         address: of its control.
         now: s.
+        period: s, for which the control is held; whatever the time step, it is read at ticks.
     """
     buffer = ints(m, offsets.actuator_historyadr)[actuator]
     delay = doubles(m, offsets.actuator_delay)[actuator]
     if buffer < 0 or delay <= 0.0:
         return doubles(d, offsets.ctrl)[address]
+    wanted = now - delay
+    tick = period * math.floor(wanted / period + 1e-6)
+    ahead = max(0.0, (wanted - tick) / period)
+    before = past_control(m, d, offsets, actuator, tick)
+    return before + ahead * (past_control(m, d, offsets, actuator, tick + period) - before)
+
+
+@kernel()
+def past_control(m, d, offsets, actuator, time):
+    """Return an actuator's control at a past time: its newest sample not after it."""
+    buffer = ints(m, offsets.actuator_historyadr)[actuator]
     count = ints(m, offsets.actuator_history)[2 * actuator]
     history = doubles(d, offsets.history)
     times, values = buffer + 2, buffer + 2 + count
-    wanted = now - delay
     newest = int(history[buffer + 1])
-    later = newest
     for back in range(count):
         k = (newest - back) % count
-        if history[times + k] <= wanted + 1e-9:
-            if back == 0:
-                return history[values + k]
-            span = history[times + later] - history[times + k]
-            ahead = max(0.0, (wanted - history[times + k]) / span)
-            return history[values + k] + ahead * (history[values + later] - history[values + k])
-        later = k
-    return history[values + later]
+        if history[times + k] <= time + 1e-9:
+            return history[values + k]
+    return history[values + (newest + 1) % count]
 
 
 @kernel()
@@ -429,7 +434,8 @@ def yaw_law(m, d, offsets, rotor_id, par, act, first, control, seen):
     sensordata = doubles(d, offsets.sensordata)
     _, _, r = frames.flip(sensordata[seen - 3], sensordata[seen - 2], sensordata[seen - 1])
     now = last_tick(par, sensordata[seen + _REPORTS])
-    stick = delayed_control(m, d, offsets, rotor_id - ROTOR + 3, control + 3, now)
+    period = par[PARAM.gyro_period]
+    stick = delayed_control(m, d, offsets, rotor_id - ROTOR + 3, control + 3, now, period)
     error, lead_rate = gyro.yaw_error(
         stick,
         r,

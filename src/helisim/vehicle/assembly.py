@@ -89,7 +89,9 @@ def assemble(
         spec = mujoco.MjSpec.from_file(str(path))
         if timestep is not None:
             spec.option.timestep = timestep
-        _set_latency(spec, parameters["gyro.ped_latency"] if delays else 0.0)
+        _set_latency(
+            spec, parameters["gyro.ped_latency"] if delays else 0.0, parameters["gyro.period"]
+        )
         _set_gyro_rate(spec, parameters["gyro.period"], parameters["gyro.latency"], delays)
         _set_force_laws(spec, force_law_block(parameters))
         spec.compiler.discardvisual = not visual
@@ -144,18 +146,18 @@ def _advice(message: str) -> str:
     )
 
 
-def _set_latency(spec: mujoco.MjSpec, latency: float) -> None:
+def _set_latency(spec: mujoco.MjSpec, latency: float, period: float) -> None:
     pedal = spec.actuator("PED")
-    if latency != 0.0 and latency < spec.option.timestep:
+    if latency != 0.0 and latency < period:
         raise ModelError(
-            f"gyro.ped_latency must be 0 or at least a time step of {spec.option.timestep:g} s, "
+            f"gyro.ped_latency must be 0 or at least the gyro's period of {period:g} s, "
             f"got {latency:g}"
         )
     if latency == 0.0:
         pedal.delay, pedal.nsample = 0.0, 0
         return
     pedal.delay = latency
-    pedal.nsample = math.ceil(latency / spec.option.timestep) + 3
+    pedal.nsample = math.ceil((latency + period) / spec.option.timestep) + 3
 
 
 def _set_force_laws(spec: mujoco.MjSpec, block: NDArray[np.float64]) -> None:
