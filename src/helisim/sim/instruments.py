@@ -128,6 +128,7 @@ class _Sampling:
     """One flight seen by one recorder."""
 
     def __init__(self, recorder: Recorder, truth: Truth, rng: np.random.Generator) -> None:
+        truth = truth.at_ticks()  # so that a record doesn't depend on the time step
         self.recorder = recorder
         self.truth = truth
         self.rng = rng

@@ -1,6 +1,6 @@
 """What truly happened in a flight, at the simulation's own rate and in the field's axes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import mujoco
 import numpy as np
@@ -34,6 +34,7 @@ class Truth:
         velocities: (n, 3) u, v, w in m/s at the IMU.
         specific_forces: (n, 3) ax, ay, az in m/s^2 at the IMU.
         positions: (n, 3) north, east, down in m of the IMU.
+        hold: s, for which sticks and servo commands are held; 0 if they are not.
         imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
     """
 
@@ -50,6 +51,19 @@ class Truth:
     specific_forces: NDArray[np.float64]
     positions: NDArray[np.float64]
     imu_offset: NDArray[np.float64]
+    hold: float = 0.0
+
+    def at_ticks(self) -> "Truth":
+        """Return only the instants at which the held signals change."""
+        each = round(self.hold / self.timestep)
+        if each <= 1:
+            return self
+        rows = {
+            field.name: getattr(self, field.name)[::each]
+            for field in fields(self)
+            if np.ndim(getattr(self, field.name)) > 0 and field.name != "imu_offset"
+        }
+        return replace(self, timestep=each * self.timestep, **rows)
 
 
 def read_truth(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Truth:
@@ -87,6 +101,7 @@ def read_truth(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Truth:
         specific_forces=_flipped(seen("imu_accelerometer")),
         positions=_flipped(seen("imu_position")),
         imu_offset=imu_offset(vehicle),
+        hold=vehicle.parameters["gyro.period"],
     )
 
 
