@@ -26,11 +26,6 @@ LOOSE = Tolerance(
     percent=10.0,
     reason="couplings and delays: the paper's own bounds on them run from 5.6 to 36 %",
 )
-EQUIVALENT = Tolerance(
-    percent=15.0,
-    reason="a low-order equivalent: how the misfit is shared out moves its delays by so much, and "
-    "the paper's bounds on them are 38 and 41 %",
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,10 +152,10 @@ ROLLPITCH_IN2 = Model(
         {"lat": "LAT", "lon": "LON"}, name="rollpitch_in2"
     ),
     weighting="coherence",
-    tolerances=dict.fromkeys(
-        ("tau_f", "L_b", "M_a", "B_a", "A_lat", "A_lon", "B_lat", "B_lon", "tau_lat", "tau_lon"),
-        EQUIVALENT,
-    ),
+    tolerances={
+        **dict.fromkeys(("L_b", "M_a", "A_lon", "B_lat"), TIGHT),
+        **dict.fromkeys(("tau_f", "B_a", "A_lat", "B_lon", "tau_lat", "tau_lon"), LOOSE),
+    },
     note=(
         "The gyro is inside, so the parameters describe the whole and are no rotor's. Truth is "
         "this structure fitted to the exact response of the vehicle with its gyro."
