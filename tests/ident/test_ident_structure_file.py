@@ -1,7 +1,5 @@
 """Structures in TOML files: what a user writes comes in whole, and mistakes are named."""
 
-import contextlib
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -185,5 +183,11 @@ def test_whatever_is_written_ends_in_a_structure_or_an_input_error(data):
         plain[key] = data.draw(plain_data)
     if data.draw(st.booleans()):
         plain["parameters"] = {"K": data.draw(plain_data)}
-    with contextlib.suppress(InputError):
-        Structure.from_dict(plain)
+    try:
+        structure = Structure.from_dict(plain)
+    except InputError as error:
+        told = str(error)
+    else:
+        assert Structure.from_dict(structure.to_dict()).to_dict() == structure.to_dict()
+        return
+    assert told

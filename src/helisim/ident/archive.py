@@ -1,17 +1,14 @@
 """Fits and frequency responses as plain data and JSON files, without loss."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import fields
 from importlib.metadata import PackageNotFoundError, version
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from helisim.errors import InputError, StorageError
+from helisim.errors import InputError
 from helisim.ident.frf import FrequencyResponse
 
 _PROGRAMS = ("helisim", "numpy", "scipy", "control")
@@ -63,25 +60,6 @@ def number_out(number: float) -> float | None:
 def number_in(number: float | None) -> float:
     """Return what `number_out` took: infinity where it wasn't finite."""
     return math.inf if number is None else float(number)
-
-
-def write_json(data: Mapping[str, Any], path: str | PathLike[str]) -> None:
-    """Write plain data as strict JSON. Raises StorageError."""
-    try:
-        Path(path).write_text(json.dumps(data, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"can't write {path}: {error}") from None
-
-
-def read_json(path: str | PathLike[str]) -> dict[str, Any]:
-    """Read a JSON object. Raises StorageError."""
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise StorageError(f"can't read {path}: {error}") from None
-    if not isinstance(data, dict):
-        raise StorageError(f"{path} holds a {type(data).__name__}, expected a JSON object")
-    return data
 
 
 def _archived() -> list[str]:

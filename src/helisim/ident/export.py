@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.io import savemat
 
-from helisim.errors import StorageError
+from helisim.storage import atomic_write
 
 if TYPE_CHECKING:
     from helisim.ident.result import Fit, FittedParameter
@@ -147,11 +147,8 @@ def write_matlab(fit: "Fit", path: str | PathLike[str]) -> None:
         "ParameterStandardError": np.array([[one.standard_error] for one in free]).reshape(-1, 1),
         "AverageCost": fit.cost,
     }
-    try:
-        with open(path, "wb") as file:
-            savemat(file, data, long_field_names=True)
-    except OSError as error:
-        raise StorageError(f"can't write {path}: {error}") from None
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
+        savemat(file, data, long_field_names=True)
 
 
 def _cells(names: "tuple[str, ...] | list[str]") -> np.ndarray:

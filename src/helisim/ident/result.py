@@ -16,16 +16,15 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.ident.archive import (
     number_in,
     number_out,
-    read_json,
     response_from_dict,
     response_to_dict,
     versions,
-    write_json,
 )
 from helisim.ident.evaluate import matrices, response, state_space
 from helisim.ident.export import latex_table, text_table, write_matlab
 from helisim.ident.frf import FrequencyResponse
 from helisim.ident.structure import Parameter, Structure
+from helisim.storage import read_json, write_json
 
 CRAMER_RAO_LIMIT = 20.0
 """Percent of the value above which a Cramér-Rao bound says "poorly identified"."""

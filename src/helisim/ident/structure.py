@@ -8,18 +8,17 @@ skewed against each other.
 """
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from helisim.errors import InputError, StorageError, UnknownNameError
+from helisim.errors import InputError, UnknownNameError
 from helisim.ident.expression import FUNCTIONS, Expression
 from helisim.ident.plain import MATRICES, axes, read_fields, to_toml
+from helisim.storage import atomic_write, read_toml
 
 Entries = tuple[tuple[str, ...], ...]
 """A matrix of expressions, by rows."""
@@ -226,12 +225,7 @@ class Structure:
             InputError: something in it is missing, unknown, misshapen or of the wrong type; the
                 message names the file and the entry.
         """
-        try:
-            data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
-            raise StorageError(f"can't read the structure file {path}: {error}") from None
-        except tomllib.TOMLDecodeError as error:
-            raise StorageError(f"{path} isn't valid TOML: {error}") from None
+        data = read_toml(path)
         try:
             return cls.from_dict(data)
         except InputError as error:
@@ -246,10 +240,8 @@ class Structure:
         """
         text = to_toml(self.to_dict())
         if path is not None:
-            try:
-                Path(path).write_text(text, encoding="utf-8")
-            except OSError as error:
-                raise StorageError(f"can't write the structure file {path}: {error}") from None
+            with atomic_write(path) as temporary:
+                temporary.write_text(text, encoding="utf-8")
         return text
 
     def to_dict(self) -> dict[str, Any]:

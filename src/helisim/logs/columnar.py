@@ -1,11 +1,9 @@
 """Parquet by any program."""
 
-import io
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from helisim.errors import RecordError, StorageError
@@ -14,6 +12,7 @@ from helisim.logs.report import Finding
 from helisim.logs.source import MAX_COLUMNS, place
 from helisim.logs.text import time_column
 from helisim.logs.units import DATES, TIME_UNITS, is_unit
+from helisim.storage.parquet import read_table
 
 MAGIC = b"PAR1"
 
@@ -30,12 +29,7 @@ class ParquetLog:
     def __init__(self, path: Path, data: bytes) -> None:
         self.path = path
         self.findings: list[Finding] = []
-        try:
-            with pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True) as file:
-                self._table = file.read()
-        except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
-            raise StorageError(f"{path}: not Parquet, truncated or corrupt: {reason}") from None
+        self._table = read_table(path, data)
         self.names: tuple[str, ...] = tuple(self._table.column_names)
         if len(self.names) > MAX_COLUMNS:
             raise StorageError(f"{path}: {len(self.names)} columns, at most {MAX_COLUMNS} are read")

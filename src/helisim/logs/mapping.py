@@ -22,18 +22,16 @@ decimal = ","
 
 import math
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
+from os import PathLike
 from types import MappingProxyType
 from typing import Any
 
 from helisim.channels import CHANNELS, Channel
-from helisim.errors import InputError, StorageError, UnknownNameError
+from helisim.errors import InputError, UnknownNameError
 from helisim.logs.units import PULSE, TIME_UNITS, check_same, is_unit, time_unit, unit
-
-_MAP_BYTES = 1 << 20
+from helisim.storage import read_toml
 
 
 @dataclass(frozen=True)
@@ -231,24 +229,14 @@ class Map:
         return cls(channels, time, _build(Layout, "file", _table("file", data.get("file", {}))))
 
     @classmethod
-    def from_toml(cls, path: str | Path) -> "Map":
+    def from_toml(cls, path: str | PathLike[str]) -> "Map":
         """Read a map from a TOML file; see the module.
 
         Raises:
             StorageError: the file can't be read or isn't TOML.
             InputError: a key is unknown, missing or of the wrong kind.
         """
-        path = Path(path)
-        try:
-            if path.stat().st_size > _MAP_BYTES:
-                raise StorageError(f"{path}: more than {_MAP_BYTES} bytes; a map is a small file")
-            data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        except FileNotFoundError:
-            raise StorageError(f"{path}: no such file") from None
-        except OSError as error:
-            raise StorageError(f"{path}: can't read it: {error.strerror or error}") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise StorageError(f"{path}: not TOML: {error}") from None
+        data = read_toml(path)
         try:
             return cls.from_dict(data)
         except InputError as error:

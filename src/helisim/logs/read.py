@@ -26,7 +26,7 @@ from helisim.logs.resample import (
     PASSBAND,
     check_rate,
 )
-from helisim.logs.source import Source, digest, place, read_bytes
+from helisim.logs.source import Source, digest, place, read_log_bytes
 from helisim.logs.text import TIME_NAMES, TextLog
 from helisim.logs.timing import (
     Samples,
@@ -122,7 +122,7 @@ def read_log(
     """
     path = Path(path)
     options = _options(resample_hz, repair, max_gap, min_duration)
-    data = read_bytes(path)
+    data = read_log_bytes(path)
     mapped = isinstance(channels, Map | Mapping)
     if not mapped and _is_ours(data):
         return _from_ours(path, digest(data), options)

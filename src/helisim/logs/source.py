@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from helisim.errors import StorageError
 from helisim.logs.mapping import Clock
 from helisim.logs.report import Finding
-
-MAX_BYTES = 2 << 30
-"""A larger file is refused: it would not fit into memory as numbers."""
+from helisim.storage.files import read_bytes
 
 MAX_COLUMNS = 20_000
 
@@ -53,18 +51,9 @@ def place(path: Path, counts: str, row: int, column: str | None = None) -> str:
     return where if column is None else f"{where}, column {column!r}"
 
 
-def read_bytes(path: Path) -> bytes:
-    """Return a file's bytes. Raises StorageError, also for a file that is empty or too large."""
-    try:
-        if not path.is_file():
-            missing = "not a regular file" if path.exists() else "no such file"
-            raise StorageError(f"{path}: {missing}")
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise StorageError(f"{path}: {size} bytes, and at most {MAX_BYTES} are read; cut it")
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise StorageError(f"{path}: can't read it: {error}") from None
+def read_log_bytes(path: Path) -> bytes:
+    """Return a log's bytes. Raises StorageError, also for one that is empty or too large."""
+    data = read_bytes(path)
     if not data:
         raise StorageError(f"{path}: the file is empty")
     return data

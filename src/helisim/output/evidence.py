@@ -3,7 +3,6 @@
 Kept beside `results.json` as `fits.json`, so that a report can be made again from files alone.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -13,9 +12,9 @@ import numpy as np
 
 from helisim import ident
 from helisim.errors import InputError
-from helisim.ident.archive import read_json, response_from_dict, response_to_dict
+from helisim.ident.archive import response_from_dict, response_to_dict
 from helisim.ident.verify import Trace
-from helisim.storage import atomic_write
+from helisim.storage import read_json, write_json
 
 FORMAT = "helisim fits, version 1"
 
@@ -48,8 +47,7 @@ def write_evidence(path: str | Path, items: Sequence[Evidence]) -> Path:
     """
     path = Path(path)
     data = {"format": FORMAT, "models": [_to_dict(item) for item in items]}
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(data, allow_nan=False) + "\n", encoding="utf-8")
+    write_json(data, path)
     return path
 
 

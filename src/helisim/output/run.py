@@ -9,10 +9,9 @@ from typing import Any
 from helisim.channels import AXES
 from helisim.comparison import ComparisonTable, ParameterRow
 from helisim.errors import InputError, StorageError
-from helisim.ident.archive import read_json
 from helisim.output.evidence import Evidence, read_evidence
 from helisim.record import FlightRecord
-from helisim.storage import read_record
+from helisim.storage import read_json, read_record
 
 RESULTS = "results.json"
 FITS = "fits.json"

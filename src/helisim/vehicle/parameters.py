@@ -2,7 +2,6 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, ModelError, UnknownNameError
+from helisim.errors import InputError, ModelError, StorageError, UnknownNameError
 from helisim.physics.gyro import held_lag
 from helisim.physics.layout import MAGIC, PARAM, ROTOR
+from helisim.storage import read_toml
 
 
 @dataclass(frozen=True)
@@ -87,9 +87,9 @@ def read_parameters(*paths: Path) -> Parameters:
 
 def _read(path: Path) -> dict[str, Parameter]:
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ModelError(f"can't read parameters from {path}: {error}") from None
+        content = read_toml(path)
+    except StorageError as error:
+        raise ModelError(f"can't read parameters: {error}") from None
     entries = {}
     for section, members in content.items():
         if not isinstance(members, dict):

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim import storage
 from helisim.channels import Channel, channel
 from helisim.errors import RecordError, StorageError
 from helisim.record import FlightRecord
-from helisim.storage import atomic_write, read_record, write_record
+from helisim.storage import parquet, read_record, write_record
 
 SUFFIXES = (".parquet", ".csv")
 AWKWARD = Channel('gap, "rotor" [x]', "m/s^2 [raw]", "OTHER", "an odd name; Ω and a\nsecond line")
@@ -282,26 +281,6 @@ def test_what_is_not_our_csv_is_refused(tmp_path, content):
         read_record(path)
 
 
-# Atomic writes
-
-
-def write_half(path: Path, failure: type[BaseException]) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_text("half")
-        raise failure
-
-
-@pytest.mark.parametrize("failure", [KeyboardInterrupt, RuntimeError, OSError])
-def test_an_interrupted_write_leaves_the_old_file(tmp_path, failure):
-    """A failure half way leaves the previous contents and nothing else in the folder."""
-    path = tmp_path / "results.json"
-    path.write_text("old")
-    with pytest.raises(StorageError if failure is OSError else failure):
-        write_half(path, failure)
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
     """When the disk fills while a record is written, no part of a file stays."""
 
@@ -309,23 +288,10 @@ def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
         Path(path).write_bytes(b"PAR1")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(storage.pq, "write_table", fill)
+    monkeypatch.setattr(parquet.pq, "write_table", fill)
     with pytest.raises(StorageError, match=r"flight\.parquet: .*No space left"):
         write_record(make_record(), tmp_path / "flight.parquet")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_atomic_write_replaces_the_file_and_keeps_a_link(tmp_path):
-    """The new contents arrive; a symbolic link still points to the file it pointed to."""
-    target = tmp_path / "target.json"
-    target.write_text("old")
-    link = tmp_path / "link.json"
-    link.symlink_to(target)
-    with atomic_write(link) as temporary:
-        temporary.write_text("new")
-        assert target.read_text() == "old"
-    assert target.read_text() == "new"
-    assert link.is_symlink()
 
 
 def test_a_written_file_has_ordinary_permissions(tmp_path):
