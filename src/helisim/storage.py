@@ -114,6 +114,21 @@ def check_destination(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) ->
     return path
 
 
+def make_folder(path: str | Path) -> Path:
+    """Make a folder, and those above it, that files can be written to; return it.
+
+    Raises:
+        StorageError: it can't be made or written.
+    """
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"can't make the folder {path}: {error.strerror}") from None
+    check_destination(path / "probe.parquet")
+    return path
+
+
 @contextmanager
 def atomic_write(path: str | Path, *, keep: bool = True) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to, and put it in place at the end.
