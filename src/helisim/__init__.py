@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from helisim.physics.native import installed
     from helisim.pipeline import reproduce
     from helisim.record import FlightRecord
-    from helisim.sim import Doublet, Pilot, Recorder, Sweep, fly
+    from helisim.sim import Doublet, Pilot, Recorder, Sweep, fly, fly_each, fly_to
     from helisim.storage import read_record, write_record
     from helisim.vehicle import Vehicle, load
 
@@ -47,6 +47,8 @@ _HOMES = {
     "read_log": "helisim.logs",
     "reduce": "helisim.ident",
     "fly": "helisim.sim",
+    "fly_each": "helisim.sim",
+    "fly_to": "helisim.sim",
     "frequency_response": "helisim.ident",
     "identify": "helisim.ident",
     "installed": "helisim.physics.native",
@@ -71,6 +73,8 @@ __all__ = [
     "Vehicle",
     "Verification",
     "fly",
+    "fly_each",
+    "fly_to",
     "frequency_response",
     "identify",
     "installed",

@@ -13,14 +13,14 @@ from helisim import ident
 from helisim.channels import AXES
 from helisim.comparison import ComparisonTable, ParameterRow, Results, paper_tolerance
 from helisim.errata import errata
-from helisim.errors import InputError, StorageError
+from helisim.errors import InputError
 from helisim.experiment import MODELS, Model
 from helisim.output.evidence import Evidence, write_evidence
 from helisim.output.report import write_report
 from helisim.record import FlightRecord
 from helisim.reference import ReferenceTable, jr700
 from helisim.sim import Doublet, Recorder, Sweep, fly
-from helisim.storage import atomic_write, check_destination, write_record
+from helisim.storage import atomic_write, make_folder, write_record
 from helisim.vehicle import Vehicle, calibrate, load, read_parameters
 from helisim.vehicle.assembly import model_folder
 from helisim.vehicle.parameters import to_toml
@@ -138,13 +138,8 @@ def _flown(flights: int) -> int:
 
 
 def _prepared_folder(out: Path | None) -> Path | None:
-    if out is None:
-        return None
-    try:
-        (out / "flights").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"can't make the folder {out / 'flights'}: {error.strerror}") from None
-    check_destination(out / "flights" / "probe.parquet")
+    if out is not None:
+        make_folder(out / "flights")
     return out
 
 

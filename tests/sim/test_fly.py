@@ -7,7 +7,7 @@ from helisim.channels import CHANNELS, IN1, IN2, OUT, SERVOS
 from helisim.errors import DivergedError, InputError
 from helisim.physics import pilot as pilot_laws
 from helisim.sim.excitation import Doublet, Sweep
-from helisim.sim.fly import fly, simulate
+from helisim.sim.fly import fly, fly_each, simulate
 from helisim.sim.pilot import Pilot
 from helisim.sim.truth import read_truth
 from helisim.vehicle import load
@@ -38,6 +38,21 @@ def test_count_does_not_matter(jr700, three):
     pair = fly(jr700, SHORT, count=2, seed=7, jobs=2)
     assert same(alone[0], three[0])
     assert same(pair[1], three[1])
+
+
+@pytest.mark.parametrize(("order", "jobs"), [((2, 0, 1), 1), ((1, 2), 2), ((2,), 3)])
+def test_the_split_into_batches_does_not_matter(jr700, three, order, jobs):
+    """Flight k has the same bits alone, in any company, in any order and any size of batch."""
+    records = list(fly_each(jr700, SHORT, order, seed=7, jobs=jobs))
+    assert len(records) == len(order)
+    assert all(same(record, three[number]) for number, record in zip(order, records))
+
+
+def test_flights_come_one_by_one(jr700, three):
+    """The first record is there before the others are flown, and flying can stop after it."""
+    flights = fly_each(jr700, SHORT, range(10**9), seed=7, jobs=1)
+    assert same(next(flights), three[0])
+    flights.close()
 
 
 def test_flights_and_seeds_differ(jr700, three):
@@ -94,11 +109,13 @@ def test_progress_is_reported(jr700):
     assert len(calls) == 3
 
 
-@pytest.mark.parametrize("bad", [{"count": 0}, {"count": -1}, {"jobs": 0}, {"seed": -1}])
-def test_bad_arguments_are_refused(jr700, bad):
+@pytest.mark.parametrize(
+    ("name", "bad"), [("count", 0), ("count", -1), ("count", 1.5), ("jobs", 0), ("seed", -1)]
+)
+def test_bad_arguments_are_refused(jr700, name, bad):
     """Counts, jobs and seeds out of range are one clear line."""
-    with pytest.raises(InputError, match="count and jobs"):
-        fly(jr700, SHORT, **bad)
+    with pytest.raises(InputError, match=rf"{name} must be an integer of \d or more, got {bad}"):
+        fly(jr700, SHORT, **{name: bad})
 
 
 def test_absurd_amplitude_diverges_with_advice(jr700):

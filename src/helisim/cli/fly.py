@@ -1,4 +1,4 @@
-"""`helisim fly`: one sweep, recorded."""
+"""`helisim fly`: sweeps, recorded."""
 
 import argparse
 from pathlib import Path
@@ -6,15 +6,19 @@ from typing import Any
 
 from helisim.channels import AXES
 from helisim.cli.common import Progress, add_common, parameters, write_recording
+from helisim.errors import InputError
 
 
 def add(commands: Any) -> None:
     """Add the command to the parser."""
     command = commands.add_parser(
         "fly",
-        help="fly one sweep and record it",
-        description="Fly one frequency sweep and write what the flight computer records.",
-        epilog="example: helisim fly --axis lat --duration 90 --seed 1 --out lat.parquet",
+        help="fly sweeps and record them",
+        description="Fly one frequency sweep, or many, and write what the flight computer records.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="examples:\n"
+        "  helisim fly --axis lat --duration 90 --seed 1 --out lat.parquet\n"
+        "  helisim fly --axis lat --count 40 --out flights",
     )
     command.add_argument("--axis", required=True, metavar="AXIS", help="|".join(AXES))
     command.add_argument(
@@ -27,28 +31,63 @@ def add(commands: Any) -> None:
         help="of the stick, unitised (default: the axis's own)",
     )
     command.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="record to write, .parquet or .csv"
+        "--count",
+        type=int,
+        metavar="N",
+        help="fly N sweeps into the folder DIR, or go on where an earlier run stopped",
+    )
+    command.add_argument("--jobs", type=int, metavar="J", help="threads (default: all processors)")
+    command.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE|DIR",
+        help="record to write, .parquet or .csv; with --count a folder of them",
     )
     add_common(command)
     command.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.sim import Recorder, Sweep, fly
-    from helisim.storage import check_destination, write_record
+    from helisim.sim import Recorder, Sweep
     from helisim.vehicle import load
 
     sweep = Sweep(axis=options.axis, duration=options.duration, amplitude=options.amplitude)
-    check_destination(options.out)
-    if options.rerun is not None:
-        check_destination(options.rerun, (".rrd",))
+    _check(options)
     vehicle = load(parameters=parameters(options))
+    recorder = Recorder.of(vehicle, rotor=options.rerun is not None)
+    work = _one if options.count is None else _many
+    work(options, vehicle, sweep, recorder)
+    return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse what can't be written, before any time is spent."""
+    from helisim.storage import SUFFIXES, check_destination
+
+    if options.count is None:
+        check_destination(options.out)
+        if options.rerun is not None:
+            check_destination(options.rerun, (".rrd",))
+        return
+    if options.rerun is not None:
+        raise InputError("--rerun shows one flight: leave out --count")
+    if options.out.suffix.lower() in SUFFIXES:
+        raise InputError(
+            f"with --count, --out is a folder, and {options.out} is the name of a record"
+        )
+
+
+def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -> None:
+    from helisim.sim import fly
+    from helisim.storage import write_record
+
     with Progress(1, options.quiet) as advance:
         (record,) = fly(
             vehicle,
             sweep,
             seed=options.seed,
-            recorder=Recorder.of(vehicle, rotor=options.rerun is not None),
+            recorder=recorder,
             on_flight=lambda: advance("flight"),
         )
     write_record(record, options.out)
@@ -58,4 +97,21 @@ def _run(options: argparse.Namespace) -> int:
     )
     if options.rerun is not None:
         write_recording(options.rerun, {options.axis: record})
-    return 0
+
+
+def _many(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -> None:
+    from helisim.sim import fly_to
+
+    with Progress(options.count, options.quiet) as advance:
+        flown = fly_to(
+            options.out,
+            vehicle,
+            sweep,
+            count=options.count,
+            seed=options.seed,
+            recorder=recorder,
+            jobs=options.jobs,
+            on_flight=lambda: advance("flight"),
+        )
+    there = f", {flown.found} of them there before" if flown.found else ""
+    print(f"Written: {options.out} ({len(flown.paths)} flights of {options.duration:g} s{there})")

@@ -1,7 +1,8 @@
 """The simulated experiment: truth in flight, and what the flight computer records of it."""
 
 from helisim.sim.excitation import Doublet, Excitation, Sweep
-from helisim.sim.fly import fly, simulate
+from helisim.sim.fly import fly, fly_each, simulate
+from helisim.sim.folder import fly_to
 from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
 from helisim.sim.truth import Truth, read_truth
@@ -14,6 +15,8 @@ __all__ = [
     "Sweep",
     "Truth",
     "fly",
+    "fly_each",
+    "fly_to",
     "read_truth",
     "simulate",
 ]

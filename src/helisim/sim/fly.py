@@ -39,7 +39,8 @@ def fly(
 ) -> list[FlightRecord]:
     """Fly the same manoeuvre a number of times and record each flight.
 
-    The result depends on the vehicle, the arguments and the seed, not on `jobs`.
+    The result depends on the vehicle, the arguments and the seed, not on `jobs`. All records
+    are in memory at the end; `fly_each` gives them one by one.
 
     Args:
         vehicle: that flies.
@@ -58,16 +59,49 @@ def fly(
         InputError: count, seed or jobs is out of range.
         DivergedError: a flight left the validity of the model.
     """
-    recorder = recorder or Recorder.of(vehicle)
     records = []
-    for k, truth in enumerate(
-        simulate(vehicle, excitation, count=count, seed=seed, pilot=pilot, jobs=jobs)
+    for record in fly_each(
+        vehicle,
+        excitation,
+        flight_numbers(count),
+        seed=seed,
+        pilot=pilot,
+        recorder=recorder,
+        jobs=jobs,
     ):
-        provenance = _provenance(vehicle, excitation, pilot or Pilot(), recorder, seed, k)
-        records.append(recorder.record(truth, _generator(seed, k, "sensors"), provenance))
+        records.append(record)
         if on_flight is not None:
             on_flight()
     return records
+
+
+def fly_each(
+    vehicle: Vehicle,
+    excitation: Excitation,
+    numbers: Sequence[int],
+    *,
+    seed: int = 0,
+    pilot: Pilot | None = None,
+    recorder: Recorder | None = None,
+    jobs: int | None = None,
+) -> Iterator[FlightRecord]:
+    """Fly the flights of these numbers and yield each record; the rest is as for `fly`.
+
+    Flight k is the same whatever the other numbers, their order and `jobs`. Only as many
+    flights as threads are in memory at a time.
+    """
+    pilot, recorder = pilot or Pilot(), recorder or Recorder.of(vehicle)
+    truths = _simulated(vehicle, excitation, numbers, seed=seed, pilot=pilot, jobs=jobs)
+    return (
+        recorder.record(
+            truth,
+            _generator(seed, number, "sensors"),
+            flight_provenance(
+                vehicle, excitation, number, seed=seed, pilot=pilot, recorder=recorder
+            ),
+        )
+        for number, truth in zip(numbers, truths)
+    )
 
 
 def simulate(
@@ -83,21 +117,40 @@ def simulate(
 
     Only as many flights as threads are in memory at a time.
     """
-    jobs = (os.cpu_count() or 1) if jobs is None else jobs
-    if not all(isinstance(number, int) for number in (count, jobs, seed)):
-        raise InputError(f"count, jobs and seed must be integers, got {count}, {jobs}, {seed}")
-    if count < 1 or jobs < 1 or seed < 0:
-        raise InputError(
-            f"count and jobs must be 1 or more and seed 0 or more, got {count}, {jobs}, {seed}"
+    numbers = flight_numbers(count)
+    return _simulated(vehicle, excitation, numbers, seed=seed, pilot=pilot or Pilot(), jobs=jobs)
+
+
+def flight_numbers(count: int) -> range:
+    """Return the numbers of so many flights. Raises InputError."""
+    if not isinstance(count, int) or count < 1:
+        raise InputError(f"count must be an integer of 1 or more, got {count}")
+    return range(count)
+
+
+def _simulated(
+    vehicle: Vehicle,
+    excitation: Excitation,
+    numbers: Sequence[int],
+    *,
+    seed: int,
+    pilot: Pilot,
+    jobs: int | None,
+) -> Iterator[Truth]:
+    threads = (os.cpu_count() or 1) if jobs is None else jobs
+    for name, number, least in (("jobs", threads, 1), ("seed", seed, 0)):
+        if not isinstance(number, int) or number < least:
+            raise InputError(f"{name} must be an integer of {least} or more, got {number}")
+    batches = (numbers[k : k + threads] for k in range(0, len(numbers), threads))
+    return (
+        read_truth(vehicle, sensordata)
+        for batch in batches
+        for sensordata in _run(
+            vehicle,
+            [prepare(vehicle, excitation, pilot, seed=seed, number=k) for k in batch],
+            excitation.duration,
         )
-    numbers = range(count)
-    for start in range(0, count, jobs):
-        batch = numbers[start : start + jobs]
-        models = [
-            prepare(vehicle, excitation, pilot or Pilot(), seed=seed, number=k) for k in batch
-        ]
-        for sensordata in _run(vehicle, models, excitation.duration):
-            yield read_truth(vehicle, sensordata)
+    )
 
 
 def _run(
@@ -137,14 +190,16 @@ def _generator(seed: int, number: int, purpose: str) -> np.random.Generator:
     return np.random.default_rng([seed, number, int.from_bytes(purpose.encode())])
 
 
-def _provenance(
+def flight_provenance(
     vehicle: Vehicle,
     excitation: Excitation,
+    number: int,
+    *,
+    seed: int,
     pilot: Pilot,
     recorder: Recorder,
-    seed: int,
-    number: int,
 ) -> dict[str, Any]:
+    """Return what a record says of its origin: enough to fly it again."""
     plain = {key: getattr(excitation, key) for key in excitation.__dataclass_fields__}
     return {
         "made_by": f"helisim {version('helisim')}, simulation",
