@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from helisim.record import FlightRecord
     from helisim.sim import Doublet, Pilot, Recorder, Sweep, fly, fly_each, fly_to
     from helisim.storage import read_record, write_record
-    from helisim.vehicle import Vehicle, load
+    from helisim.vehicle import GyroSettings, Vehicle, load
 
 __version__ = "0.1.0"
 
@@ -37,6 +37,7 @@ _HOMES = {
     "Fit": "helisim.ident",
     "FlightRecord": "helisim.record",
     "FrequencyResponse": "helisim.ident",
+    "GyroSettings": "helisim.vehicle",
     "Pilot": "helisim.sim",
     "Recorder": "helisim.sim",
     "Structure": "helisim.ident",
@@ -66,6 +67,7 @@ __all__ = [
     "Fit",
     "FlightRecord",
     "FrequencyResponse",
+    "GyroSettings",
     "Pilot",
     "Recorder",
     "Structure",

@@ -41,16 +41,16 @@ OTHERS = {
         '<general joint="b" dyntype="user" actdim="3"/></actuator>'
     },
     "as many user numbers as ours": {
-        "size": '<size nuser_actuator="128"/>',
+        "size": '<size nuser_actuator="160"/>',
         "actuator": '<actuator><general joint="a" dyntype="user" actdim="2"/></actuator>',
     },
     "user numbers near ours": {
-        "size": '<size nuser_actuator="128"/>',
+        "size": '<size nuser_actuator="160"/>',
         "actuator": f'<actuator><general joint="a" dyntype="user" actdim="2" '
         f'user="{MAGIC + 1.0:.1f} 8 1 1 1"/></actuator>',
     },
     "user sensor": {
-        "size": '<size nuser_actuator="128"/>',
+        "size": '<size nuser_actuator="160"/>',
         "actuator": '<actuator><motor joint="a" user="1 2 3"/></actuator>',
         "sensor": '<sensor><user dim="4" objtype="body" objname="world" needstage="acc"/></sensor>',
     },
@@ -117,7 +117,7 @@ def state_of(model, data):
 
 SCENE = """
 <mujoco><option timestep="0.002" integrator="RK4" density="0" viscosity="0" gravity="0 0 -9.8015">
-<flag autoreset="disable"/></option><size nuser_actuator="128" nuserdata="16"/></mujoco>
+<flag autoreset="disable"/></option><size nuser_actuator="160" nuserdata="16"/></mujoco>
 """
 
 

@@ -70,7 +70,8 @@ def control(m, d, offsets):
             _, _, lat, lon = cyclic_law(par, act, first, controls[2], controls[1])
             lat = min(0.5, max(-0.5, lat))
             lon = min(0.5, max(-0.5, lon))
-            controls[4], controls[5], controls[6] = servo.mix(controls[0], lon, lat)
+            col = par[PARAM.gyro_collective] * controls[0]
+            controls[4], controls[5], controls[6] = servo.mix(col, lon, lat)
             controls[7] = min(0.5, max(-0.5, ped))
 
 

@@ -110,6 +110,9 @@ class ParamIndex(NamedTuple):
     gyro_on: int
     gyro_period: int
     gyro_heading_lock: int
+    gyro_attitude_lock: int
+    gyro_collective: int
+    gyro_hold_above: int
     gyro_k_p: int
     gyro_k_i: int
     gyro_k_delta: int

@@ -78,8 +78,8 @@ def gyro_derivatives(m, d, offsets, rotor_id, par, first, ordinal):
     if ordinal == 3:
         error, lead_rate, command = yaw_law(m, d, offsets, rotor_id, par, act, first, address, seen)
         rate[first + STATE.gyro_r_lead] = lead_rate
-        held = par[PARAM.gyro_heading_lock] * gyro.hold_when_saturated(error, command, 0.5)
-        rate[first + STATE.gyro_r_integral] = held
+        held = gyro.hold_when_saturated(error, command, par[PARAM.gyro_hold_above])
+        rate[first + STATE.gyro_r_integral] = par[PARAM.gyro_heading_lock] * held
         return
     p_error, q_error, lat, lon = cyclic_law(
         par, act, first, sticks[address + 2], sticks[address + 1]
@@ -90,5 +90,6 @@ def gyro_derivatives(m, d, offsets, rotor_id, par, first, ordinal):
     else:
         signal, error, command, k = q, q_error, lon, STATE.gyro_q_filter
     rate[first + k] = gyro.filter_rate(act[first + k], signal, fast)
-    rate[first + k + 1] = gyro.hold_when_saturated(error, command, 0.5)
+    held = gyro.hold_when_saturated(error, command, par[PARAM.gyro_hold_above])
+    rate[first + k + 1] = par[PARAM.gyro_attitude_lock] * held
     rate[first + k + 2] = gyro.filter_rate(act[first + k + 2], act[first + k], slow)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from helisim.errors import InputError
 from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
+from helisim.vehicle.trim import collective_stick
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +36,7 @@ class Pilot:
         par[PARAM.pilot_on] = 1.0
         par[PARAM.pilot_north : PARAM.pilot_psi + 1] = [0.0, 0.0, -height, 0.0]
         par[PARAM.pilot_phi], par[PARAM.pilot_theta] = vehicle.trim.phi, vehicle.trim.theta
-        par[PARAM.pilot_col] = vehicle.trim.col
+        par[PARAM.pilot_col] = collective_stick(vehicle.model, vehicle.trim)
         par[PARAM.pilot_lon : PARAM.pilot_ped + 1] = 0.0
         par[PARAM.pilot_seed] = seed
         par[PARAM.remnant_col : PARAM.remnant_ped + 1] = self.remnant

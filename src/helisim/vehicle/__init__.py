@@ -3,10 +3,12 @@
 from helisim.vehicle.calibrate import calibrate
 from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
 from helisim.vehicle.parameters import Parameter, Parameters, read_parameters
+from helisim.vehicle.settings import GyroSettings
 from helisim.vehicle.trim import Trim, find_hover
 from helisim.vehicle.vehicle import Vehicle, load
 
 __all__ = [
+    "GyroSettings",
     "Linearization",
     "Parameter",
     "Parameters",

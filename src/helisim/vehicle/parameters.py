@@ -167,10 +167,6 @@ _DIRECT = {
     "gyro_kd_lon": "gyro.kd_lon",
     "gyro_filter": "gyro.filter",
     "gyro_derivative_filter": "gyro.derivative_filter",
-    "gyro_p_per_lat": "gyro.p_per_lat",
-    "gyro_p_per_lon": "gyro.p_per_lon",
-    "gyro_q_per_lat": "gyro.q_per_lat",
-    "gyro_q_per_lon": "gyro.q_per_lon",
     "pilot_k_attitude": "pilot.k_attitude",
     "pilot_k_velocity": "pilot.k_velocity",
     "pilot_k_position": "pilot.k_position",
@@ -231,13 +227,47 @@ _NOT_NEGATIVE = (
     "gyro.lead",
 )
 
+_CHOICES = {
+    "gyro.flight_mode": (1, 2, 3),
+    "gyro.heading_lock": (0, 1),
+    "gyro.anti_windup": (0, 1),
+}
+_RATES = tuple(
+    f"{section}.{rate}"
+    for section in ("gyro", "gyro_tuned")
+    for rate in ("pitch_rate", "elevator_rate", "aileron_rate")
+)
+
+
+def check_settings(values: Mapping[str, float]) -> None:
+    """Check what a pilot can set on the gyro, by dotted names; other names are not looked at.
+
+    Raises:
+        InputError: a setting that the gyro does not have.
+    """
+    for name, choices in _CHOICES.items():
+        if name in values and values[name] not in choices:
+            listed = ", ".join(map(str, choices))
+            raise InputError(f"{name} must be one of {listed}, got {values[name]:g}")
+    for name in _RATES:
+        if name in values and not 0.0 < values[name] <= 1.0:
+            raise InputError(
+                f"{name} must be above 0 and at most 1, the whole travel, got {values[name]:g}"
+            )
+
+
+_NO_LIMIT = 1e9
+"""Unitised servo command: beyond any."""
+
 
 def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     """Return the numbers that the compiled force laws read, (len(PARAM),), pilot at rest.
 
     Raises:
         ModelError: a parameter has a sign that it can't have.
+        InputError: the gyro has no such setting.
     """
+    check_settings(parameters)
     for name in _POSITIVE:
         if parameters[name] <= 0.0:
             raise ModelError(f"parameter {name!r} must be positive, got {parameters[name]:g}")
@@ -253,6 +283,13 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
     block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
     block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
+    block[PARAM.gyro_attitude_lock] = 0.5 * (parameters["gyro.flight_mode"] - 1.0)
+    block[PARAM.gyro_hold_above] = 0.5 if parameters["gyro.anti_windup"] else _NO_LIMIT
+    block[PARAM.gyro_collective] = _travel(parameters, "pitch_rate")
+    for stick, rate in (("lat", "aileron_rate"), ("lon", "elevator_rate")):
+        for answer in ("p", "q"):
+            commanded = parameters[f"gyro.{answer}_per_{stick}"] * _travel(parameters, rate)
+            block[getattr(PARAM, f"gyro_{answer}_per_{stick}")] = commanded
     period = parameters["gyro.period"]
     block[PARAM.gyro_lead_lag] = held_lag.py_func(parameters["gyro.lead_filter"], period)
     block[PARAM.gyro_derivative_lag] = held_lag.py_func(
@@ -263,6 +300,11 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block[PARAM.excitation_duration] = 1.0
     block[PARAM.sweep_fade] = 1.0
     return block
+
+
+def _travel(parameters: Parameters, rate: str) -> float:
+    """Return how far a stick reaches, as a multiple of what it does where the gains hold."""
+    return parameters[f"gyro.{rate}"] / parameters[f"gyro_tuned.{rate}"]
 
 
 def _solidity(parameters: Parameters, rotor: str) -> float:

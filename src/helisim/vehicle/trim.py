@@ -51,11 +51,12 @@ def find_hover(model: mujoco.MjModel) -> Trim:
             "check mass, rotor speed and lift slope"
         )
     controls = {"col": trim.col, "lon": trim.lon, "lat": trim.lat, "ped": trim.ped}
+    controls["COL"] = collective_stick(model, trim)
     for name, value in controls.items():
         if abs(value) > 0.5:
             raise TrimError(
                 f"the hover needs {name} = {value:.3f}, outside [-0.5, 0.5]; "
-                "change pitch_trim or pitch_range"
+                "change pitch_trim, pitch_range or gyro.pitch_rate"
             )
     return trim
 
@@ -89,7 +90,12 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, trim: Trim, *, height: flo
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b
     _settle_gyro(act, model.actuator_user[where.rotor], trim)
     control = data.ctrl[where.control : where.control + ROTOR + 1]
-    control[:] = [trim.col, 0.0, 0.0, 0.0, *swash, trim.ped, 1.0]
+    control[:] = [collective_stick(model, trim), 0.0, 0.0, 0.0, *swash, trim.ped, 1.0]
+
+
+def collective_stick(model: mujoco.MjModel, trim: Trim) -> float:
+    """Return where the collective stick stands in a hover, unitised."""
+    return trim.col / float(model.actuator_user[addresses(model).rotor, PARAM.gyro_collective])
 
 
 def _settle_gyro(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim) -> None:

@@ -17,7 +17,11 @@ from helisim.vehicle.linearize import Inputs, Linearization, linearize, stabilit
 from helisim.vehicle.loop import SampledGyro, close, sampled_gyro
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.parameters import Parameters, force_law_block, read_parameters
+from helisim.vehicle.settings import GyroSettings
 from helisim.vehicle.trim import Trim, find_hover, place
+
+_SETTABLE = ("gyro", "gyro_tuned", "recorder_latency")
+"""Sections of the parameters that leave the hover as it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +79,30 @@ class Vehicle:
         cut = close(self._base, self.gyro, open_at=axis)
         return cut[cut.output_labels.index(axis), 0]
 
-    def with_settings(self, settings: Mapping[str, float]) -> "Vehicle":
+    @property
+    def settings(self) -> GyroSettings:
+        """What the pilot has set on the gyro."""
+        return GyroSettings.of(self.parameters)
+
+    def with_settings(self, settings: GyroSettings | Mapping[str, float]) -> "Vehicle":
         """Return the same vehicle with other settings of gyro and recorder, such as "gyro.k_p".
 
         For trying many: nothing is compiled or trimmed again, so the airframe can't change
         here, and the latencies inside the gyro change its linear model only.
+
+        Raises:
+            UnknownNameError: no such parameter.
+            InputError: one that is not of gyro or recorder, or a value that it can't have.
         """
+        if isinstance(settings, GyroSettings):
+            settings = settings.as_parameters()
+        fixed = [name for name in settings if name.split(".")[0] not in _SETTABLE]
         parameters = self.parameters.replace(settings)
+        if fixed:
+            raise InputError(
+                f"{fixed[0]!r} belongs to the airframe: give it to load(parameters=...), which "
+                "trims the vehicle again"
+            )
         model = copy.copy(self.model)
         model.actuator_user[addresses(model).rotor, : len(PARAM)] = force_law_block(parameters)
         changed = Vehicle(self.name, parameters, model, self.trim)
