@@ -1,9 +1,9 @@
-"""Make the README's pictures: a Bode figure, and a screenshot of a Rerun recording.
+"""Make the README's pictures: the model, a Bode figure, a screenshot of a Rerun recording.
 
     python scripts/make_pictures.py [DIR]
 
-DIR is the folder of a run; without it one is flown. The screenshot needs a graphics stack
-(Debian: apt-get install mesa-vulkan-drivers). models/jr700/jr700.png is rendered by MuJoCo.
+DIR is the folder of a run; without it one is flown. Off-screen pictures need a graphics stack
+(Debian: apt-get install libegl1 libgl1 mesa-vulkan-drivers).
 """
 
 import os
@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 from rerun.experimental import ViewerClient
 
@@ -27,10 +28,13 @@ from helisim.output.rerun_log import write_recording
 from helisim.output.run import Run, read_run
 
 PICTURES = Path(__file__).parent / "pictures"
+MODEL = Path(__file__).parents[1] / "models" / "jr700"
 PATIENCE = 60.0
 """s to wait for the viewer."""
 NOTICES = 8.0
 """s until the viewer's notices have faded."""
+TITLE_BAR = 36
+"""px at the top of the viewer, which tell of this computer and not of the recording."""
 
 
 def main() -> None:
@@ -42,9 +46,21 @@ def main() -> None:
             run_folder = Path(folder)
             hs.reproduce(out=run_folder)
         PICTURES.mkdir(exist_ok=True)
+        write_model()
         write_bode(read_run(run_folder), PICTURES / "bode.png")
-        recording = write_sweep(Path(folder) / "lat.rrd")
-        write_screenshot(recording, PICTURES / "recording.png", seconds=52.3)
+        sweep = fly_sweep()
+        recording = write_recording(
+            Path(folder) / "lat.rrd", {"lateral sweep": sweep}, model=hs.load().visual_model()
+        )
+        most = sweep.time[np.argmax(np.abs(sweep["b"]))]  # the disc's largest tilt to a side
+        write_screenshot(recording, PICTURES / "recording.png", seconds=float(most))
+
+
+def write_model() -> None:
+    """Render the model as MuJoCo sees it."""
+    environment = {"MUJOCO_GL": "egl", **os.environ}
+    subprocess.run([sys.executable, MODEL / "build.py", "picture"], env=environment, check=True)
+    print(f"Written: {MODEL / 'jr700.png'}")
 
 
 def write_bode(run: Run, path: Path) -> None:
@@ -59,12 +75,12 @@ def write_bode(run: Run, path: Path) -> None:
     print(f"Written: {path}")
 
 
-def write_sweep(path: Path) -> Path:
-    """Fly a lateral sweep and record it with the rotor's true tilt and loads."""
+def fly_sweep() -> hs.FlightRecord:
+    """Fly a lateral sweep, recorded with the rotor's true tilt and loads."""
     vehicle = hs.load("jr700")
     recorder = hs.Recorder.of(vehicle, rotor=True)
     (record,) = hs.fly(vehicle, hs.Sweep(axis="lat"), seed=1, recorder=recorder)
-    return write_recording(path, {"lateral sweep": record}, model=vehicle.visual_model())
+    return record
 
 
 def write_screenshot(recording: Path, path: Path, *, seconds: float) -> None:
@@ -81,7 +97,9 @@ def write_screenshot(recording: Path, path: Path, *, seconds: float) -> None:
         while picture != before:  # until nothing moves any more
             time.sleep(1.0)
             before, picture = picture, client.take_screenshot()
-        Image.open(BytesIO(picture)).convert("RGB").quantize(192).save(path, optimize=True)
+        shown = Image.open(BytesIO(picture)).convert("RGB")
+        shown = shown.crop((0, TITLE_BAR, *shown.size))
+        shown.quantize(192).save(path, optimize=True)
     print(f"Written: {path}")
 
 

@@ -62,4 +62,4 @@ def test_a_view_needs_a_display(capsys, monkeypatch, arguments):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr("helisim.output.viewer.sys.platform", "linux")
-    assert "helisim fly --rerun" in fails(capsys, "view", *arguments)
+    assert "helisim fly --axis lat" in fails(capsys, "view", *arguments)

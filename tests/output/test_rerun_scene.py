@@ -2,22 +2,26 @@
 
 import json
 
+import mujoco
 import numpy as np
 import pytest
 from made_run import make_flight, write_run
 from test_rerun_log import SINGLE, read
 
 from helisim.channels import CHANNELS, POSITIONS, ROTOR
-from helisim.output.rerun_log import TILT_GAIN, write_recording
+from helisim.output.drawn_rotor import SLOWED, TILT_GAIN
+from helisim.output.rerun_log import write_recording
 from helisim.output.run import read_run
 from helisim.sim import Recorder, Sweep, fly
 
 STIFFNESS = 86.0
+SPEED = 178.0
 
 
 @pytest.fixture(scope="module")
 def contents(tmp_path_factory, jr700):
-    record = make_flight(parameters={"main_rotor.hub_stiffness": STIFFNESS})
+    parameters = {"main_rotor.hub_stiffness": STIFFNESS, "main_rotor.speed": SPEED}
+    record = make_flight(parameters=parameters)
     path = tmp_path_factory.mktemp("scene") / "scene.rrd"
     return record, read(write_recording(path, {"f": record}, model=jr700.visual_model()))
 
@@ -37,6 +41,19 @@ def test_the_disc_tilts_with_the_tip_path_plane(contents):
     np.testing.assert_allclose(hub, [0.0, 0.0, -0.28], atol=1e-5)  # models/jr700/jr700.xml
 
 
+def test_the_blades_turn(contents):
+    """The rotor's shapes turn clockwise from above, slowed; without a known speed they stand."""
+    record, found = contents
+    entity = found["/f/world/helicopter/rotor/visual_geometries"]
+    x, y, z, w = entity["Transform3D:quaternion"].reshape(-1, 4).T
+    half = 0.5 * SPEED * record.time / SLOWED
+    sign = np.sign(w * np.cos(half) + z * np.sin(half))  # both signs are the same turn
+    np.testing.assert_allclose(z * sign, np.sin(half), atol=SINGLE)
+    np.testing.assert_allclose(w * sign, np.cos(half), atol=SINGLE)
+    np.testing.assert_allclose([x, y], 0.0, atol=SINGLE)
+    assert "/f/world/helicopter/tail_rotor/visual_geometries" not in found  # its speed isn't given
+
+
 def test_arrows_are_thrust_and_moment(contents):
     """The thrust's arrow is along the disc's axis, the moment's is the spring's times the tilt."""
     record, found = contents
@@ -49,12 +66,17 @@ def test_arrows_are_thrust_and_moment(contents):
 
 
 def test_the_models_own_geoms_are_drawn(contents, jr700):
-    """Blades and disc are the rotor's, everything else the body's."""
+    """Blades and discs are the rotors', everything else the body's."""
     _, found = contents
     base = "/f/world/helicopter"
     model = jr700.visual_model()
     blade = model.geom("blade_1").id
     assert f"{base}/rotor/visual_geometries/mesh_{blade}" in found
+    (tail, *_) = np.flatnonzero(
+        (model.geom_bodyid == model.body("tail_rotor").id)
+        & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
+    )
+    assert f"{base}/tail_rotor/visual_geometries/mesh_{tail}" in found
     canopy = model.geom("canopy").id
     assert f"{base}/visual_geometries/mesh_{canopy}" in found
 
@@ -66,7 +88,11 @@ def test_ground_and_trail_are_there(contents):
     assert ground[2] == pytest.approx(0.0, abs=0.05)
     trail = found["/f/world/trail"]["LineStrips3D:strips"]
     pieces = np.array([list(row) for row in trail if row is not None], dtype=float)
-    assert np.allclose(pieces.reshape(-1, 2, 3)[0, 0], record.select(POSITIONS)[0], atol=1e-4)
+    points = pieces.reshape(-1, 2, 3)
+    np.testing.assert_array_equal(points[1:, 0], points[:-1, 1])  # no gaps
+    # each point is the mean of the quarter of a second around it: 25 samples of 100 Hz
+    means = record.select(POSITIONS)[:25].mean(axis=0), record.select(POSITIONS)[25:50].mean(axis=0)
+    np.testing.assert_allclose(points[0], means, atol=20.0 * SINGLE)  # of the height, 20 m
 
 
 def test_without_the_rotors_truth_there_are_no_arrows(tmp_path):
@@ -75,6 +101,7 @@ def test_without_the_rotors_truth_there_are_no_arrows(tmp_path):
     found = read(write_recording(tmp_path / "real.rrd", {"f": make_flight(names)}))
     assert "/f/world/helicopter" in found
     assert not [name for name in found if "thrust" in name or "moment" in name]
+    assert "/f/world/legend" not in found
 
 
 def test_a_run_is_recorded_with_its_models(tmp_path):

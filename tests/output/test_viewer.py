@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 
 from helisim.errors import DisplayError, InputError
+from helisim.output.drawn_rotor import SLOWED, TILT_GAIN
 from helisim.output.viewer import check_display, prepare_live, watch
+from helisim.physics.layout import STATE
+from helisim.physics.native import installed
 from helisim.sim import Doublet
+from helisim.vehicle.motion import addresses
 
 
 class Window:
@@ -78,7 +82,7 @@ def test_a_slow_computer_does_not_hurry_after_the_clock(jr700):
 @pytest.mark.parametrize("environment", [{}, {"DISPLAY": ""}])
 def test_no_display_is_said(environment):
     """Without a display the message says what to do instead."""
-    with pytest.raises(DisplayError, match="helisim fly --rerun"):
+    with pytest.raises(DisplayError, match="helisim fly --axis lat"):
         check_display(environment, "linux")
 
 
@@ -93,3 +97,39 @@ def test_a_negative_seed_is_refused(jr700):
     """It is said before anything flies."""
     with pytest.raises(InputError, match="seed"):
         prepare_live(jr700, seed=-1)
+
+
+def test_the_disc_tilts_and_the_blades_turn(jr700):
+    """The disc leans by the flapping states, the blade has turned clockwise with the time."""
+    doublet = Doublet(axis="lat", duration=2.0, trim_time=0.2)
+    flight, clock = prepare_live(jr700, doublet), Clock()
+    model, data = flight.model, flight.data
+    watch(flight, Window(model, 10**6), duration=0.5, clock=clock, sleep=clock.sleep)
+    a, b = data.act[addresses(model).state + STATE.flap_a :][:2]
+    assert abs(b) > 1e-3  # the doublet has begun
+    mast = data.body("jr700").xmat.reshape(3, 3)
+    tilted = mast.T @ data.geom("rotor_disc").xmat.reshape(3, 3)[:, 2]
+    turn = TILT_GAIN * np.hypot(a, b)
+    # rearwards by a, right by b: a rotation's axis, in forward-left-up
+    expected = [-a * np.sinc(turn / np.pi), -b * np.sinc(turn / np.pi)]
+    np.testing.assert_allclose(tilted[:2], TILT_GAIN * np.array(expected), atol=1e-12)
+    assert tilted[2] == pytest.approx(np.cos(turn), abs=1e-12)
+
+    blade = mast.T @ (data.geom("blade_1").xpos - data.site("hub").xpos)
+    blade /= np.linalg.norm(blade)
+    angle = 178.024 * data.time / SLOWED  # the speed of Table 1, rad/s
+    drawn = [np.cos(angle), -np.sin(angle)]
+    np.testing.assert_allclose(blade[:2], drawn, atol=turn + 0.02)  # lean, and the mesh's centre
+
+
+def test_what_is_drawn_changes_no_flight(jr700):
+    """Watched or stepped alone, the state is the same to the last bit."""
+    doublet, clock = Doublet(axis="lat", duration=2.0, trim_time=0.2), Clock()
+    watched, alone = prepare_live(jr700, doublet), prepare_live(jr700, doublet)
+    window = Window(watched.model, 10**6)
+    watch(watched, window, duration=0.5, clock=clock, sleep=clock.sleep)
+    with installed():
+        while alone.data.time < watched.data.time:
+            mujoco.mj_step(alone.model, alone.data)
+    for name in ("qpos", "qvel", "act", "time"):
+        np.testing.assert_array_equal(getattr(watched.data, name), getattr(alone.data, name))

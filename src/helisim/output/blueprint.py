@@ -5,14 +5,17 @@ from dataclasses import dataclass
 
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
-TIMELINE = "time"
+from helisim.output.timelines import STEP, TIMELINE
 
 _MOTION = ("sticks", "rates", "attitudes", "velocities", "tilt")
 """Groups beside the helicopter; the others are a tab behind."""
-_EYE = (-2.6, -1.7, -1.1)
+_EYE = (-1.9, -1.35, -0.75)
 """m from the helicopter to the eye: behind, to the left and above; north, east, down."""
 _TRAIL_SECONDS = 15.0
+_LEGEND_ROOM = 0.12
+"""Of the flight, after its end: where the legends hide nothing."""
 _TABS = 8
 """More flights than this are gathered by the part of their name before the last `_`."""
 
@@ -40,7 +43,7 @@ class FlightViews:
         groups: its groups of signals.
         start, stop: s.
         position: north, east, down of the first sample, m; None without a pose.
-        legend: what is seen in space.
+        legend: whether its world has a legend.
     """
 
     name: str
@@ -49,7 +52,7 @@ class FlightViews:
     start: float
     stop: float
     position: tuple[float, ...] | None
-    legend: str
+    legend: bool
 
 
 def blueprint(
@@ -94,7 +97,7 @@ def _findings(figures: Mapping[str, Sequence[str]]) -> rrb.Container:
     return rrb.Horizontal(
         rrb.Vertical(
             rrb.TextDocumentView(origin="models/table", name="paper, truth, identified"),
-            rrb.TextLogView(origin="models/log", name="steps"),
+            _log("models/log", "steps", STEP),
             row_shares=[3, 1],
         ),
         rrb.Tabs(*models),
@@ -114,22 +117,31 @@ def _flight(flight: FlightViews) -> rrb.Container:
     signals = rrb.Tabs(*stacks, active_tab=0) if len(stacks) > 1 else stacks[0]
     if flight.position is None:
         return rrb.Horizontal(signals, name=flight.name)
-    left = rrb.Vertical(
-        _space(flight),
-        rrb.TextLogView(origin=f"{flight.root}/log", name="log"),
-        row_shares=[5, 1],
-    )
+    below: rrb.Container | rrb.View = _log(f"{flight.root}/log", "log", TIMELINE)
+    if flight.legend:
+        legend = rrb.TextDocumentView(origin=f"{flight.root}/world/legend", name="legend")
+        below = rrb.Horizontal(below, legend, column_shares=[3, 4])
+    left = rrb.Vertical(_space(flight), below, row_shares=[9, 2])
     return rrb.Horizontal(left, signals, column_shares=[1, 1], name=flight.name)
 
 
+def _log(entity: str, name: str, timeline: str) -> rrb.View:
+    columns = rrb.TextLogColumns(
+        timeline_columns=[TimelineColumn(timeline)],
+        text_log_columns=[TextLogColumn(TextLogColumnKind.Body)],
+    )
+    return rrb.TextLogView(origin=entity, name=name, columns=columns)
+
+
 def _signals(flight: FlightViews, group: str) -> rrb.View:
+    end = flight.stop + _LEGEND_ROOM * (flight.stop - flight.start)
     return rrb.TimeSeriesView(
         origin=f"{flight.root}/{group}",
         name=_MEANINGS.get(group, group),
         axis_x=rrb.TimeAxis(
             view_range=rr.TimeRange(
                 start=rr.TimeRangeBoundary.absolute(seconds=flight.start),
-                end=rr.TimeRangeBoundary.absolute(seconds=flight.stop),
+                end=rr.TimeRangeBoundary.absolute(seconds=end),
             )
         ),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
@@ -145,7 +157,7 @@ def _space(flight: FlightViews) -> rrb.View:
     )
     return rrb.Spatial3DView(
         origin=f"{flight.root}/world",
-        name=flight.legend,
+        name="space",
         background=rrb.Background(color=(150, 178, 205)),
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(

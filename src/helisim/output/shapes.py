@@ -1,12 +1,13 @@
 """The helicopter's shapes for Rerun: MuJoCo's geoms, forward-right-down from their centre.
 
-The rotor's geoms, those of a body called `rotor` and of what it carries, stand apart and
-relative to their hub: they tilt with the tip-path plane.
+The geoms of a body called `rotor` and of what it carries stand apart and relative to their hub:
+they turn, and tilt with the tip-path plane. So do those of `tail_rotor`, which turn alone.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -38,6 +39,7 @@ class Shapes:
     Attributes:
         body: archetype by name, from the centre of gravity.
         rotor: archetype by name, from the hub.
+        tail_rotor: archetype by name, from the tail hub; empty where there is no tail hub.
         hub: (3,) m from the centre of gravity.
         tail_hub: (3,) m from the centre of gravity; None where the model names none.
         radius: m, of the main rotor's disc; None where there is none.
@@ -45,12 +47,13 @@ class Shapes:
 
     body: Mapping[str, rr.AsComponents]
     rotor: Mapping[str, rr.AsComponents] = field(default_factory=dict)
+    tail_rotor: Mapping[str, rr.AsComponents] = field(default_factory=dict)
     hub: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -0.28]))
     tail_hub: NDArray[np.float64] | None = None
     radius: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("body", "rotor"):
+        for name in ("body", "rotor", "tail_rotor"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
 
@@ -103,20 +106,32 @@ def model_shapes(model: mujoco.MjModel) -> Shapes:
     ids = np.flatnonzero(
         (model.body_rootid[model.geom_bodyid] == root) & (model.geom_group < _VISUAL_GROUPS)
     )
-    rotor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "rotor")
-    turning = np.array([_carries(model, rotor, int(model.geom_bodyid[k])) for k in ids], dtype=bool)
-    hub = np.zeros(3) if rotor < 0 else to_body @ (data.xpos[rotor] - data.subtree_com[root])
+    rotor, tail_rotor = (
+        mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("rotor", "tail_rotor")
+    )
     tail = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tail_hub")
     disc = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "rotor_disc")
-    fixed = _geoms(model, data, root, ids[~turning], to_body, np.zeros(3))
-    tilting = _geoms(model, data, root, ids[turning], to_body, hub)
+    hub = np.zeros(3) if rotor < 0 else to_body @ (data.xpos[rotor] - data.subtree_com[root])
+    tail_hub = to_body @ (data.site_xpos[tail] - data.subtree_com[root]) if tail >= 0 else None
+    main = _carried(model, rotor, ids)
+    aft = _carried(model, tail_rotor, ids) & (tail_hub is not None)
+
+    def draw(which: NDArray[np.bool], origin: NDArray[np.float64]) -> dict[str, rr.AsComponents]:
+        return _archetypes(model, _geoms(model, data, root, ids[which], to_body, origin))
+
     return Shapes(
-        body=_archetypes(model, fixed),
-        rotor=_archetypes(model, tilting),
+        body=draw(~(main | aft), np.zeros(3)),
+        rotor=draw(main, hub),
+        tail_rotor={} if tail_hub is None else draw(aft, tail_hub),
         hub=hub,
-        tail_hub=to_body @ (data.site_xpos[tail] - data.subtree_com[root]) if tail >= 0 else None,
+        tail_hub=tail_hub,
         radius=float(model.geom_size[disc, 0]) if disc >= 0 else None,
     )
+
+
+def _carried(model: mujoco.MjModel, ancestor: int, ids: NDArray[np.intp]) -> NDArray[np.bool]:
+    """Return which geoms a body and its descendants carry; none for the body -1."""
+    return np.array([_carries(model, ancestor, int(model.geom_bodyid[k])) for k in ids], dtype=bool)
 
 
 def _carries(model: mujoco.MjModel, ancestor: int, body: int) -> bool:
@@ -185,55 +200,33 @@ def _normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray
 
 
 def _boxes(geoms: _Geoms) -> rr.Boxes3D:
-    return rr.Boxes3D(
-        centers=geoms.centres,
-        half_sizes=geoms.sizes,
-        quaternions=geoms.quaternions,
-        colors=geoms.colours,
-        fill_mode="solid",
-    )
-
-
-def _spheres(geoms: _Geoms) -> rr.Ellipsoids3D:
-    return rr.Ellipsoids3D(
-        centers=geoms.centres,
-        radii=geoms.sizes[:, 0],
-        colors=geoms.colours,
-        fill_mode="solid",
-    )
+    return rr.Boxes3D(centers=geoms.centres, half_sizes=geoms.sizes, **_look(geoms))
 
 
 def _ellipsoids(geoms: _Geoms) -> rr.Ellipsoids3D:
-    return rr.Ellipsoids3D(
-        centers=geoms.centres,
-        half_sizes=geoms.sizes,
-        quaternions=geoms.quaternions,
-        colors=geoms.colours,
-        fill_mode="solid",
-    )
+    return rr.Ellipsoids3D(centers=geoms.centres, half_sizes=geoms.sizes, **_look(geoms))
+
+
+def _spheres(geoms: _Geoms) -> rr.Ellipsoids3D:
+    return rr.Ellipsoids3D(centers=geoms.centres, radii=geoms.sizes[:, 0], **_look(geoms))
 
 
 def _cylinders(geoms: _Geoms) -> rr.Cylinders3D:
-    return rr.Cylinders3D(
-        centers=geoms.centres,
-        radii=geoms.sizes[:, 0],
-        lengths=2.0 * geoms.sizes[:, 1],
-        quaternions=geoms.quaternions,
-        colors=geoms.colours,
-        fill_mode="solid",
-    )
+    return rr.Cylinders3D(centers=geoms.centres, **_rod(geoms), **_look(geoms))
 
 
 def _capsules(geoms: _Geoms) -> rr.Capsules3D:
     """Rerun's capsules start at their origin and rise along z, MuJoCo's are centred on it."""
-    return rr.Capsules3D(
-        translations=geoms.centres - geoms.sizes[:, 1:2] * geoms.matrices[:, :, 2],
-        radii=geoms.sizes[:, 0],
-        lengths=2.0 * geoms.sizes[:, 1],
-        quaternions=geoms.quaternions,
-        colors=geoms.colours,
-        fill_mode="solid",
-    )
+    starts = geoms.centres - geoms.sizes[:, 1:2] * geoms.matrices[:, :, 2]
+    return rr.Capsules3D(translations=starts, **_rod(geoms), **_look(geoms))
+
+
+def _rod(geoms: _Geoms) -> dict[str, Any]:
+    return {"radii": geoms.sizes[:, 0], "lengths": 2.0 * geoms.sizes[:, 1]}
+
+
+def _look(geoms: _Geoms) -> dict[str, Any]:
+    return {"quaternions": geoms.quaternions, "colors": geoms.colours, "fill_mode": "solid"}
 
 
 def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:

@@ -2,7 +2,9 @@
 
 import os
 import sys
+import threading
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -10,9 +12,12 @@ from typing import Any, Protocol
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from helisim.errors import DisplayError, DivergedError, InputError
-from helisim.physics.layout import STATE
+from helisim.output.drawn_rotor import SLOWED, TILT_GAIN, RotorGeoms, drawn_tilt, drawn_turn
+from helisim.physics.frames import flip
+from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim import Pilot
 from helisim.sim.excitation import Excitation
@@ -26,8 +31,12 @@ _FRAME = 1.0 / 60.0
 """s between two pictures."""
 _FALLEN_BEHIND = 0.5
 """s: a computer that is later than this lets the clock go instead of hurrying after it."""
+_CLOSING = 5.0
+"""s that a window may take to close."""
 _METRES_PER_NEWTON = 0.008
 _THRUST_COLOUR = np.array([0.9, 0.3, 0.1, 1.0], dtype=np.float32)
+
+LEGEND = f"disc tilt x {TILT_GAIN:g}, blades {SLOWED:g} times slower, thrust red"
 
 
 class Window(Protocol):
@@ -114,6 +123,7 @@ def watch(
         DivergedError: the state is no longer finite.
     """
     model, data = flight.model, flight.data
+    rotors = _Rotors(model)
     step, end = model.opt.timestep, np.inf if duration is None else duration
     origin = clock() - data.time
     with installed():
@@ -122,7 +132,7 @@ def watch(
             with window.lock():
                 while data.time < until - 0.5 * step:
                     mujoco.mj_step(model, data)
-                _draw_thrust(window.user_scn, model, data)
+                rotors.draw(data, window.user_scn)
             if not np.all(np.isfinite(data.qpos)) or any(w.number for w in data.warning):
                 raise DivergedError(f"the flight has no finite state at {data.time:.2f} s")
             window.sync()
@@ -149,20 +159,38 @@ def view(
     flight = prepare_live(vehicle, excitation, seed=seed)
     if duration is None and excitation is not None:
         duration = excitation.duration
+    others = set(threading.enumerate())
+    window = _open(flight)
     try:
+        with window:
+            window.cam.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+            window.cam.trackbodyid = flight.model.body(vehicle.name).id
+            window.cam.distance, window.cam.azimuth, window.cam.elevation = 2.8, -140.0, -15.0
+            window.set_texts((None, mujoco.mjtGridPos.mjGRID_BOTTOMLEFT, LEGEND, None))
+            return watch(flight, window, duration=duration)
+    finally:
+        # a window whose thread still lives when Python ends takes the program down with it
+        for thread in set(threading.enumerate()) - others:
+            thread.join(_CLOSING)
+
+
+def _open(flight: LiveFlight) -> Any:
+    try:
+        import glfw
         from mujoco import viewer
 
-        window = viewer.launch_passive(flight.model, flight.data)
+        with warnings.catch_warnings(record=True) as reasons:
+            warnings.simplefilter("always")
+            if not glfw.init():  # asked here: where the viewer asks, its failure ends the program
+                raise RuntimeError(str(reasons[-1].message) if reasons else "no GLFW")
+        return viewer.launch_passive(
+            flight.model, flight.data, show_left_ui=False, show_right_ui=False
+        )
     except (ImportError, RuntimeError, mujoco.FatalError) as error:
         raise DisplayError(f"can't open a window: {error}; {_INSTEAD}") from None
-    with window:
-        window.cam.type = mujoco.mjtCamera.mjCAMERA_TRACKING
-        window.cam.trackbodyid = flight.model.body(vehicle.name).id
-        window.cam.distance, window.cam.azimuth, window.cam.elevation = 3.2, -140.0, -15.0
-        return watch(flight, window, duration=duration)
 
 
-_INSTEAD = "record the flight instead: helisim fly --rerun FILE.rrd"
+_INSTEAD = "record the flight instead: helisim fly --axis lat --out lat.parquet --rerun lat.rrd"
 
 
 def check_display(
@@ -175,24 +203,29 @@ def check_display(
         raise DisplayError(f"no display: neither DISPLAY nor WAYLAND_DISPLAY is set; {_INSTEAD}")
 
 
-def _draw_thrust(scene: mujoco.MjvScene | None, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Put an arrow for the rotor's thrust into the viewer's scene."""
-    if scene is None:
-        return
-    sensor = model.sensor("rotor").adr[0]
-    tilt = data.act[addresses(model).state + STATE.flap_a :][:2]
-    hub = data.site("hub")
-    # rearwards by a, right by b, in MuJoCo's axes: forward, left, up
-    up = np.array([-np.sin(tilt[0]), -np.sin(tilt[1]), np.cos(tilt[0]) * np.cos(tilt[1])])
-    tip = hub.xpos + hub.xmat.reshape(3, 3) @ up * _METRES_PER_NEWTON * data.sensordata[sensor]
-    geom = scene.geoms[0]
-    mujoco.mjv_initGeom(
-        geom,
-        mujoco.mjtGeom.mjGEOM_ARROW,
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros(9),
-        _THRUST_COLOUR,
-    )
-    mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_ARROW, 0.015, hub.xpos, tip)
-    scene.ngeom = 1
+class _Rotors:
+    """Both rotors as they are drawn, and the arrow of the main rotor's thrust."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        where = addresses(model)
+        self.main, self.tail = RotorGeoms.of(model, "rotor"), RotorGeoms.of(model, "tail_rotor")
+        self.speeds = model.actuator_user[where.rotor, [PARAM.main_speed, PARAM.tail_speed]]
+        self.tilts = where.state + np.array([STATE.flap_a, STATE.flap_b])
+        self.thrust = model.sensor("rotor").adr[0]
+
+    def draw(self, data: mujoco.MjData, scene: mujoco.MjvScene | None) -> None:
+        """Put the rotors and the arrow where the state has them."""
+        tilt = Rotation.from_rotvec(flip.py_func(*drawn_tilt(*data.act[self.tilts]).as_rotvec()))
+        main, tail = drawn_turn(data.time, self.speeds)
+        # clockwise from above, as its torque, which the tail's thrust holds, tells
+        self.main.place(data, (tilt * Rotation.from_rotvec([0.0, 0.0, -main])).as_matrix())
+        self.tail.place(data, Rotation.from_rotvec([0.0, tail, 0.0]).as_matrix())
+        if scene is None:
+            return
+        hub = data.xpos[self.main.body]
+        up = data.xmat[self.main.body].reshape(3, 3) @ tilt.apply([0.0, 0.0, 1.0])
+        tip = hub + up * _METRES_PER_NEWTON * data.sensordata[self.thrust]
+        arrow, shape = scene.geoms[0], mujoco.mjtGeom.mjGEOM_ARROW
+        mujoco.mjv_initGeom(arrow, shape, np.zeros(3), np.zeros(3), np.zeros(9), _THRUST_COLOUR)
+        mujoco.mjv_connector(arrow, shape, 0.015, hub, tip)
+        scene.ngeom = 1
