@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from helisim.exact import true_values
 from helisim.experiment import ROLLPITCH_IN2, YAW_OVERALL
-from helisim.pipeline import true_values
 from helisim.reference import jr700
 from helisim.sim import Recorder
 from helisim.tuning import margins, tune

@@ -2,15 +2,11 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from helisim.errors import InputError, UnknownNameError
-
-PAPER_TOLERANCE_PERCENT = 5.0
-"""Where the paper gives no Cramér-Rao bound: its yaw and heave numbers carry four digits and
-no bounds, and its own bounds on the best-determined derivatives of Table 3 begin at 3.9 %."""
 
 Verdict = Literal["ok", "off truth", "off paper", "off both", "not judged"]
 
@@ -135,6 +131,23 @@ class ParameterRow:
 
 
 @dataclass(frozen=True, kw_only=True)
+class GivenValue:
+    """A value that a fit was given.
+
+    Attributes:
+        name: of the parameter.
+        unit: SI.
+        value: in `unit`.
+        source: the table or the ground test that it comes from.
+    """
+
+    name: str
+    unit: str
+    value: float
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class ComparisonTable:
     """The parameters of one identified model.
 
@@ -144,6 +157,7 @@ class ComparisonTable:
         cost: average cost of the fit, J.
         band_rad_s: lowest and highest frequency of the fit, rad/s.
         parameters: one row a parameter.
+        given: what the fit was given.
     """
 
     name: str
@@ -151,6 +165,7 @@ class ComparisonTable:
     cost: float
     band_rad_s: tuple[float, float]
     parameters: tuple[ParameterRow, ...]
+    given: tuple[GivenValue, ...] = ()
 
     def __post_init__(self) -> None:
         low, high = (float(edge) for edge in self.band_rad_s)
@@ -177,7 +192,16 @@ class ComparisonTable:
             "cost": self.cost,
             "band_rad_s": list(self.band_rad_s),
             "parameters": [row.to_dict() for row in self.parameters],
+            "given": [asdict(one) for one in self.given],
         }
+
+
+class Plain(Protocol):
+    """Anything that can be written as plain JSON data."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,6 +214,8 @@ class Results:
         versions: name to version of what computed the numbers.
         configuration: JSON-like: the options that the run was made with.
         excluded: one sentence for each flight or response that was left out, with the reason.
+        further: what else was found, by name: "ground" tests by rig, "verification" by model,
+            "before_after" the gyro, and "eq_8", the yaw model from its parts.
     """
 
     tables: tuple[ComparisonTable, ...]
@@ -197,11 +223,12 @@ class Results:
     versions: Mapping[str, str]
     configuration: Mapping[str, Any] = field(default_factory=dict)
     excluded: tuple[str, ...] = ()
+    further: Mapping[str, Plain | Mapping[str, Plain]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tables", tuple(self.tables))
         object.__setattr__(self, "excluded", tuple(self.excluded))
-        for what in ("versions", "configuration"):
+        for what in ("versions", "configuration", "further"):
             object.__setattr__(self, what, MappingProxyType(dict(getattr(self, what))))
 
     def __getitem__(self, name: str) -> ComparisonTable:
@@ -230,14 +257,14 @@ class Results:
             "configuration": dict(self.configuration),
             "excluded": list(self.excluded),
             "misses": list(self.misses),
+            **{name: _plain(found) for name, found in self.further.items()},
         }
 
 
-def paper_tolerance(cr_percent: float | None) -> tuple[float, str]:
-    """Return the tolerance against the paper, percent, and its reason, from the paper's bound."""
-    if cr_percent is None:
-        return PAPER_TOLERANCE_PERCENT, "the paper gives no bound"
-    return cr_percent, "the paper's Cramér-Rao bound"
+def _plain(found: Plain | Mapping[str, Plain]) -> dict[str, Any]:
+    if isinstance(found, Mapping):
+        return {name: one.to_dict() for name, one in found.items()}
+    return found.to_dict()
 
 
 def _deviation_percent(value: float, target: float | None) -> float | None:

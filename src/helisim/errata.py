@@ -18,10 +18,6 @@ from helisim.units import RAD_PER_DEG, RAD_S_PER_RPM
 from helisim.vehicle.assembly import model_folder
 from helisim.vehicle.parameters import read_parameters
 
-_CLAIMED_TAU_F_RISE = 37.0
-"""Percent; section 3.2: "the rotor time constant is increased of 37%"."""
-_CLAIMED_RATIO = 0.6
-"""Section 3.2, of A_lon and of B_lat: "which matches with the gyro settings"."""
 _CR_GUIDELINE = 20.0
 _INSENSITIVITY_GUIDELINE = 10.0
 """Percent; Tischler and Remple, the guidelines of the CIFER method that the paper follows."""
@@ -406,7 +402,7 @@ def _tau_f_rise() -> Erratum:
     return Erratum(
         title="The rotor's time constant falls",
         where="section 3.2, on Table 3",
-        printed=f"after the gyro tau_f is increased of {_CLAIMED_TAU_F_RISE:g} %",
+        printed=f"after the gyro tau_f is increased of {jr700.CLAIMED_TAU_F_RISE_PERCENT:g} %",
         calculation=f"{after:g} / {before:g} - 1 = {_percent(after, before):.1f} %",
         computed=(
             f"a fall of {-_percent(after, before):.1f} %; "
@@ -425,11 +421,13 @@ def _gyro_ratio() -> Erratum:
         name: math.hypot(before[name].cr_percent or 0.0, after[name].cr_percent or 0.0)
         for name in names
     }
-    short = {name: 100.0 * (1.0 - ratio / _CLAIMED_RATIO) for name, ratio in ratios.items()}
+    short = {
+        name: 100.0 * (1.0 - ratio / jr700.CLAIMED_GYRO_RATIO) for name, ratio in ratios.items()
+    }
     return Erratum(
         title="The ratio of the gyro's settings is not quite met",
         where="section 3.2",
-        printed=f"A_lon and B_lat, IN2 over IN1, are about {_CLAIMED_RATIO:g}",
+        printed=f"A_lon and B_lat, IN2 over IN1, are about {jr700.CLAIMED_GYRO_RATIO:g}",
         calculation=", ".join(
             f"{name}: {_of(after, name):g} / {_of(before, name):g} = {ratio:.3f}"
             for name, ratio in ratios.items()
@@ -438,12 +436,12 @@ def _gyro_ratio() -> Erratum:
         + f"; the Cramér-Rao bounds of the ratios are {bounds['A_lon']:.1f} and "
         f"{bounds['B_lat']:.1f} %",
         conclusion=(
-            f"Nearer {np.mean(list(ratios.values())):.2f}. The bounds allow {_CLAIMED_RATIO:g}, "
-            "so the match is possible, not shown; and with the gyro inside, these ratios are not "
-            "stick gains (section 3.2 says so)."
+            f"Nearer {np.mean(list(ratios.values())):.2f}. The bounds allow "
+            f"{jr700.CLAIMED_GYRO_RATIO:g}, so the match is possible, not shown; and with the gyro "
+            "inside, these ratios are not stick gains (section 3.2 says so)."
         ),
         confirmed=all(
-            round(ratio, 2) != _CLAIMED_RATIO and short[name] < bounds[name]
+            round(ratio, 2) != jr700.CLAIMED_GYRO_RATIO and short[name] < bounds[name]
             for name, ratio in ratios.items()
         ),
     )

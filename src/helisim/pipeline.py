@@ -1,4 +1,4 @@
-"""The paper's experiment from end to end: fly, record, identify, compare."""
+"""The paper's experiment from end to end: test on the ground, fly, record, identify, compare."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -7,34 +7,40 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from helisim import ident
-from helisim.channels import AXES
-from helisim.comparison import ComparisonTable, ParameterRow, Results, paper_tolerance
+from helisim.before_after import before_and_after
+from helisim.comparison import ComparisonTable, GivenValue, ParameterRow, Results
 from helisim.errata import errata
 from helisim.errors import InputError
-from helisim.experiment import MODELS, Model
+from helisim.exact import exact_response, true_values
+from helisim.experiment import MODELS, Given, Model
+from helisim.flights import (
+    FOLDER,
+    Flights,
+    flown_each_axis,
+    fly_doublets,
+    fly_sweeps,
+    read_flights,
+)
 from helisim.output.evidence import Evidence, write_evidence
 from helisim.output.report import write_report
+from helisim.overall import check_overall
 from helisim.record import FlightRecord
 from helisim.reference import ReferenceTable, jr700
-from helisim.sim import Doublet, Recorder, Sweep, fly
-from helisim.storage import atomic_write, make_folder, write_record
+from helisim.sim import Recorder
+from helisim.sim.rigs import RigTest, run_rigs
+from helisim.storage import atomic_write, make_folder
 from helisim.vehicle import Vehicle, calibrate, load, read_parameters
 from helisim.vehicle.assembly import model_folder
 from helisim.vehicle.parameters import to_toml
-
-_RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
-"""Axis -> the stick and the motion by whose coherence a sweep is judged."""
-
-_GYRO_GAINS = ("k_p", "k_I", "k_delta", "k_a")
 
 _CALIBRATED_HEADER = """\
 Written by `helisim calibrate --write`; not by hand.
 Solved so that the linearised nonlinear model has the paper's derivatives."""
 
-Flights = dict[str, list[FlightRecord]]
+GroundTests = Mapping[str, RigTest]
+"""By rig."""
 
 
 def reproduce(
@@ -46,9 +52,10 @@ def reproduce(
     parameters: Mapping[str, float] | None = None,
     timestep: float | None = None,
     rotor: bool = False,
+    reuse: bool = False,
     on_progress: Callable[[str], None] | None = None,
 ) -> tuple[Results, Flights]:
-    """Fly sweeps on all four axes, keep the best, identify the models, set them beside truth.
+    """Test on the ground, fly sweeps on all four axes, identify the models, compare with truth.
 
     Args:
         out: folder for `results.json`, `flights/` and the report; nothing is written if None.
@@ -59,42 +66,38 @@ def reproduce(
             the paper is then printed but not judged by.
         timestep: s, of the simulation; the model's own if None.
         rotor: True records the rotor's true tilt and loads too, to look at.
+        reuse: True takes the flights that an earlier run left in `out`, and flies none.
         on_progress: called with a word after each flight, each model and the report.
 
     Returns:
         The results, and the kept records by axis.
 
     Raises:
-        InputError: a number is out of range.
+        InputError: a number is out of range, or the flights to reuse are another vehicle's.
         DivergedError: a flight left the validity of the model.
-        StorageError: `out` can't be written.
+        StorageError: `out` can't be read or written.
     """
     if flights < 1:
         raise InputError(f"flights must be 1 or more, got {flights}")
-    folder = _prepared_folder(out)
+    if reuse and out is None:
+        raise InputError("reuse needs the folder of the run whose flights are used again")
+    if out is not None:
+        make_folder(out / FOLDER)
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
     tell = on_progress or (lambda _: None)
     recorder = Recorder.of(vehicle, rotor=rotor)
-    kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, folder, tell)
-    doublets = fly_doublets(vehicle, seed, recorder, folder)
+    if reuse and out is not None:
+        kept, doublets, excluded = read_flights(vehicle, seed, out)
+    else:
+        kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, out, tell)
+        doublets = fly_doublets(vehicle, seed, recorder, out)
+    ground = {test.rig: test for test in run_rigs(vehicle, seed=seed, recorder=recorder)}
     tables: dict[str, ComparisonTable] = {}
     evidence = []
     for model in MODELS:
-        fit = identify_model(vehicle, model, kept, before=tables)
+        fit = identify_model(model, kept, before=tables, ground=ground)
         tables[model.name] = compare(vehicle, model, fit, recorder, judge_paper=not parameters)
-        exact = exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200))
-        unseen = {axis: doublets[axis] for axis in model.verified_by}
-        verification = ident.verify(fit, list(unseen.values())) if unseen else None
-        evidence.append(
-            Evidence(
-                model.name,
-                fit,
-                exact=exact,
-                note=model.note,
-                verification=verification,
-                verified_on=tuple(f"{axis}_doublet" for axis in unseen),
-            )
-        )
+        evidence.append(_evidence(vehicle, model, fit, recorder, doublets))
         tell(model.name)
     results = Results(
         tables=tuple(tables.values()),
@@ -102,18 +105,26 @@ def reproduce(
         versions={name: version(name) for name in ("helisim", "mujoco", "numpy", "scipy", "numba")},
         configuration={
             "flights_kept_each_axis": flights,
-            "flown_each_axis": _flown(flights),
+            "flown_each_axis": flown_each_axis(flights),
             "timestep_s": float(vehicle.model.opt.timestep),
             "parameters": dict(parameters or {}),
             "recorder": recorder.as_dict(),
         },
         excluded=excluded,
+        further={
+            "ground": ground,
+            "verification": {
+                item.name: item.verification for item in evidence if item.verification is not None
+            },
+            "before_after": before_and_after(tables["rollpitch_in1"], tables["rollpitch_in2"]),
+            "eq_8": check_overall(tables["yaw_base"], tables["yaw_gyro"], tables["yaw_overall"]),
+        },
     )
-    if folder is not None:
-        with atomic_write(folder / "results.json") as path:
+    if out is not None:
+        with atomic_write(out / "results.json") as path:
             path.write_text(json.dumps(results.to_dict(), indent=2, allow_nan=False) + "\n")
-        write_evidence(folder / "fits.json", evidence)
-        report(folder)
+        write_evidence(out / "fits.json", evidence)
+        report(out)
         tell("report")
     return results, kept
 
@@ -126,87 +137,6 @@ def report(folder: Path) -> Path:
         InputError: a file holds something else.
     """
     return write_report(folder, errata=errata())
-
-
-def flights_in_all(flights: int) -> int:
-    """Return how many sweeps are flown to keep `flights` on each axis."""
-    return _flown(flights) * len(AXES)
-
-
-def _flown(flights: int) -> int:
-    return flights + max(1, round(0.2 * flights))
-
-
-def _prepared_folder(out: Path | None) -> Path | None:
-    if out is not None:
-        make_folder(out / "flights")
-    return out
-
-
-def fly_sweeps(
-    vehicle: Vehicle,
-    flights: int,
-    seed: int,
-    jobs: int | None,
-    recorder: Recorder,
-    folder: Path | None,
-    tell: Callable[[str], None],
-) -> tuple[Flights, tuple[str, ...]]:
-    """Fly every axis, write every record, and keep the most coherent ones.
-
-    Returns:
-        The kept records by axis, and one sentence for each that was left out.
-    """
-    kept: Flights = {}
-    excluded: list[str] = []
-    for number, axis in enumerate(AXES):
-        records = fly(
-            vehicle,
-            Sweep(axis=axis),
-            count=_flown(flights),
-            seed=seed * len(AXES) + number,
-            jobs=jobs,
-            recorder=recorder,
-            on_flight=lambda axis=axis: tell(axis),
-        )
-        names = [f"{axis}_{k + 1:02d}" for k in range(len(records))]
-        if folder is not None:
-            for name, record in zip(names, records):
-                write_record(record, folder / "flights" / f"{name}.parquet")
-        scores = [sweep_coherence(record, axis) for record in records]
-        best = sorted(np.argsort(scores)[::-1][:flights])
-        kept[axis] = [records[k] for k in best]
-        excluded += [
-            f"flight {names[k]}: its mean coherence of {scores[k]:.4f} is not among the best "
-            f"{flights} (the least coherent kept has {min(scores[i] for i in best):.4f})"
-            for k in range(len(records))
-            if k not in best
-        ]
-    return kept, tuple(excluded)
-
-
-def fly_doublets(
-    vehicle: Vehicle, seed: int, recorder: Recorder, folder: Path | None
-) -> dict[str, FlightRecord]:
-    """Fly a doublet on each axis that a model is verified on; no fit sees them."""
-    axes = dict.fromkeys(axis for model in MODELS for axis in model.verified_by)
-    records = {}
-    for axis in axes:
-        (records[axis],) = fly(
-            vehicle, Doublet(axis=axis), seed=seed * len(AXES), recorder=recorder
-        )
-        if folder is not None:
-            write_record(records[axis], folder / "flights" / f"{axis}_doublet.parquet")
-    return records
-
-
-def sweep_coherence(record: FlightRecord, axis: str) -> float:
-    """Return the mean coherence between the swept stick and its motion, one flight alone."""
-    stick, motion = _RESPONSE[axis]
-    sweep = Sweep(axis=axis)
-    band = (max(1.0, sweep.omega[0]), 0.8 * sweep.omega[1])
-    frf = ident.frequency_response(record, inputs=stick, outputs=motion, band=band)
-    return float(np.mean(frf.coherence))
 
 
 def frequency_response(model: Model, flights: Flights) -> ident.FrequencyResponse:
@@ -232,25 +162,31 @@ def _usable_band(band: tuple[float, float], records: list[FlightRecord]) -> tupl
 
 
 def identify_model(
-    vehicle: Vehicle,
     model: Model,
     flights: Flights,
     *,
     before: Mapping[str, ComparisonTable] | None = None,
+    ground: GroundTests | None = None,
 ) -> ident.Fit:
     """Identify one model from the records.
 
     Args:
-        vehicle: whose gyro was set as known.
         model: to identify.
         flights: records by axis.
-        before: tables by name, whose identified values the model takes as known.
+        before: tables by name, whose identified values the model is given.
+        ground: tests by rig, whose findings the model is given.
     """
-    known = {name: (before or {})[table][name].identified for name, table in model.known.items()}
-    known |= {name: vehicle.parameters[setting] for name, setting in model.settings.items()}
-    structure = model.structure.with_fixed(known) if known else model.structure
+    given = {
+        name: _given(source, before or {}, ground or {}) for name, source in model.given.items()
+    }
     estimated = frequency_response(model, flights)
-    return ident.identify(estimated, structure, weighting=model.weighting)
+    return ident.identify(estimated, model.structure.with_fixed(given), weighting=model.weighting)
+
+
+def _given(source: Given, before: Mapping[str, ComparisonTable], ground: GroundTests) -> float:
+    if source.source in ground:
+        return ground[source.source][source.name].value
+    return before[source.source][source.name].identified
 
 
 def compare(
@@ -261,17 +197,23 @@ def compare(
     *,
     judge_paper: bool = True,
 ) -> ComparisonTable:
-    """Set an identified model beside the truth and the paper."""
-    truth = true_values(vehicle, model, recorder)
+    """Set an identified model beside the truth and the paper.
+
+    What the fit was given is listed apart, and judged where the model has a tolerance for it.
+    """
+    truth = true_values(vehicle, model, recorder, like=fit.data)
     paper = jr700.table(model.name)
-    found = [name for name in fit.values if name not in model.known]
-    rows = [_row(fit, name, truth, paper, model, judge_paper) for name in found]
+    found = [name for name in fit.values if name not in model.given or name in model.tolerances]
     return ComparisonTable(
         name=model.name,
         input=model.input,
         cost=fit.cost,
         band_rad_s=fit.band,
-        parameters=tuple(rows),
+        parameters=tuple(_row(fit, name, truth, paper, model, judge_paper) for name in found),
+        given=tuple(
+            GivenValue(name=name, unit=fit[name].unit, value=fit[name].value, source=one.source)
+            for name, one in model.given.items()
+        ),
     )
 
 
@@ -293,71 +235,40 @@ def _row(
             "tolerance_reason": tolerance.reason,
         }
         if judge_paper and published is not None:
-            percent, reason = paper_tolerance(published.cr_percent)
-            limits |= {"paper_tolerance_percent": percent, "paper_tolerance_reason": reason}
+            bound = model.paper_tolerance(name, published.cr_percent)
+            limits |= {
+                "paper_tolerance_percent": bound.percent,
+                "paper_tolerance_reason": bound.reason,
+            }
+    given = name in model.given
     return ParameterRow(
         name=name,
         unit=fitted.unit or (published.unit if published else ""),
         identified=fitted.value,
         truth=truth.get(name),
         paper=None if published is None else published.value,
-        cr_percent=fitted.cr_percent,
-        insensitivity_percent=fitted.insensitivity_percent,
+        cr_percent=None if given else fitted.cr_percent,
+        insensitivity_percent=None if given else fitted.insensitivity_percent,
         **limits,
     )
 
 
-def true_values(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str, float]:
-    """Return the true parameters of a model from the exact linearisation of the vehicle.
-
-    Delays are the servos' equivalent delay and the recorder's latencies. The overall yaw
-    model has no parameters of its own in the vehicle: its truth is the structure fitted to
-    the exact frequency response.
-    """
-    if model.settings:
-        gains = {name: vehicle.parameters[f"gyro.{name.lower()}"] for name in _GYRO_GAINS}
-        return {**gains, "tau_PED": vehicle.parameters["gyro.ped_latency"]}
-    if model.input == "IN2":
-        return _fitted_truth(vehicle, model, recorder)
-    late = recorder.latency
-    true = dict(vehicle.derivatives)
-    for delay, axis, motion in (
-        ("tau_r_base", "ped", "r"),
-        ("tau_lat", "lat", "p"),
-        ("tau_lon", "lon", "q"),
-        ("tau_col", "col", "w"),
-    ):
-        true[delay] = vehicle.servo_delay(axis) + late.get(motion, 0.0) - late.get(axis, 0.0)
-    return true
-
-
-def _fitted_truth(vehicle: Vehicle, model: Model, recorder: Recorder) -> dict[str, float]:
-    exact = exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200))
-    return dict(ident.identify(exact, model.structure, weighting=model.weighting).values)
-
-
-def exact_response(
-    vehicle: Vehicle, model: Model, recorder: Recorder, omega: NDArray[np.float64]
-) -> ident.FrequencyResponse:
-    """Return the exact response of a model's channels, recorder latencies included."""
-    linear = vehicle.linearize("IN2" if model.input == "IN2" else "IN1")
-    rows = [linear.system.output_labels.index(name) for name in model.outputs]
-    columns = [linear.system.input_labels.index(name) for name in model.inputs]
-    response = linear.response(omega)[np.ix_(rows, columns)]
-    for i, output in enumerate(model.outputs):
-        for j, input_ in enumerate(model.inputs):
-            late = recorder.latency.get(output, 0.0) - recorder.latency.get(input_, 0.0)
-            response[i, j] *= np.exp(-1j * omega * late)
-    return ident.FrequencyResponse.exact(
-        omega, response, inputs=model.inputs, outputs=model.outputs
+def _evidence(
+    vehicle: Vehicle,
+    model: Model,
+    fit: ident.Fit,
+    recorder: Recorder,
+    doublets: Mapping[str, FlightRecord],
+) -> Evidence:
+    unseen = {axis: doublets[axis] for axis in model.verified_by}
+    return Evidence(
+        model.name,
+        fit,
+        exact=exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200)),
+        note=model.note,
+        verification=ident.verify(fit, list(unseen.values())) if unseen else None,
+        verified_on=tuple(f"{axis}_doublet" for axis in unseen),
     )
-
-
-def named_records(flights: Flights) -> dict[str, FlightRecord]:
-    """Return all kept records by a name such as "lat_01"."""
-    return {
-        f"{axis}_{k + 1:02d}": record for axis in AXES for k, record in enumerate(flights[axis])
-    }
 
 
 def calibrated_text(name: str) -> str:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from helisim.errors import ModelError
+from helisim.exact import exact_response, true_values
 from helisim.experiment import ROLLPITCH_IN2, YAW_OVERALL, Model
 from helisim.ident.evaluate import response
-from helisim.pipeline import exact_response, true_values
 from helisim.reference import jr700
 from helisim.sim import Recorder
 from helisim.vehicle import Parameter, Parameters, Vehicle

@@ -18,7 +18,10 @@ from helisim.vehicle.motion import Motion, addresses, write_motion
 from helisim.vehicle.trim import place
 
 
-@pytest.mark.parametrize(("axis", "motion"), [("lat", "p"), ("lon", "q"), ("ped", "r")])
+@pytest.mark.parametrize(
+    ("axis", "motion"),
+    [("lat", "p"), ("lon", "q"), ("ped", "r"), ("lat", "q"), ("lon", "p")],
+)
 @pytest.mark.parametrize("timestep", [0.002, 0.001])
 def test_the_sampled_linear_model_is_what_flies(axis, motion, timestep):
     """Driven by the recorded sticks, the exact linear model moves as the nonlinear flight does."""

@@ -31,6 +31,9 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--jobs", type=int, metavar="J", help="threads (default: all processors)")
     command.add_argument("--timestep", type=float, metavar="S", help="of the simulation, s")
+    command.add_argument(
+        "--reuse", action="store_true", help="identify the flights in DIR again instead of flying"
+    )
     command.add_argument("--json", action="store_true", help="print results.json, no tables")
     add_common(command)
     command.set_defaults(run=_run)
@@ -39,6 +42,7 @@ def add(commands: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     from helisim import pipeline
     from helisim.experiment import MODELS
+    from helisim.flights import flights_in_all, named_records
     from helisim.output.run import read_run
     from helisim.output.tables import render_results, wants_color
     from helisim.storage import check_destination
@@ -47,7 +51,8 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError(f"--flights must be 1 or more, got {options.flights}")
     if options.rerun is not None:
         check_destination(options.rerun, (".rrd",))
-    steps = pipeline.flights_in_all(options.flights) + len(MODELS) + 1  # the report
+    flown = 0 if options.reuse else flights_in_all(options.flights)
+    steps = flown + len(MODELS) + 1  # the report
     with Progress(steps, options.quiet) as advance:
         results, flights = pipeline.reproduce(
             out=options.out,
@@ -57,6 +62,7 @@ def _run(options: argparse.Namespace) -> int:
             parameters=parameters(options),
             timestep=options.timestep,
             rotor=options.rerun is not None,
+            reuse=options.reuse,
             on_progress=advance,
         )
     if options.json:
@@ -66,6 +72,6 @@ def _run(options: argparse.Namespace) -> int:
         print(f"\nWritten: {options.out / 'results.json'}, records in {options.out / 'flights'}")
         print(f"Report: {options.out / 'report.html'}")
     if options.rerun is not None:
-        records = pipeline.named_records(flights)
+        records = named_records(flights)
         write_recording(options.rerun, records, run=read_run(options.out), quiet=options.json)
     return 1 if results.misses else 0

@@ -1,11 +1,17 @@
-"""The built-in structures, and transfer functions of any order.
+"""The built-in structures; transfer functions of any order beside them.
 
 Starts are orders of magnitude for a small helicopter, not results: a fit searches from
 several scattered points and solves the input gains from the data first.
 """
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.errors import UnknownNameError
 from helisim.ident.structure import Parameter, Structure
+from helisim.ident.transfer import (
+    delay_parameter,
+    first_order_delay,
+    second_order_delay,
+    transfer_function,
+)
 
 __all__ = [
     "BUILT_IN",
@@ -27,82 +33,8 @@ __all__ = [
 GRAVITY = 9.80665
 """Standard gravity, m/s^2."""
 
-_DELAY_BOUNDS = (-0.3, 0.3)
-"""s: wider than any sensor, servo or radio of a vehicle that can be flown."""
-
 _ROTOR_LAG_BOUNDS = (1e-3, 1.0)
 """s: from far below a rotor turn to far above any rotor's lag."""
-
-
-def transfer_function(
-    *,
-    zeros: int,
-    poles: int,
-    input: str,
-    output: str,
-    delay: str | None = "tau",
-    name: str | None = None,
-    frequency: float = 5.0,
-) -> Structure:
-    """Return (b_m s^m + ... + b0) e^(-tau s) / (s^n + a_(n-1) s^(n-1) + ... + a0).
-
-    Args:
-        zeros: order m of the numerator.
-        poles: order n of the denominator, at least m.
-        input: name of the input.
-        output: name of the output.
-        delay: name of the delay, of either sign; None for no delay.
-        name: name of the structure.
-        frequency: rad/s, where the poles are first looked for.
-    """
-    if poles < 0 or not 0 <= zeros <= poles:
-        raise InputError(
-            f"a transfer function has {zeros} zeros and {poles} poles; expected 0 <= zeros <= poles"
-        )
-    numerator = [Parameter(f"b{k}", "", 1.0, None, f"numerator, s^{k}") for k in range(zeros + 1)]
-    denominator = [
-        Parameter(f"a{k}", "1/s" if poles - k == 1 else f"1/s^{poles - k}", start, None, meaning)
-        for k in range(poles)
-        for start, meaning in [(_butterworth(poles, frequency)[k], f"denominator, s^{k}")]
-    ]
-    wait = [_delay(delay, "delay")] if delay else []
-    feed = f"b{poles}" if zeros == poles else "0"
-    gains = [f"b{k}" if k <= zeros and k < poles else "0" for k in range(poles)]
-    if zeros == poles:
-        gains = [f"b{k} - a{k}*b{poles}" for k in range(poles)]
-    # Observable form: the numerator enters G alone, so it is solved from the data first.
-    rows = []
-    for k in range(poles):
-        row = ["0"] * poles
-        row[poles - 1] = f"-a{k}"
-        if k > 0:
-            row[k - 1] = "1"
-        rows.append(tuple(row))
-    return Structure(
-        name=name or f"{output}_over_{input}",
-        meaning=f"transfer function with {zeros} zeros and {poles} poles",
-        parameters=(*reversed(numerator), *reversed(denominator), *wait),
-        states=tuple(f"x{k}" for k in range(poles)),
-        inputs=(input,),
-        outputs=(output,),
-        F=tuple(rows),
-        G=tuple((gain,) for gain in gains),
-        H0=(tuple("1" if k == poles - 1 else "0" for k in range(poles)),),
-        D=((feed,),),
-        input_delays={input: delay} if delay else {},
-    )
-
-
-def first_order_delay(*, input: str, output: str, name: str | None = None) -> Structure:
-    """Return b0 e^(-tau s) / (s + a0)."""
-    return transfer_function(zeros=0, poles=1, input=input, output=output, name=name)
-
-
-def second_order_delay(
-    *, input: str, output: str, zeros: int = 0, name: str | None = None
-) -> Structure:
-    """Return (b1 s + b0) e^(-tau s) / (s^2 + a1 s + a0); b1 only with `zeros=1`."""
-    return transfer_function(zeros=zeros, poles=2, input=input, output=output, name=name)
 
 
 def named(name: str) -> Structure:
@@ -113,27 +45,13 @@ def named(name: str) -> Structure:
         raise UnknownNameError("structure", name, BUILT_IN) from None
 
 
-def _butterworth(order: int, frequency: float) -> list[float]:
-    """Return the denominator's coefficients a0, a1, ... of well-damped poles."""
-    coefficients = {0: [], 1: [1.0], 2: [1.0, 2.0**0.5]}.get(order)
-    if coefficients is None:
-        coefficients = [1.0]
-        for k in range(order - 1):
-            coefficients.append(coefficients[-1] * (order - k) / (k + 1.0))
-    return [c * frequency ** (order - k) for k, c in enumerate(coefficients)]
-
-
-def _delay(name: str, meaning: str) -> Parameter:
-    return Parameter(name, "s", 0.0, _DELAY_BOUNDS, meaning, 0.03)
-
-
 heave = Structure(
     name="heave",
     meaning="vertical velocity over collective",
     parameters=(
         Parameter("Z_w", "1/s", -1.0, None, "heave damping"),
         Parameter("Z_col", "m/s^2", -10.0, None, "vertical acceleration by collective"),
-        _delay("tau_col", "delay from collective to vertical velocity"),
+        delay_parameter("tau_col", "delay from collective to vertical velocity"),
     ),
     states=("w",),
     inputs=("col",),
@@ -149,7 +67,7 @@ yaw_base = Structure(
     parameters=(
         Parameter("N_r", "1/s", -1.0, None, "yaw damping"),
         Parameter("N_ped", "1/s^2", 10.0, None, "yaw acceleration by pedal"),
-        _delay("tau_r_base", "delay from pedal to yaw rate"),
+        delay_parameter("tau_r_base", "delay from pedal to yaw rate"),
     ),
     states=("r",),
     inputs=("ped",),
@@ -168,8 +86,8 @@ _sway = {
     "P_v": Parameter(
         "P_v", "rad/(s m)", 0.0, None, "quasi-steady roll rate by side velocity", 0.02
     ),
-    "tau_r_base": _delay("tau_r_base", "delay from pedal to yaw rate"),
-    "tau_v": _delay("tau_v", "delay from pedal to side velocity"),
+    "tau_r_base": delay_parameter("tau_r_base", "delay from pedal to yaw rate"),
+    "tau_v": delay_parameter("tau_v", "delay from pedal to side velocity"),
 }
 
 
@@ -189,25 +107,64 @@ yaw_sway = Structure(
     constants={"g": GRAVITY},
 )
 
+_led = ("-k_a*(lead + lead_filter)/lead_filter", "k_a*lead/lead_filter")
+"""What the yaw gyro makes of the rate and of its lead's state: -k_a r, led."""
+
 yaw_gyro = Structure(
     name="yaw_gyro",
-    meaning="tail servo command over pedal stick: a PI yaw gyro around a known base helicopter "
-    "(fix N_r, N_ped and k_I: signals alone give the four gains up to one common factor)",
+    meaning="tail servo command over pedal stick: a PI yaw gyro with a lead on the rate, around "
+    "base helicopter and servo (fix N_ped and tau_r_base from the base model, the rest from "
+    "ground tests; signals alone give the four gains up to one common factor, so fix k_I)",
     parameters=(
-        Parameter("N_r", "1/s", -1.0, None, "yaw damping", fixed=True),
         Parameter("N_ped", "1/s^2", 10.0, None, "yaw acceleration by pedal", fixed=True),
+        Parameter(
+            "tau_r_base", "s", 0.05, None, "delay from pedal to recorded yaw rate", fixed=True
+        ),
+        Parameter(
+            "tau_r",
+            "s",
+            0.04,
+            None,
+            "by how much the yaw rate is recorded late; the rest "
+            "of tau_r_base is the servo's, inside the loop",
+            fixed=True,
+        ),
+        Parameter("lead", "s", 0.01, None, "the gyro's lead on the rate", fixed=True),
+        Parameter("lead_filter", "s", 0.003, None, "lag that makes the lead proper", fixed=True),
         Parameter("k_I", "1/s", 10.0, None, "integral gain", fixed=True),
         Parameter("k_p", "1", 1.0, None, "proportional gain"),
         Parameter("k_delta", "1", 1.0, None, "commanded rate by stick, in the gyro's unit"),
         Parameter("k_a", "s/rad", 0.1, None, "gyro's unit by yaw rate"),
-        _delay("tau_PED", "delay from pedal stick to gyro"),
+        delay_parameter("tau_PED", "delay from pedal stick to gyro"),
+        Parameter(
+            "N_r_slip",
+            "1/s",
+            -1.0,
+            None,
+            "yaw damping while the tail's thrust slips "
+            "the helicopter sideways: N_r (1 + I_zz / (m l^2)) for a tail at the arm l",
+        ),
     ),
-    states=("r", "x"),
+    # rate, the integral of its error, servo (two equal lags: no overshoot), the lead's filter
+    states=("r", "error", "behind", "servo", "slow"),
     inputs=("PED",),
     outputs=("ped",),
-    F=(("N_r - N_ped*k_p*k_a", "N_ped*k_I"), ("-k_a", "0")),
-    G=(("N_ped*k_p*k_delta",), ("k_delta",)),
-    H0=(("-k_p*k_a", "k_I"),),
+    M=(
+        ("1", "0", "0", "0", "0"),
+        ("0", "1", "0", "0", "0"),
+        ("0", "0", "(tau_r_base - tau_r)/2", "0", "0"),
+        ("0", "0", "0", "(tau_r_base - tau_r)/2", "0"),
+        ("0", "0", "0", "0", "lead_filter"),
+    ),
+    F=(
+        ("N_r_slip", "0", "0", "N_ped", "0"),
+        (_led[0], "0", "0", "0", _led[1]),
+        (f"k_p*({_led[0]})", "k_I", "-1", "0", f"k_p*{_led[1]}"),
+        ("0", "0", "1", "-1", "0"),
+        ("1", "0", "0", "0", "-1"),
+    ),
+    G=(("0",), ("k_delta",), ("k_p*k_delta",), ("0",), ("0",)),
+    H0=((f"k_p*({_led[0]})", "k_I", "0", "0", f"k_p*{_led[1]}"),),
     D=(("k_p*k_delta",),),
     input_delays={"PED": "tau_PED"},
 )
@@ -235,8 +192,8 @@ rollpitch = Structure(
         Parameter("A_lon", "rad", 0.1, None, "longitudinal flapping by longitudinal cyclic"),
         Parameter("B_lat", "rad", 0.1, None, "lateral flapping by lateral cyclic"),
         Parameter("B_lon", "rad", 0.0, None, "lateral flapping by longitudinal cyclic", 0.1),
-        _delay("tau_lat", "delay of lateral cyclic"),
-        _delay("tau_lon", "delay of longitudinal cyclic"),
+        delay_parameter("tau_lat", "delay of lateral cyclic"),
+        delay_parameter("tau_lon", "delay of longitudinal cyclic"),
     ),
     states=("p", "q", "a", "b"),
     inputs=("lat", "lon"),

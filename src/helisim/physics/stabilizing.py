@@ -26,11 +26,11 @@ def yaw_law(m, d, offsets, rotor_id, par, act, first, control, seen):
         par[PARAM.gyro_lead_filter],
         par[PARAM.gyro_lead_lag],
     )
-    # The state integrates what is held, by the trapezoidal rule; the integral of the lead's
-    # part of the rate is the lead times the filtered rate.
+    # The state integrates what is held, and half a period of the whole error makes the rule
+    # trapezoidal; the integral of the lead's part of the rate is the lead times the filtered rate.
     plain = par[PARAM.gyro_k_delta] * stick - par[PARAM.gyro_k_a] * r
     led = par[PARAM.gyro_k_a] * par[PARAM.gyro_lead] * act[first + STATE.gyro_r_lead]
-    integral = act[first + STATE.gyro_r_integral] - led + 0.5 * par[PARAM.gyro_period] * plain
+    integral = act[first + STATE.gyro_r_integral] - led + 0.5 * par[PARAM.gyro_period] * error
     integral *= par[PARAM.gyro_heading_lock]
     command = gyro.yaw_command(error, integral, par[PARAM.gyro_k_p], par[PARAM.gyro_k_i])
     return plain, lead_rate, command

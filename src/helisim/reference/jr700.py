@@ -17,7 +17,7 @@ Its known errors stay visible in the `source` of the value concerned:
 """
 
 from helisim.errors import UnknownNameError
-from helisim.reference.values import ReferenceTable, ReferenceValue
+from helisim.reference.values import ReferenceTable, ReferenceValue, TrendClaim
 from helisim.units import RAD_S_PER_RPM
 
 _MAIN_ROTOR_RPM = 1700.0
@@ -159,6 +159,27 @@ ROLLPITCH_IN2 = ReferenceTable(
     ),
 )
 """The same structure, from the sticks: the gyro is inside, and the values have no meaning alone."""
+
+CLAIMED_TAU_F_RISE_PERCENT = 37.0
+"""Section 3.2: "the rotor time constant is increased of 37%"."""
+
+CLAIMED_GYRO_RATIO = 0.6
+"""Section 3.2, of A_lon and of B_lat: "which matches with the gyro settings"."""
+
+TREND_CLAIMS = (
+    TrendClaim(
+        ("tau_f",), f"the rotor time constant is increased of {CLAIMED_TAU_F_RISE_PERCENT:g} %"
+    ),
+    TrendClaim(
+        ("A_lon", "B_lat"),
+        f"A_lon and B_lat, IN2 over IN1, are about {CLAIMED_GYRO_RATIO:g}",
+        CLAIMED_GYRO_RATIO,
+    ),
+    TrendClaim(("L_b", "M_a"), "L_b and M_a are increased in a certain degree"),
+    TrendClaim(("A_lat", "B_lon"), "the increasing trend is also fitted for A_lat and B_lon"),
+    TrendClaim((), "all the parameters increased a certain degree (conclusion 2)"),
+)
+"""Section 3.2 on Table 3, from [IN1 OUT] to [IN2 OUT]."""
 
 HEAVE = ReferenceTable(
     "heave",

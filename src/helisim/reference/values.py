@@ -28,6 +28,21 @@ class ReferenceValue:
 
 
 @dataclass(frozen=True)
+class TrendClaim:
+    """What the paper says in words about how parameters change from IN1 to IN2.
+
+    Attributes:
+        names: of the parameters; empty for all.
+        said: the paper's words, shortened.
+        ratio: of IN2 to IN1 that is to hold for each; None where the words are of a trend.
+    """
+
+    names: tuple[str, ...]
+    said: str
+    ratio: float | None = None
+
+
+@dataclass(frozen=True)
 class ReferenceTable:
     """The published numbers of one model, addressed by name.
 

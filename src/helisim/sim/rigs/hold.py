@@ -150,7 +150,7 @@ def hang(
         point: one of `suspension_points`.
         duration: s.
         seed: of the sensors.
-        recorder: the default `Recorder` if None.
+        recorder: the vehicle's own if None.
 
     Raises:
         UnknownNameError: no such point.
@@ -187,7 +187,7 @@ def _record(
 ) -> FlightRecord:
     if not isinstance(seed, int) or seed < 0:
         raise InputError(f"seed must be an integer, 0 or more, got {seed!r}")
-    recorder = recorder or Recorder()
+    recorder = recorder or Recorder.of(held)
     truth = read_truth(held, _run(held.model, key, control))
     provenance = {
         "made_by": "helisim, ground test",

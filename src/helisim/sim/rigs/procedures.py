@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import RecordError, UnknownNameError
 from helisim.physics.frames import flip
+from helisim.physics.gyro import held_lag
 from helisim.record import FlightRecord
 from helisim.sim.instruments import Recorder
 from helisim.sim.rigs.gains import loop_gains
@@ -42,7 +43,7 @@ class Finding:
         name: of the quantity.
         unit: SI.
         value: from the record.
-        truth: what the vehicle carries; None where a record's latency is in it.
+        truth: what the vehicle and its recorder carry; None where there is none.
         standard_error: of `value`; None where it is not estimated.
         how: one line.
     """
@@ -105,7 +106,12 @@ class RigTest:
 def run_rigs(
     vehicle: Vehicle, *, seed: int = 1, recorder: Recorder | None = None
 ) -> tuple[RigTest, ...]:
-    """Run bench, turntable and suspension, each using what the one before has found."""
+    """Run bench, turntable and suspension, each using what the one before has found.
+
+    No signal tells the gyro's four yaw gains apart beyond one common factor: the unit in which
+    the gyro counts its rate error. The convention is that k_delta has the value which the gyro
+    shows as its setting; bench and turntable then give the other three.
+    """
     k_delta = vehicle.parameters["gyro.k_delta"]
     bench = bench_test(vehicle, k_delta=k_delta, seed=seed, recorder=recorder)
     table = turntable_test(
@@ -126,14 +132,14 @@ def bench_test(
 
     The gyro answers the step with a jump of k_p k_delta and a ramp of k_I k_delta: the bench
     sees the two products and their ratio. The gain of the stick, k_delta, must come from
-    elsewhere; the paper has it from [IN2 IN1].
+    elsewhere: from the gyro's settings.
 
     Args:
         vehicle: to test.
         k_delta: gain of the pedal stick, 1.
         steps: the default `PedalSteps` if None.
         seed: of the sensors.
-        recorder: the default `Recorder` if None.
+        recorder: the vehicle's own if None.
 
     Raises:
         RecordError: the tail servo ran into its limit.
@@ -222,22 +228,25 @@ def turntable_test(
         k_i: from the bench, 1/s.
         sweep: the default `TableSweep` if None.
         seed: of the sensors.
-        recorder: the default `Recorder` if None.
+        recorder: the vehicle's own if None.
 
     Raises:
         RecordError: the tail servo ran into its limit.
     """
     sweep = sweep or TableSweep()
+    recorder = recorder or Recorder.of(vehicle)
     record = turn(hold(vehicle, "turntable"), sweep, seed=seed, recorder=recorder)
     _check_servo(record)
     true = vehicle.parameters
+    period = true["gyro.period"]
+    lead_filter = held_lag.py_func(true["gyro.lead_filter"], period) - 0.5 * period
     found = loop_gains(
         record,
         input="r",
         output="servo_tail",
         band=sweep.band,
         noisy="input",
-        lead_filter=true["gyro.lead_filter"],
+        lead_filter=lead_filter,
     )
     k_a = true["gyro.k_a"]
     return RigTest(
@@ -291,11 +300,19 @@ def turntable_test(
                 how="from the gain, which grows with frequency; its filter as set",
             ),
             Finding(
-                name="delay",
+                name="lead_filter",
                 unit="s",
-                value=found.delay,
+                value=lead_filter,
+                truth=lead_filter,
+                how="not measured: as the gyro documents it, sampled in the gyro's period",
+            ),
+            Finding(
+                name="tau_r",
+                unit="s",
+                value=-found.delay,
+                truth=recorder.latency.get("r", 0.0) - true["gyro.latency"],
                 standard_error=found.delay_error,
-                how="recorded rate to servo command; negative, because the rate is recorded late",
+                how="by how much the rate is recorded late, beside the servo command it causes",
             ),
         ),
     )
@@ -306,6 +323,7 @@ def suspension_test(
 ) -> RigTest:
     """Find the centre of gravity and the IMU's lever arm: hang the helicopter from two points."""
     held = hold(vehicle, "suspension")
+    recorder = recorder or Recorder.of(vehicle)
     points = suspension_points(held)
     records = {name: hang(held, name, seed=seed, recorder=recorder) for name in points}
     lines = [plumb_line(records[name], point) for name, point in points.items()]
@@ -316,9 +334,8 @@ def suspension_test(
     crossing = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
     gap = abs(np.cross(first, second) @ (lines[1].point - lines[0].point)) / np.sin(crossing)
     sensitivity = attitude_sensitivity(lines)
-    noise = (recorder or Recorder()).noise
-    worst = max(noise.get("phi", 0.0), noise.get("theta", 0.0))
-    samples = (recorder or Recorder()).rate_hz * REST
+    worst = max(recorder.noise.get("phi", 0.0), recorder.noise.get("theta", 0.0))
+    samples = recorder.rate_hz * REST
     allowed = _MILLIMETRE / sensitivity
     findings = [
         Finding(
