@@ -1,6 +1,5 @@
 """The flight record: what a flight computer writes and the identification reads."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from helisim.channels import Channel
 from helisim.errors import RecordError, UnknownNameError
+from helisim.provenance import plain
 
 _JITTER = 1e-6
 """A time step may differ from the mean by this fraction and still count as uniform:
@@ -42,7 +42,7 @@ class FlightRecord:
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "channels", channels)
-        object.__setattr__(self, "provenance", MappingProxyType(_jsonable(self.provenance)))
+        object.__setattr__(self, "provenance", MappingProxyType(plain(self.provenance)))
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """Return one channel, (n_time,). Raises UnknownNameError."""
@@ -111,13 +111,6 @@ def _read_only(array: ArrayLike) -> NDArray[np.float64]:
     copy = np.array(array, dtype=np.float64, order="C")
     copy.flags.writeable = False
     return copy
-
-
-def _jsonable(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    try:
-        return json.loads(json.dumps(dict(provenance), allow_nan=False))
-    except (TypeError, ValueError) as error:
-        raise RecordError(f"provenance must be plain JSON data: {error}") from None
 
 
 def _check_shapes(

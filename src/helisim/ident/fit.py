@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,13 @@ from scipy.optimize import least_squares
 from helisim.errors import InputError
 from helisim.ident.bounds import accuracy
 from helisim.ident.cost import Cost
-from helisim.ident.frf import FrequencyResponse
+from helisim.ident.fitted import FittedParameter
 from helisim.ident.points import Band, select
-from helisim.ident.result import Fit, FittedParameter
+from helisim.ident.response import FrequencyResponse
+from helisim.ident.result import Fit
 from helisim.ident.starts import starting_points
 from helisim.ident.structure import Structure
+from helisim.provenance import plain
 
 _APPROACH_STEPS = 60
 """Evaluations of the search through relative errors, which only has to find the valley."""
@@ -90,7 +92,17 @@ def identify(
     standardised = weighting == "error" and deviation is not None and bool(np.any(deviation > 0.0))
     if standardised and structure.free:
         best = _refine(cost, best)
-    return _result(frf, cost, best, agreeing, standardised)
+    options = plain(
+        {
+            "band_rad_s": dict(band) if isinstance(band, Mapping) else band,
+            "responses": responses,
+            "frequencies_per_response": frequencies_per_response,
+            "searches": searches,
+            "seed": seed,
+            "weighting": weighting,
+        }
+    )
+    return _result(frf, cost, best, agreeing, standardised, options)
 
 
 def _search(cost: Cost, searches: int, seed: int) -> tuple[Minimum, int]:
@@ -176,7 +188,12 @@ def _inside(x: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _result(
-    frf: FrequencyResponse, cost: Cost, best: Minimum, agreeing: int, standardised: bool
+    frf: FrequencyResponse,
+    cost: Cost,
+    best: Minimum,
+    agreeing: int,
+    standardised: bool,
+    options: Mapping[str, Any],
 ) -> Fit:
     structure, points = cost.structure, cost.points
     quality = accuracy(cost, best.x, standardised=standardised)
@@ -212,4 +229,5 @@ def _result(
         converged=best.converged,
         searches_agreeing=agreeing,
         data=frf,
+        options=options,
     )

@@ -106,6 +106,21 @@ def check_destination(path: str | PathLike[str], suffixes: tuple[str, ...] = SUF
     return path
 
 
+def make_folder(path: str | PathLike[str]) -> Path:
+    """Make a folder, and those above it, that files can be written to; return it.
+
+    Raises:
+        StorageError: it can't be made or written.
+    """
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise StorageError(f"can't make the folder {path}: {_reason(error)}") from None
+    check_destination(path / "probe.parquet")
+    return path
+
+
 @contextmanager
 def atomic_write(path: str | PathLike[str], *, keep: bool = True) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to, and put it in place at the end.
