@@ -1,12 +1,13 @@
 """Fits a structure to frequency responses: NAVFIT and DERIVID in one."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from helisim.errors import InputError
 from helisim.ident.bounds import accuracy
@@ -139,17 +140,7 @@ def _descend(cost: Cost, start: NDArray[np.float64]) -> Minimum:
     best: Minimum | None = None
     for unwrap in (True, False):
         origin = near.x if best is None else best.x
-        end = least_squares(
-            lambda x, unwrap=unwrap: cost.log(x, unwrap=unwrap),
-            _inside(origin, limits),
-            jac=cost.log_jacobian,  # pyright: ignore[reportArgumentType]
-            bounds=limits,
-            x_scale="jac",
-            ftol=1e-10,
-            xtol=1e-10,
-            gtol=1e-10,
-            max_nfev=300,
-        )
+        end = _minimum(partial(cost.log, unwrap=unwrap), cost.log_jacobian, origin, limits)
         wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
         if best is None or wrapped < best.cost:
             best = Minimum(end.x, wrapped, end.status > 0)
@@ -162,21 +153,31 @@ def _descend(cost: Cost, start: NDArray[np.float64]) -> Minimum:
 def _refine(cost: Cost, best: Minimum) -> Minimum:
     """Go on from a minimum of J to the one where each point counts by its own error."""
     limits = np.array([parameter.limits for parameter in cost.structure.free]).T
-    end = least_squares(
-        cost.standardised,
-        _inside(best.x, limits),
-        jac=cost.standardised_jacobian,  # pyright: ignore[reportArgumentType]
+    end = _minimum(cost.standardised, cost.standardised_jacobian, best.x, limits)
+    return Minimum(
+        end.x,
+        float(np.sum(cost.log(end.x, unwrap=False) ** 2)),
+        best.converged and end.status > 0,
+    )
+
+
+def _minimum(
+    residual: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    jacobian: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    origin: NDArray[np.float64],
+    limits: NDArray[np.float64],
+) -> OptimizeResult:
+    """Go from a point near a minimum to the minimum itself."""
+    return least_squares(
+        residual,
+        _inside(origin, limits),
+        jac=jacobian,  # pyright: ignore[reportArgumentType]
         bounds=limits,
         x_scale="jac",
         ftol=1e-10,
         xtol=1e-10,
         gtol=1e-10,
         max_nfev=300,
-    )
-    return Minimum(
-        end.x,
-        float(np.sum(cost.log(end.x, unwrap=False) ** 2)),
-        best.converged and end.status > 0,
     )
 
 

@@ -92,8 +92,12 @@ def check_all_there(samples: Samples) -> None:
     """Raise RecordError if a column has no number at all."""
     for column, values in zip(samples.columns, samples.values.T):
         if values.size and np.all(np.isnan(values)):
-            rows = f"{samples.counts}s {samples.rows[0]} to {samples.rows[-1]}"
-            raise RecordError(f"{samples.path}, column {column!r}, {rows}: no number at all")
+            raise _empty(samples, column)
+
+
+def _empty(samples: Samples, column: str) -> RecordError:
+    rows = f"{samples.counts}s {samples.rows[0]} to {samples.rows[-1]}"
+    return RecordError(f"{samples.path}, column {column!r}, {rows}: no number at all")
 
 
 def in_order(
@@ -228,9 +232,7 @@ def pieces(
     for column, values in zip(samples.columns, samples.values.T):
         known = np.flatnonzero(np.isfinite(values))
         if not known.size:
-            where = f"{samples.path}, column {column!r}"
-            rows = f"{samples.counts}s {samples.rows[0]} to {samples.rows[-1]}"
-            raise RecordError(f"{where}, {rows}: no number at all")
+            raise _empty(samples, column)
         steps = np.diff(time[known])
         limit = max_gap if max_gap is not None else _limit(steps)
         wide = np.flatnonzero(steps > limit)
