@@ -296,6 +296,44 @@ def test_a_model_is_verified_on_another_log(tmp_path, sweep_csv, capsys):
     assert main(["verify", str(model), str(wrong)]) == 1
 
 
+def test_a_part_of_a_log_is_used_and_known_again(tmp_path, sweep_csv, capsys):
+    """--from and --to cut a log; what a fit has seen can't verify it, wherever it is cut."""
+    path, model = sweep_csv(name="sweep.csv"), tmp_path / "model.json"
+    part = ["--from", "3", "--to", "20"]
+    options = ["--structure", "heave", "--json", str(model)]
+    assert main(["identify", str(path), *options, *part]) == 0
+    assert "from 3 s to 20 s" in capsys.readouterr().out
+    (log,) = json.loads(model.read_text())["logs"]
+    assert log["parts"][0]["start_s"] == pytest.approx(3.0)
+    assert log["parts"][0]["duration_s"] == pytest.approx(17.0)
+    assert "was used in the fit" in fails(capsys, "verify", model, path, "--from=6", "--to=12")
+    assert main(["verify", str(model), str(path), "--from", "20.1"]) == 0
+    capsys.readouterr()
+    for limits, says in (
+        (["--from", "500"], "0 samples from 500 s to the end, and the log goes from 0 to"),
+        (["--from", "50", "--to", "10"], "expected start < stop"),
+        (["--to", "nan"], "expected start < stop"),
+    ):
+        assert says in fails(capsys, "identify", path, *options, *limits)
+
+
+def test_a_reduction_is_kept_with_the_model(tmp_path, sweep_csv):
+    """--reduce --json has every attempt with its costs, and what the search was asked."""
+    own, model = tmp_path / "own.toml", tmp_path / "model.json"
+    needless = structures.heave.to_toml().replace('Z_w"', 'Z_w + K"')
+    own.write_text(needless + '[parameters.K]\nunit = "1/s"\nstart = 0.1\n')
+    options = ["--structure", str(own), "--reduce", "--seed", "3", "--json", str(model)]
+    assert main(["identify", str(sweep_csv()), *options]) == 0
+    found = json.loads(model.read_text())
+    assert len(found["reduction"]["steps"]) >= 1
+    first = found["reduction"]["steps"][0]
+    assert first["dropped"]
+    assert first["cost_after"] == pytest.approx(first["cost_before"], abs=0.1)  # K is Z_w again
+    asked = found["provenance"]["options"]
+    assert (asked["seed"], asked["weighting"], asked["searches"]) == (3, "error", 12)
+    assert load_fit(model).options == asked
+
+
 def test_a_damaged_model_is_refused(tmp_path, sweep_csv, capsys):
     """A model file that is cut or isn't one ends in one line with its name."""
     path, model = sweep_csv(), tmp_path / "model.json"
@@ -312,8 +350,11 @@ def test_frequency_responses_are_written(tmp_path, sweep_csv, capsys):
     files = ["--csv", str(out), "--json", str(data)]
     assert main(["frf", str(sweep_csv()), *arguments, *files]) == 0
     assert "w/col" in capsys.readouterr().out
-    with out.open() as file:
-        rows = list(csv.DictReader(file))
+    first, *lines = out.read_text().splitlines()
+    provenance = json.loads(first.removeprefix("# provenance: "))
+    assert provenance["band_rad_s"] == pytest.approx([1.5, 20.0])
+    assert provenance == json.loads(data.read_text())["provenance"]
+    rows = list(csv.DictReader(lines))
     middle = rows[len(rows) // 2]
     omega = float(middle["frequency [rad/s]"])
     gain = 20.0 * np.log10(abs(HEAVE["Z_col"]) / np.hypot(omega, HEAVE["Z_w"]))

@@ -1,10 +1,43 @@
-"""Where numbers come from, as plain data: checked, and compared."""
+"""Where numbers come from, as plain data: stated in every file, checked, and compared."""
 
 import json
+import platform
 from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from types import MappingProxyType
 from typing import Any
 
 from helisim.errors import RecordError
+
+_PROGRAMS = ("helisim", "mujoco", "numpy", "scipy", "numba", "control", "pyarrow")
+
+
+def made_by(what: str, **facts: Any) -> dict[str, Any]:
+    """Return the provenance of something that helisim made: by what, with which versions.
+
+    Args:
+        what: the part of helisim, such as "simulation".
+        facts: plain data that the result depends on: configuration, seed, model.
+    """
+    known = versions()
+    return {"made_by": f"helisim {known['helisim']}, {what}", "versions": dict(known), **facts}
+
+
+@cache
+def versions() -> Mapping[str, str]:
+    """Return the versions of all that numbers depend on, Python and the machine's kind too."""
+    found = {"python": platform.python_version(), "machine": f"{platform.system()} {_machine()}"}
+    for program in _PROGRAMS:
+        try:
+            found[program] = version(program)
+        except PackageNotFoundError:  # identification alone needs no simulator
+            found[program] = "none"
+    return MappingProxyType(found)
+
+
+def _machine() -> str:
+    return platform.machine() or "unknown"
 
 
 def plain(provenance: Mapping[str, Any]) -> dict[str, Any]:

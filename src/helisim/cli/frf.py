@@ -3,24 +3,14 @@
 import argparse
 import csv
 import json
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from helisim.cli.common import Progress, add_quiet, names
-from helisim.cli.identify import add_responses
-from helisim.cli.logs import (
-    MAP_HELP,
-    add_log_options,
-    band,
-    check_moving,
-    describe,
-    located,
-    read_logs,
-    reports,
-)
+from helisim.cli.common import Progress, add_quiet
+from helisim.cli.logs import MAP_HELP, add_log_options, describe, reports
+from helisim.cli.responses import Signals, add_responses, estimate
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse
@@ -53,41 +43,29 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.ident import frequency_response
     from helisim.ident.archive import response_to_dict
-    from helisim.ident.conditioning import CrossControlWarning
-    from helisim.storage import atomic_write, check_destination
+    from helisim.provenance import made_by
+    from helisim.storage import check_destination, write_json
 
-    inputs, outputs = names(options.inputs), names(options.outputs)
-    others, reference = names(options.conditioning), names(options.reference)
     for path, suffix in ((options.json, ".json"), (options.csv, ".csv")):
         if path is not None:
             check_destination(path, (suffix,))
-    wanted = tuple(dict.fromkeys((*inputs, *others, *reference, *outputs)))
-    with Progress(len(options.logs) + 1, options.quiet) as advance, warnings.catch_warnings():
-        warnings.simplefilter("ignore", CrossControlWarning)  # printed below
-        logs, records = read_logs(options, wanted, advance)
-        check_moving(logs, wanted)
-        with located(logs):
-            frf = frequency_response(
-                records,
-                inputs=inputs,
-                outputs=outputs,
-                band=band(options, records),
-                conditioning=others,
-                reference=reference,
-            )
-        advance("frequency responses")
+    with Progress(len(options.logs) + 1, options.quiet) as advance:
+        logs, _, frf = estimate(options, Signals.of(options), advance)
     print(f"{describe(logs)}\n")
     print("\n".join(_table(frf)))
+    provenance = made_by("frequency response", **frf.provenance)
     if options.json is not None:
-        data = {"format": FORMAT, "response": response_to_dict(frf), "logs": reports(logs)}
-        with atomic_write(options.json) as temporary:
-            temporary.write_text(json.dumps(data, allow_nan=False) + "\n", encoding="utf-8")
+        data = {
+            "format": FORMAT,
+            "response": response_to_dict(frf),
+            "logs": reports(logs),
+            "provenance": provenance,
+        }
+        write_json(data, options.json)
         print(f"Written: {options.json}")
     if options.csv is not None:
-        with atomic_write(options.csv) as temporary:
-            _write_csv(frf, temporary)
+        _write_csv(frf, provenance, options.csv)
         print(f"Written: {options.csv}")
     return 0
 
@@ -112,7 +90,10 @@ def _table(frf: "FrequencyResponse") -> list[str]:
     return lines + list(frf.flags)
 
 
-def _write_csv(frf: "FrequencyResponse", path: Path) -> None:
+def _write_csv(frf: "FrequencyResponse", provenance: dict[str, Any], path: Path) -> None:
+    """Write a comment with the provenance, the headings, and a line a frequency."""
+    from helisim.storage import atomic_write
+
     heads = ["frequency [rad/s]"]
     columns = [frf.frequency]
     for name in frf.pairs:
@@ -128,7 +109,11 @@ def _write_csv(frf: "FrequencyResponse", path: Path) -> None:
             magnitude = 20.0 * np.log10(np.abs(response))
         phase = np.degrees(np.unwrap(np.angle(response)))
         columns += [magnitude, phase, frf.coherence[o, i], frf.random_error[o, i]]
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with (
+        atomic_write(path) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as file,
+    ):
+        file.write(f"# provenance: {json.dumps(provenance, sort_keys=True)}\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(heads)
         writer.writerows(np.column_stack(columns).tolist())

@@ -1,24 +1,17 @@
 """`helisim identify`: from logs to a model with bounds."""
 
 import argparse
-import json
-import warnings
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from helisim.cli.common import Progress, add_quiet, named_numbers, names
-from helisim.cli.logs import (
-    MAP_HELP,
-    add_log_options,
-    band,
-    check_moving,
-    describe,
-    located,
-    read_logs,
-    reports,
-)
+from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, reports
+from helisim.cli.responses import Estimated, Signals, add_responses, estimate
 from helisim.cli.structures import find_structure
 from helisim.errors import InputError
+
+if TYPE_CHECKING:
+    from helisim.ident import Fit, Reduction, Structure
 
 _EPILOG = f"""\
 example:
@@ -82,103 +75,88 @@ def add(commands: Any) -> None:
     command.set_defaults(run=_run)
 
 
-def add_responses(command: argparse.ArgumentParser, *, required: bool) -> None:
-    """Add the options of which responses are estimated and how."""
-    default = "" if required else " (default: the structure's)"
-    command.add_argument(
-        "--inputs", required=required, metavar="A,B", help=f"channels that act{default}"
-    )
-    command.add_argument(
-        "--outputs", required=required, metavar="P,Q", help=f"channels that answer{default}"
-    )
-    command.add_argument(
-        "--conditioning", metavar="C,D", help="further inputs whose effect is removed"
-    )
-    command.add_argument(
-        "--reference",
-        metavar="A,B",
-        help="signals outside the loop, such as the sticks: joint input-output method, which "
-        "feedback and gusts don't bias",
-    )
-    command.add_argument(
-        "--band",
-        nargs=2,
-        type=float,
-        metavar=("LO", "HI"),
-        help="rad/s (default: what the records resolve)",
-    )
-
-
 def _run(options: argparse.Namespace) -> int:
-    from helisim.ident import frequency_response, identify, reduce
-    from helisim.ident.conditioning import CrossControlWarning
-    from helisim.storage import atomic_write, check_destination
+    from helisim.ident import identify, reduce
 
-    inputs, outputs = names(options.inputs), names(options.outputs)
-    structure = find_structure(options.structure, inputs, outputs)
+    structure, signals = _asked(options)
+    _check_destinations(options)
+    with Progress(len(options.logs) + 2, options.quiet) as advance:
+        estimated = estimate(options, signals, advance)
+        frf, reduction = estimated.response, None
+        search: dict[str, Any] = {
+            "responses": names(options.responses) or None,
+            "seed": options.seed,
+        }
+        with located(estimated.logs):
+            if options.reduce:
+                reduction = reduce(frf, structure, **search)
+                fit = reduction.fit
+            else:
+                fit = identify(frf, structure, **search)
+        advance("fit")
+    low, high = frf.frequency[[0, -1]]
+    print(describe(estimated.logs))
+    print(f"band {low:.4g} to {high:.4g} rad/s, {fit.method}\n")
+    if reduction is not None:
+        print(reduction)
+    print(fit)
+    _write(options, estimated, fit, reduction)
+    return 0 if fit.converged and fit.acceptable else 1
+
+
+def _asked(options: argparse.Namespace) -> "tuple[Structure, Signals]":
+    """Return the structure and the signals that the options name. Raises InputError."""
+    signals = Signals.of(options)
+    structure = find_structure(options.structure, signals.inputs, signals.outputs)
     if options.rename is not None:
         structure = structure.renamed(_renames(options.rename))
     structure = structure.with_starts(named_numbers("--start", options.start))
     structure = structure.with_fixed(named_numbers("--fix", options.fix))
-    inputs, outputs = inputs or structure.inputs, outputs or structure.outputs
-    others, reference = names(options.conditioning), names(options.reference)
-    _check_covered(structure.name, structure.inputs, inputs, "input")
-    _check_covered(structure.name, structure.outputs, outputs, "output")
-    for path, suffixes in (
-        (options.json, (".json",)),
-        (options.latex, (".tex",)),
-        (options.report, (".html",)),
+    signals = signals._replace(
+        inputs=signals.inputs or structure.inputs, outputs=signals.outputs or structure.outputs
+    )
+    _check_covered(structure.name, structure.inputs, signals.inputs, "input")
+    _check_covered(structure.name, structure.outputs, signals.outputs, "output")
+    return structure, signals
+
+
+def _check_destinations(options: argparse.Namespace) -> None:
+    from helisim.storage import check_destination
+
+    for path, suffix in (
+        (options.json, ".json"),
+        (options.latex, ".tex"),
+        (options.matlab, ".mat"),
+        (options.report, ".html"),
     ):
         if path is not None:
-            check_destination(path, suffixes)
-    if options.matlab is not None:
-        check_destination(options.matlab, (".mat",))
-    wanted = tuple(dict.fromkeys((*inputs, *others, *reference, *outputs)))
-    with Progress(len(options.logs) + 2, options.quiet) as advance, warnings.catch_warnings():
-        warnings.simplefilter("ignore", CrossControlWarning)  # the fit's text says it
-        logs, records = read_logs(options, wanted, advance)
-        check_moving(logs, wanted)
-        with located(logs):
-            edges = band(options, records)
-            frf = frequency_response(
-                records,
-                inputs=inputs,
-                outputs=outputs,
-                band=edges,
-                conditioning=others,
-                reference=reference,
-            )
-            advance("frequency responses")
-            responses = names(options.responses) or None
-            if options.reduce:
-                reduction = reduce(frf, structure, responses=responses, seed=options.seed)
-                fit, story = reduction.fit, f"{reduction}\n"
-            else:
-                fit = identify(frf, structure, responses=responses, seed=options.seed)
-                story = ""
-            advance("fit")
-    print(describe(logs))
-    print(f"band {edges[0]:.4g} to {edges[1]:.4g} rad/s, {fit.method}\n")
-    print(story + str(fit))
+            check_destination(path, (suffix,))
+
+
+def _write(
+    options: argparse.Namespace,
+    estimated: Estimated,
+    fit: "Fit",
+    reduction: "Reduction | None",
+) -> None:
+    """Write what was asked for, and say so."""
+    from helisim.output.report import write_fit_report
+    from helisim.storage import atomic_write, write_json
+
     if options.json is not None:
-        text = json.dumps({**fit.to_dict(), "logs": reports(logs)}, allow_nan=False)
-        with atomic_write(options.json) as temporary:
-            temporary.write_text(text + "\n", encoding="utf-8")
+        log = {} if reduction is None else {"reduction": reduction.log()}
+        write_json({**fit.to_dict(), **log, "logs": reports(estimated.logs)}, options.json)
     if options.latex is not None:
         with atomic_write(options.latex) as temporary:
             temporary.write_text(fit.to_latex(), encoding="utf-8")
     if options.matlab is not None:
-        with atomic_write(options.matlab) as temporary:
-            fit.to_matlab(temporary)
+        fit.to_matlab(options.matlab)
     if options.report is not None:
-        from helisim.output.report import write_fit_report
-
-        shown = {f"record {k + 1}": record for k, record in enumerate(records)}
+        shown = {f"record {k + 1}": record for k, record in enumerate(estimated.records)}
         write_fit_report(options.report, fit, records=shown)
     for path in (options.json, options.latex, options.matlab, options.report):
         if path is not None:
             print(f"Written: {path}")
-    return 0 if fit.converged and fit.acceptable else 1
 
 
 def _renames(text: str) -> dict[str, str]:

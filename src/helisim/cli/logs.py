@@ -4,33 +4,17 @@ import argparse
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from math import pi
 from pathlib import Path
+from textwrap import indent
 from typing import Any, NamedTuple
 
 from helisim.cli.common import names
 from helisim.errors import HelisimError, IdentificationError, InputError
 from helisim.logs import REPAIRS, Clock, Column, Log, Map, read_log
+from helisim.logs.mapping import EXAMPLE
 from helisim.record import FlightRecord
 
-_SAMPLES_A_PERIOD = 10.0
-"""The default band ends where a period still has so many samples."""
-
-MAP_HELP = """\
-a map is a TOML file:
-  [time]
-  column = "t"
-  unit = "us"
-  [channels.p]
-  column = "gyro_x"
-  unit = "deg/s"
-  sign = -1
-  [channels.lat]
-  column = "rc1"
-  unit = "us"       # pulses: (number - trim) / range
-  trim = 1520
-  range = 800
-"""
+MAP_HELP = "a map is a TOML file, such as\n" + indent(EXAMPLE, "  ")
 
 
 def add_log_options(command: argparse.ArgumentParser) -> None:
@@ -83,6 +67,20 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
         metavar="S",
         help="leave out shorter parts of a log that is split",
     )
+    group.add_argument(
+        "--from",
+        dest="from_time",
+        type=float,
+        metavar="S",
+        help="leave out what is before, s after the log's first sample",
+    )
+    group.add_argument(
+        "--to",
+        dest="to_time",
+        type=float,
+        metavar="S",
+        help="leave out what is after, s after the log's first sample",
+    )
 
 
 class Read(NamedTuple):
@@ -112,6 +110,8 @@ def read_logs(
             repair=repair,
             max_gap=options.max_gap,
             min_duration=options.min_duration,
+            start=options.from_time,
+            stop=options.to_time,
         )
         for name in wanted:
             if name not in log.records[0]:
@@ -122,17 +122,6 @@ def read_logs(
         logs.append(log)
         advance(path.name)
     return Read(tuple(logs), tuple(record for log in logs for record in log.records))
-
-
-def check_moving(logs: Sequence[Log], channels: Sequence[str]) -> None:
-    """Raise IdentificationError, with the places, if a channel is constant in every log."""
-    for name in channels:
-        columns = [record[name] for log in logs for record in log.records]
-        if all(float(one.max() - one.min()) <= 1e-12 * float(abs(one).max()) for one in columns):
-            places = "; ".join(log.where(name) for log in logs)
-            raise IdentificationError(
-                f"{places}: channel {name!r} is constant, so nothing can be identified from it"
-            )
 
 
 @contextmanager
@@ -149,26 +138,6 @@ def located(logs: Sequence[Log]) -> Iterator[None]:
             for log in logs
         ]
         raise IdentificationError(f"{'; '.join(places)}: {text}") from None
-
-
-def band(options: argparse.Namespace, records: Sequence[FlightRecord]) -> tuple[float, float]:
-    """Return --band, or what the records resolve: rad/s.
-
-    By default from one period in the longest window that the rules allow to ten samples a
-    period.
-    """
-    if options.band is not None:
-        return options.band[0], options.band[1]
-    durations = [record.duration for record in records]
-    window = min(min(durations) / 2.0, sum(durations) / 5.0)
-    low = 1.0001 * 2.0 * pi / window
-    high = 2.0 * pi / (_SAMPLES_A_PERIOD * max(record.sample_time for record in records))
-    if not low < high:
-        raise IdentificationError(
-            f"the records are too short: the shortest lasts {min(durations):.4g} s, which "
-            f"resolves frequencies from {low:.4g} rad/s, and its samples up to {high:.4g} rad/s"
-        )
-    return low, high
 
 
 def describe(logs: Sequence[Log]) -> str:

@@ -1,13 +1,11 @@
 """`helisim verify`: a model against records that no fit has seen."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 from helisim.cli.common import Progress, add_quiet
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, read_logs, reports
-from helisim.errors import InputError
 
 _EPILOG = f"""\
 example:
@@ -38,8 +36,9 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.ident import load_fit, verify
-    from helisim.ident.frf import fingerprint
-    from helisim.storage import atomic_write, check_destination
+    from helisim.ident.verify import check_unseen
+    from helisim.provenance import made_by
+    from helisim.storage import check_destination, write_json
 
     fit = load_fit(options.model)
     if options.json is not None:
@@ -48,19 +47,20 @@ def _run(options: argparse.Namespace) -> int:
     with Progress(len(options.logs) + 1, options.quiet) as advance:
         logs, records = read_logs(options, wanted, advance)
         for log in logs:
-            if any(fingerprint(record) in fit.data.sources for record in log.records):
-                raise InputError(
-                    f"{log.report.path}: was used in the fit, so it can't verify it; give a log "
-                    "that the fit has not seen"
-                )
+            for record in log.records:
+                check_unseen(fit, record, log.report.path)
         with located(logs):
             verification = verify(fit, records)
         advance("simulation")
     print(f"{describe(logs)}\n")
     print(verification)
     if options.json is not None:
-        data = {**verification.to_dict(), "model": str(options.model), "logs": reports(logs)}
-        with atomic_write(options.json) as temporary:
-            temporary.write_text(json.dumps(data, allow_nan=False) + "\n", encoding="utf-8")
+        data = {
+            **verification.to_dict(),
+            "model": str(options.model),
+            "logs": reports(logs),
+            "provenance": made_by("verification", fit=fit.provenance),
+        }
+        write_json(data, options.json)
         print(f"Written: {options.json}")
     return 0 if verification.acceptable else 1

@@ -6,9 +6,11 @@ Knows no simulator: a real flight log is identified by the same calls.
 from helisim.ident import structures
 from helisim.ident.conditioning import CrossControlWarning
 from helisim.ident.fit import identify
-from helisim.ident.frf import ClosedLoopWarning, FrequencyResponse, frequency_response
+from helisim.ident.fitted import FittedParameter
+from helisim.ident.frf import ClosedLoopWarning, frequency_response
 from helisim.ident.reduction import Reduction, reduce
-from helisim.ident.result import Fit, FittedParameter, load_fit
+from helisim.ident.response import FrequencyResponse
+from helisim.ident.result import Fit, load_fit
 from helisim.ident.structure import Parameter, Structure
 from helisim.ident.verify import Verification, verify
 

@@ -3,26 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 
 from helisim.errors import InputError
-from helisim.ident.frf import FrequencyResponse
-
-_PROGRAMS = ("helisim", "numpy", "scipy", "control")
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the programs that a result depends on."""
-    found = {}
-    for program in _PROGRAMS:
-        try:
-            found[program] = version(program)
-        except PackageNotFoundError:
-            continue
-    return found
+from helisim.ident.response import FrequencyResponse
 
 
 def response_to_dict(frf: FrequencyResponse) -> dict[str, Any]:

@@ -11,6 +11,7 @@ spectra minimise at each frequency
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,6 +131,15 @@ def _mean(values: NDArray, weight: NDArray[np.float64]) -> NDArray:
 Spectrum = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]
 
 
+class _Aim(NamedTuple):
+    """What the composite spectra shall meet: the mean spectra and coherence, and their units."""
+
+    target: NDArray[np.float64]
+    unit: NDArray[np.float64]
+    g2: NDArray[np.float64]
+    g2_unit: NDArray[np.float64]
+
+
 def _minimise(start: Spectrum, mean: Spectrum, g2: NDArray[np.float64]) -> Spectrum:
     """Minimise the composite cost over (Gxx, Gyy, Re Gxy, Im Gxy) at all frequencies at once.
 
@@ -147,12 +157,12 @@ def _minimise(start: Spectrum, mean: Spectrum, g2: NDArray[np.float64]) -> Spect
         ]
     )
     g2_unit = np.maximum(coherence(*start), 1e-6)
-    target = _pack(mean) / unit
+    aim = _Aim(_pack(mean) / unit, unit, g2, g2_unit)
     z = _pack(start) / unit
-    best, best_cost = z, _cost(z, target, unit, g2, g2_unit)
+    best, best_cost = z, _cost(z, aim)
     for _ in range(_SWEEPS):
-        z = z + _step(z, target, unit, g2, g2_unit)
-        cost = _cost(z, target, unit, g2, g2_unit)
+        z = z + _step(z, aim)
+        cost = _cost(z, aim)
         better = (cost < best_cost) & np.all(z[:2] > 0.0, axis=0)
         best = np.where(better, z, best)
         best_cost = np.where(better, cost, best_cost)
@@ -169,25 +179,15 @@ def _raw_coherence(z: NDArray[np.float64], unit: NDArray[np.float64]) -> NDArray
     return (real**2 + imaginary**2) / (gxx * gyy)
 
 
-def _cost(
-    z: NDArray[np.float64],
-    target: NDArray[np.float64],
-    unit: NDArray[np.float64],
-    g2: NDArray[np.float64],
-    g2_unit: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _cost(z: NDArray[np.float64], aim: _Aim) -> NDArray[np.float64]:
+    target, unit, g2, g2_unit = aim
     misfit = (_raw_coherence(z, unit) - g2) / g2_unit
     return np.sum((z - target) ** 2, axis=0) + _COHERENCE_WEIGHT * misfit**2
 
 
-def _step(
-    z: NDArray[np.float64],
-    target: NDArray[np.float64],
-    unit: NDArray[np.float64],
-    g2: NDArray[np.float64],
-    g2_unit: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _step(z: NDArray[np.float64], aim: _Aim) -> NDArray[np.float64]:
     """Return the Gauss-Newton step, by the Sherman-Morrison formula."""
+    target, unit, g2, g2_unit = aim
     now = _raw_coherence(z, unit)
     power = (z[2] * unit[2]) ** 2 + (z[3] * unit[3]) ** 2
     slope = np.stack(

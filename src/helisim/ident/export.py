@@ -1,5 +1,6 @@
 """A fit for others to read: text and LaTeX tables, and a MAT file."""
 
+import json
 import math
 from os import PathLike
 from typing import TYPE_CHECKING
@@ -10,7 +11,8 @@ from scipy.io import savemat
 from helisim.storage import atomic_write
 
 if TYPE_CHECKING:
-    from helisim.ident.result import Fit, FittedParameter
+    from helisim.ident.fitted import FittedParameter
+    from helisim.ident.result import Fit
 
 _LATEX_SPECIAL = {
     "\\": r"\textbackslash{}",
@@ -65,7 +67,7 @@ def latex_table(fit: "Fit", *, caption: str = "", label: str = "") -> str:
     It needs the package booktabs. The errors are residual-scaled standard errors; CR and
     insensitivity are in percent of the value.
     """
-    lines = [r"\begin{table}", r"\centering"]
+    lines = [f"% {json.dumps(fit.provenance)}", r"\begin{table}", r"\centering"]
     if caption:
         lines.append(rf"\caption{{{caption}}}")
     if label:
@@ -146,6 +148,7 @@ def write_matlab(fit: "Fit", path: str | PathLike[str]) -> None:
         "ParameterCramerRao": np.array([[one.cramer_rao] for one in free]).reshape(-1, 1),
         "ParameterStandardError": np.array([[one.standard_error] for one in free]).reshape(-1, 1),
         "AverageCost": fit.cost,
+        "Provenance": json.dumps(fit.provenance),
     }
     with atomic_write(path) as temporary, temporary.open("wb") as file:
         savemat(file, data, long_field_names=True)

@@ -1,21 +1,24 @@
 """Fits a structure to frequency responses: NAVFIT and DERIVID in one."""
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple, get_args
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from helisim.errors import InputError
 from helisim.ident.bounds import accuracy
 from helisim.ident.cost import Cost
-from helisim.ident.frf import FrequencyResponse
+from helisim.ident.fitted import FittedParameter
 from helisim.ident.points import Band, select
-from helisim.ident.result import Fit, FittedParameter
+from helisim.ident.response import FrequencyResponse
+from helisim.ident.result import Fit
 from helisim.ident.starts import starting_points
 from helisim.ident.structure import Structure
+from helisim.provenance import plain
 
 _APPROACH_STEPS = 60
 """Evaluations of the search through relative errors, which only has to find the valley."""
@@ -90,7 +93,17 @@ def identify(
     standardised = weighting == "error" and deviation is not None and bool(np.any(deviation > 0.0))
     if standardised and structure.free:
         best = _refine(cost, best)
-    return _result(frf, cost, best, agreeing, standardised)
+    options = plain(
+        {
+            "band_rad_s": dict(band) if isinstance(band, Mapping) else band,
+            "responses": responses,
+            "frequencies_per_response": frequencies_per_response,
+            "searches": searches,
+            "seed": seed,
+            "weighting": weighting,
+        }
+    )
+    return _result(frf, cost, best, agreeing, standardised, options)
 
 
 def _search(cost: Cost, searches: int, seed: int) -> tuple[Minimum, int]:
@@ -127,17 +140,7 @@ def _descend(cost: Cost, start: NDArray[np.float64]) -> Minimum:
     best: Minimum | None = None
     for unwrap in (True, False):
         origin = near.x if best is None else best.x
-        end = least_squares(
-            lambda x, unwrap=unwrap: cost.log(x, unwrap=unwrap),
-            _inside(origin, limits),
-            jac=cost.log_jacobian,  # pyright: ignore[reportArgumentType]
-            bounds=limits,
-            x_scale="jac",
-            ftol=1e-10,
-            xtol=1e-10,
-            gtol=1e-10,
-            max_nfev=300,
-        )
+        end = _minimum(partial(cost.log, unwrap=unwrap), cost.log_jacobian, origin, limits)
         wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
         if best is None or wrapped < best.cost:
             best = Minimum(end.x, wrapped, end.status > 0)
@@ -150,21 +153,31 @@ def _descend(cost: Cost, start: NDArray[np.float64]) -> Minimum:
 def _refine(cost: Cost, best: Minimum) -> Minimum:
     """Go on from a minimum of J to the one where each point counts by its own error."""
     limits = np.array([parameter.limits for parameter in cost.structure.free]).T
-    end = least_squares(
-        cost.standardised,
-        _inside(best.x, limits),
-        jac=cost.standardised_jacobian,  # pyright: ignore[reportArgumentType]
+    end = _minimum(cost.standardised, cost.standardised_jacobian, best.x, limits)
+    return Minimum(
+        end.x,
+        float(np.sum(cost.log(end.x, unwrap=False) ** 2)),
+        best.converged and end.status > 0,
+    )
+
+
+def _minimum(
+    residual: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    jacobian: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    origin: NDArray[np.float64],
+    limits: NDArray[np.float64],
+) -> OptimizeResult:
+    """Go from a point near a minimum to the minimum itself."""
+    return least_squares(
+        residual,
+        _inside(origin, limits),
+        jac=jacobian,  # pyright: ignore[reportArgumentType]
         bounds=limits,
         x_scale="jac",
         ftol=1e-10,
         xtol=1e-10,
         gtol=1e-10,
         max_nfev=300,
-    )
-    return Minimum(
-        end.x,
-        float(np.sum(cost.log(end.x, unwrap=False) ** 2)),
-        best.converged and end.status > 0,
     )
 
 
@@ -176,7 +189,12 @@ def _inside(x: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _result(
-    frf: FrequencyResponse, cost: Cost, best: Minimum, agreeing: int, standardised: bool
+    frf: FrequencyResponse,
+    cost: Cost,
+    best: Minimum,
+    agreeing: int,
+    standardised: bool,
+    options: Mapping[str, Any],
 ) -> Fit:
     structure, points = cost.structure, cost.points
     quality = accuracy(cost, best.x, standardised=standardised)
@@ -212,4 +230,5 @@ def _result(
         converged=best.converged,
         searches_agreeing=agreeing,
         data=frf,
+        options=options,
     )

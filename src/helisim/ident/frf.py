@@ -1,26 +1,24 @@
-"""The frequency response of a vehicle, estimated from its flight records."""
+"""Estimates the frequency response of a vehicle from its flight records."""
 
-import hashlib
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.errors import IdentificationError, InputError
 from helisim.ident.composite import Composite, compose, composite_noise, window_lengths
 from helisim.ident.conditioning import condition, cross_control, gate
+from helisim.ident.fingerprint import fingerprint, marks
+from helisim.ident.response import FrequencyResponse
 from helisim.ident.scatter import Scatter, WindowWeights
 from helisim.ident.spectra import Spectra, cross_spectra
 from helisim.record import FlightRecord
 
 POINTS_PER_DECADE = 80
 """Density of the frequency grid; 20 points of it a response go into a fit."""
-
-_USABLE_COHERENCE = 0.6
 
 _COMPARED = 8
 """Every so many frequencies the direct estimate is compared with the joint one."""
@@ -31,140 +29,9 @@ _LEAST_COHERENCE = 0.2
 _CHANCE = 12.0
 """A squared gap over its variance that chance exceeds once in 160 000 comparisons."""
 
-NOT_ARCHIVED = {"archived": False}
-"""Marks fields that are rebuilt from the records, not written to files."""
-
 
 class ClosedLoopWarning(UserWarning):
     """The direct and the joint estimate disagree, so the direct one is biased by feedback."""
-
-
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse:
-    """Frequency responses of named outputs to named inputs, with their quality. Read-only.
-
-    Attributes:
-        frequency: (n_freq,) rad/s, increasing.
-        response: (n_out, n_in, n_freq) output over input, in output unit per input unit.
-        coherence: (n_out, n_in, n_freq) partial coherence: 1 where the input, cleared of the
-            other inputs, explains the output.
-        multiple_coherence: (n_out, n_freq) share of the output that all inputs explain.
-        cross_control_coherence: (n_in, n_in, n_freq) coherence between inputs, best at 0.
-        random_error: (n_out, n_in, n_freq) standard deviation of the response's magnitude,
-            as a fraction of it, and of its phase in rad.
-        inputs, outputs: names.
-        input_units, output_units: units, SI.
-        conditioning: further inputs whose effect was removed.
-        reference: signals that the joint input-output method used; empty for the direct one.
-        windows: window lengths, s.
-        flags: warnings of the cross-control gate.
-        sources: a fingerprint of each record, so that a verification can't reuse one.
-        scatter: how the random errors at all points belong together, as far as records are
-            known; fits state their standard errors from it.
-        direct: with a reference, the direct estimate for comparison.
-    """
-
-    frequency: NDArray[np.float64]
-    response: NDArray[np.complex128]
-    coherence: NDArray[np.float64]
-    multiple_coherence: NDArray[np.float64]
-    cross_control_coherence: NDArray[np.float64]
-    random_error: NDArray[np.float64]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    input_units: tuple[str, ...]
-    output_units: tuple[str, ...]
-    conditioning: tuple[str, ...] = ()
-    reference: tuple[str, ...] = ()
-    windows: tuple[float, ...] = ()
-    flags: tuple[str, ...] = ()
-    sources: tuple[str, ...] = field(default=(), repr=False)
-    scatter: Scatter | None = field(default=None, repr=False, metadata=NOT_ARCHIVED)
-    direct: "FrequencyResponse | None" = field(default=None, repr=False, metadata=NOT_ARCHIVED)
-
-    def __post_init__(self) -> None:
-        n_out, n_in = len(self.outputs), len(self.inputs)
-        n_freq = np.size(self.frequency)
-        pair = (n_out, n_in, n_freq)
-        shapes = {
-            "frequency": (n_freq,),
-            "response": pair,
-            "coherence": pair,
-            "multiple_coherence": (n_out, n_freq),
-            "cross_control_coherence": (n_in, n_in, n_freq),
-            "random_error": pair,
-        }
-        for name, shape in shapes.items():
-            kind = np.complex128 if name == "response" else np.float64
-            array = np.array(getattr(self, name), dtype=kind)
-            if array.shape != shape:
-                raise InputError(f"{name} has shape {array.shape}, expected {shape}")
-            if not np.all(np.isfinite(array)):
-                raise InputError(f"{name} holds values that are not finite")
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        if n_freq == 0 or self.frequency[0] <= 0.0 or np.any(np.diff(self.frequency) <= 0.0):
-            raise InputError("frequency must be positive and increasing, in rad/s")
-
-    @classmethod
-    def exact(
-        cls,
-        frequency: ArrayLike,
-        response: ArrayLike,
-        *,
-        inputs: Sequence[str],
-        outputs: Sequence[str],
-        input_units: Sequence[str] | None = None,
-        output_units: Sequence[str] | None = None,
-    ) -> "FrequencyResponse":
-        """Return a response known without error, for example a model's: coherence is 1."""
-        response = np.asarray(response)
-        n_out, n_in, n_freq = len(outputs), len(inputs), np.size(frequency)
-        return cls(
-            frequency=np.asarray(frequency, dtype=np.float64),
-            response=response,
-            coherence=np.ones((n_out, n_in, n_freq)),
-            multiple_coherence=np.ones((n_out, n_freq)),
-            cross_control_coherence=np.repeat(np.eye(n_in)[:, :, None], n_freq, axis=2),
-            random_error=np.zeros((n_out, n_in, n_freq)),
-            inputs=tuple(inputs),
-            outputs=tuple(outputs),
-            input_units=tuple(input_units or ("",) * n_in),
-            output_units=tuple(output_units or ("",) * n_out),
-        )
-
-    def __repr__(self) -> str:
-        return (
-            f"FrequencyResponse({', '.join(self.outputs)} over {', '.join(self.inputs)}, "
-            f"{self.frequency.size} frequencies from {self.frequency[0]:.3g} to "
-            f"{self.frequency[-1]:.3g} rad/s)"
-        )
-
-    @property
-    def pairs(self) -> tuple[str, ...]:
-        """The responses by name, such as "p/lat", inputs changing fastest."""
-        return tuple(f"{output}/{input_}" for output in self.outputs for input_ in self.inputs)
-
-    def index(self, output: str, input_: str) -> tuple[int, int]:
-        """Return where a pair is in the arrays. Raises UnknownNameError."""
-        if output not in self.outputs:
-            raise UnknownNameError("output", output, self.outputs)
-        if input_ not in self.inputs:
-            raise UnknownNameError("input", input_, self.inputs)
-        return self.outputs.index(output), self.inputs.index(input_)
-
-    def usable(self, limit: float = _USABLE_COHERENCE) -> NDArray[np.bool_]:
-        """Return where the partial coherence reaches `limit`, (n_out, n_in, n_freq)."""
-        return self.coherence >= limit
-
-    def to_frd(self) -> control.FRD:
-        """Return the response as python-control's frequency response data."""
-        return control.FRD(
-            self.response,
-            self.frequency,
-            inputs=list(self.inputs),
-            outputs=list(self.outputs),
-        )
 
 
 def frequency_response(
@@ -219,6 +86,8 @@ def frequency_response(
     if reference_names:
         flags += gate(_cross_control(spectra, reference_names), reference_names, frequency)
 
+    seen = marks(flights, measured)
+
     def estimated(names: tuple[str, ...]) -> FrequencyResponse:
         composite, scatter = _estimate(spectra, wanted, measured, others, names, flights)
         return FrequencyResponse(
@@ -237,6 +106,7 @@ def frequency_response(
             windows=lengths,
             flags=flags,
             sources=tuple(fingerprint(flight) for flight in flights),
+            marks=seen,
             scatter=scatter,
         )
 
@@ -279,13 +149,6 @@ def disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> tuple[
     for flag in flags:
         warnings.warn(flag, ClosedLoopWarning, stacklevel=3)
     return tuple(flags)
-
-
-def fingerprint(record: FlightRecord) -> str:
-    """Return a short digest of a record's time and values."""
-    digest = hashlib.blake2b(record.time.tobytes(), digest_size=12)
-    digest.update(record.values.tobytes())
-    return digest.hexdigest()
 
 
 def as_names(names: str | Sequence[str] | None) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError, InputError, UnknownNameError
-from helisim.ident.frf import FrequencyResponse
+from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
 
 COHERENCE_LIMIT = 0.6

@@ -16,14 +16,10 @@ import numpy as np
 from helisim.errors import InputError
 from helisim.ident.evaluate import response
 from helisim.ident.fit import identify
-from helisim.ident.frf import FrequencyResponse
+from helisim.ident.fitted import CRAMER_RAO_LIMIT, INSENSITIVITY_LIMIT, FittedParameter
 from helisim.ident.points import Band
-from helisim.ident.result import (
-    CRAMER_RAO_LIMIT,
-    INSENSITIVITY_LIMIT,
-    Fit,
-    FittedParameter,
-)
+from helisim.ident.response import FrequencyResponse
+from helisim.ident.result import Fit
 from helisim.ident.structure import Structure
 
 ACCEPTED_RISE = 1.0
@@ -72,12 +68,14 @@ class Reduction:
         fit: the fit of the reduced one; parameters that were dropped are fixed at zero in it.
         steps: every attempt in order.
         protected: parameters that were poor but not tried, such as delays.
+        rise: of the average cost that was allowed.
     """
 
     full: Fit
     fit: Fit
     steps: tuple[Step, ...]
     protected: tuple[str, ...]
+    rise: float
 
     @property
     def structure(self) -> Structure:
@@ -107,9 +105,13 @@ class Reduction:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; a figure that isn't finite becomes None."""
+        return {"full": self.full.to_dict(), "fit": self.fit.to_dict(), **self.log()}
+
+    def log(self) -> dict[str, Any]:
+        """Return what was tried, without the fits, as plain data."""
         return {
-            "full": self.full.to_dict(),
-            "fit": self.fit.to_dict(),
+            "rise": self.rise,
+            "full_cost": self.full.cost,
             "steps": [
                 {
                     "parameter": step.parameter,
@@ -197,7 +199,7 @@ def reduce(
     poor = [one for one in now.poorly_identified if one in forbidden]
     if now is not full:
         now = min(fitted(now.structure, searches), now, key=lambda fit: fit.cost)
-    return Reduction(full=full, fit=now, steps=tuple(steps), protected=tuple(poor))
+    return Reduction(full=full, fit=now, steps=tuple(steps), protected=tuple(poor), rise=rise)
 
 
 def _worst(fit: Fit, tried: set[str]) -> tuple[FittedParameter, Reason, float] | None:

@@ -1,6 +1,5 @@
 """What a fit found: parameters by name with their accuracy, costs, verdicts and the model."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,23 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.archive import (
-    number_in,
-    number_out,
     response_from_dict,
     response_to_dict,
-    versions,
 )
 from helisim.ident.evaluate import matrices, response, state_space
 from helisim.ident.export import latex_table, text_table, write_matlab
-from helisim.ident.frf import FrequencyResponse
-from helisim.ident.structure import Parameter, Structure
+from helisim.ident.fitted import FittedParameter, parameter_from_dict, parameter_to_dict
+from helisim.ident.response import FrequencyResponse
+from helisim.ident.structure import Structure
+from helisim.provenance import versions
 from helisim.storage import read_json, write_json
-
-CRAMER_RAO_LIMIT = 20.0
-"""Percent of the value above which a Cramér-Rao bound says "poorly identified"."""
-
-INSENSITIVITY_LIMIT = 10.0
-"""Percent of the value above which an insensitivity says "poorly identified"."""
 
 FORMAT = "helisim fit, version 1"
 """What `Fit.to_dict` writes and `Fit.from_dict` reads."""
@@ -42,76 +34,6 @@ ACCEPTABLE_COST = 100.0
 EXCELLENT_COST = 50.0
 ACCEPTABLE_SINGLE_COST = 200.0
 """Limits of the average cost and of a single response's (Tischler and Remple)."""
-
-
-@dataclass(frozen=True, eq=False)
-class FittedParameter:
-    """One parameter's value and accuracy, in its unit.
-
-    Attributes:
-        definition: name, unit, start, bounds and meaning.
-        value: what the fit found, or the fixed value.
-        cramer_rao: CR, the spread to expect, with Tischler and Remple's factor 2.
-        insensitivity: I, how far the value can move with little effect on the cost.
-        standard_error: standard deviation estimated from the residuals.
-        at_bound: the fit ended at a bound, so the value is the bound's, not the data's.
-    """
-
-    definition: Parameter
-    value: float
-    cramer_rao: float
-    insensitivity: float
-    standard_error: float
-    at_bound: bool
-
-    @property
-    def name(self) -> str:
-        """The parameter's name."""
-        return self.definition.name
-
-    @property
-    def unit(self) -> str:
-        """The parameter's unit."""
-        return self.definition.unit
-
-    @property
-    def fixed(self) -> bool:
-        """Whether the parameter was kept at a given value."""
-        return self.definition.fixed
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The 95 % interval, 1.96 standard errors either way."""
-        return (
-            self.value - 1.96 * self.standard_error,
-            self.value + 1.96 * self.standard_error,
-        )
-
-    @property
-    def cr_percent(self) -> float:
-        """The Cramér-Rao bound in percent of the value."""
-        return _percent(self.cramer_rao, self.value)
-
-    @property
-    def insensitivity_percent(self) -> float:
-        """The insensitivity in percent of the value."""
-        return _percent(self.insensitivity, self.value)
-
-    @property
-    def poorly_identified(self) -> bool:
-        """Whether CR exceeds 20 % or the insensitivity 10 % of the value."""
-        return not self.fixed and (
-            self.cr_percent > CRAMER_RAO_LIMIT or self.insensitivity_percent > INSENSITIVITY_LIMIT
-        )
-
-    @property
-    def verdict(self) -> str:
-        """One or two words about this parameter."""
-        if self.fixed:
-            return "fixed"
-        if self.at_bound:
-            return "at bound"
-        return "poor" if self.poorly_identified else "good"
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +50,7 @@ class Fit:
         converged: the search ended at a minimum, not at its limit of steps.
         searches_agreeing: how many starts ended in this minimum; 1 says to look closer.
         data: the frequency response that was fitted.
+        options: how `identify` was called, as plain data.
         versions: the programs that computed the fit, by name.
     """
 
@@ -140,13 +63,14 @@ class Fit:
     converged: bool
     searches_agreeing: int
     data: FrequencyResponse
+    options: Mapping[str, Any] = field(default_factory=dict, repr=False)
     versions: Mapping[str, str] = field(default_factory=versions, repr=False)
 
     def __post_init__(self) -> None:
         correlation = np.array(self.correlation, dtype=np.float64)
         correlation.flags.writeable = False
         object.__setattr__(self, "correlation", correlation)
-        for name in ("parameters", "costs", "bands", "versions"):
+        for name in ("parameters", "costs", "bands", "options", "versions"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __getitem__(self, name: str) -> FittedParameter:
@@ -259,19 +183,16 @@ class Fit:
 
     @property
     def method(self) -> str:
-        """How the response was estimated: "joint input-output" with references, or "direct"."""
-        return "joint input-output" if self.data.reference else "direct"
+        """How the response was estimated: "joint input-output" or "direct"."""
+        return self.data.method
 
     @property
     def provenance(self) -> dict[str, Any]:
         """From what and with what the fit was computed, as plain data."""
         return {
-            "method": self.method,
-            "records": list(self.data.sources),
-            "windows_s": list(self.data.windows),
+            **self.data.provenance,
             "band_rad_s": list(self.band),
-            "conditioning": list(self.data.conditioning),
-            "reference": list(self.data.reference),
+            "options": dict(self.options),
             "versions": dict(self.versions),
         }
 
@@ -283,7 +204,7 @@ class Fit:
         return {
             "format": FORMAT,
             "structure": self.structure.to_dict(),
-            "parameters": [_parameter_to_dict(one) for one in self.parameters.values()],
+            "parameters": [parameter_to_dict(one) for one in self.parameters.values()],
             "correlation": self.correlation.tolist(),
             "correlated": [list(pair) for pair in self.correlated],
             "cost": self.cost,
@@ -317,7 +238,7 @@ class Fit:
             )
         try:
             structure = Structure.from_dict(data["structure"])
-            parameters = [_parameter_from_dict(structure, one) for one in data["parameters"]]
+            parameters = [parameter_from_dict(structure, one) for one in data["parameters"]]
             return cls(
                 structure=structure,
                 parameters={one.name: one for one in parameters},
@@ -333,6 +254,7 @@ class Fit:
                 converged=bool(data["converged"]),
                 searches_agreeing=int(data["searches_agreeing"]),
                 data=response_from_dict(data["data"]),
+                options=data["provenance"].get("options", {}),
                 versions=data["provenance"]["versions"],
             )
         except KeyError as error:
@@ -360,12 +282,6 @@ class Fit:
         write_matlab(self, path)
 
 
-def _percent(part: float, whole: float) -> float:
-    if part == 0.0:
-        return 0.0
-    return 100.0 * part / abs(whole) if whole != 0.0 else math.inf
-
-
 def load_fit(path: str | PathLike[str]) -> Fit:
     """Read a fit that `Fit.save` wrote.
 
@@ -379,30 +295,3 @@ def load_fit(path: str | PathLike[str]) -> Fit:
     except InputError as error:
         error.args = (f"{path}: {error}",)
         raise
-
-
-def _parameter_to_dict(one: FittedParameter) -> dict[str, Any]:
-    return {
-        "name": one.name,
-        "unit": one.unit,
-        "value": one.value,
-        "cramer_rao": number_out(one.cramer_rao),
-        "insensitivity": number_out(one.insensitivity),
-        "cr_percent": number_out(one.cr_percent),
-        "insensitivity_percent": number_out(one.insensitivity_percent),
-        "standard_error": number_out(one.standard_error),
-        "fixed": one.fixed,
-        "at_bound": one.at_bound,
-        "poorly_identified": one.poorly_identified,
-    }
-
-
-def _parameter_from_dict(structure: Structure, one: Mapping[str, Any]) -> FittedParameter:
-    return FittedParameter(
-        definition=structure.parameter(one["name"]),
-        value=float(one["value"]),
-        cramer_rao=number_in(one["cramer_rao"]),
-        insensitivity=number_in(one["insensitivity"]),
-        standard_error=number_in(one["standard_error"]),
-        at_bound=bool(one["at_bound"]),
-    )

@@ -15,13 +15,17 @@ from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError, InputError
 from helisim.ident.evaluate import matrices
-from helisim.ident.frf import fingerprint
+from helisim.ident.fingerprint import fingerprint, share_known
 from helisim.ident.result import Fit
 from helisim.ident.simulation import delayed, simulate
 from helisim.record import FlightRecord
 
 ACCEPTABLE_TIC = 0.25
 """Theil's coefficient up to which a model predicts well (Tischler and Remple)."""
+
+_SHARED = 0.25
+"""A record of whose samples the fit knows more is no new one. Less is what two simulated flights
+without noise share while both are still in trim."""
 
 _INTEGRATES = 1e8
 """Condition number of A from which the model integrates, so that an input's trim is a drift;
@@ -154,11 +158,7 @@ def verify(fit: Fit, records: FlightRecord | Sequence[FlightRecord]) -> Verifica
     if not flights:
         raise InputError("no records were given; expected at least one FlightRecord")
     for position, flight in enumerate(flights):
-        if fingerprint(flight) in fit.data.sources:
-            raise InputError(
-                f"record {position} was used in the fit, so it can't verify it; "
-                "give a record that no fit has seen"
-            )
+        check_unseen(fit, flight, f"record {position}")
     traces = tuple(_trace(fit, flight) for flight in flights)
     trims = [np.mean(trace.measured, axis=0) for trace in traces]
     measured = np.concatenate([trace.measured - trim for trace, trim in zip(traces, trims)])
@@ -175,6 +175,21 @@ def verify(fit: Fit, records: FlightRecord | Sequence[FlightRecord]) -> Verifica
         j_rms_by_output=dict(zip(outputs, rms.tolist())),
         tic_by_output=dict(zip(outputs, tic.tolist())),
     )
+
+
+def check_unseen(fit: Fit, record: FlightRecord, name: str) -> None:
+    """Raise InputError, with the record's name, if the fit has seen it or more than a part.
+
+    A part of a record is known by its unchanged samples, wherever it was cut: not when it was
+    resampled or filtered otherwise than for the fit, nor when it lasts only a few seconds.
+    """
+    share = share_known(record, fit.structure.outputs, fit.data.marks)
+    if share > _SHARED or fingerprint(record) in fit.data.sources:
+        part = "" if share == 0.0 else f" (about {100.0 * share:.0f} % of its samples)"
+        raise InputError(
+            f"{name}: was used in the fit{part}, so it can't verify it; "
+            "give a record that no fit has seen"
+        )
 
 
 def _trace(fit: Fit, flight: FlightRecord) -> Trace:

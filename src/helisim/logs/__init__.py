@@ -5,8 +5,9 @@ refused with the row's number, or repaired where the user asked for it, and ever
 in the report and in the record's provenance.
 """
 
+from helisim.logs.log import Log
 from helisim.logs.mapping import Clock, Column, Layout, Map
-from helisim.logs.read import REPAIRS, Log, read_log
+from helisim.logs.read import REPAIRS, read_log
 from helisim.logs.report import Finding, LogReport
 from helisim.logs.units import UNITS
 

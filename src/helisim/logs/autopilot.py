@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, RecordError, StorageError
+from helisim.errors import InputError, StorageError
 from helisim.logs.mapping import Clock
 from helisim.logs.report import Finding
-from helisim.logs.source import MAX_COLUMNS, place
+from helisim.logs.source import MAX_COLUMNS, check_no_infinity
 from helisim.logs.units import is_unit
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"
@@ -84,10 +84,7 @@ class TopicLog:
     def numbers(self, name: str) -> NDArray[np.float64]:
         """Return a column, (n_time,). Raises RecordError if a number is infinite."""
         values = self._columns[name][1]
-        infinite = np.flatnonzero(np.isinf(values))
-        if infinite.size:
-            where = place(self.path, self.counts, int(infinite[0]), name)
-            raise RecordError(f"{where}: {values[infinite[0]]} is not finite")
+        check_no_infinity(self.path, self.counts, name, values)
         return values
 
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:

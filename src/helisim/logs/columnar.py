@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from helisim.errors import RecordError, StorageError
 from helisim.logs.mapping import Clock, split_heading
 from helisim.logs.report import Finding
-from helisim.logs.source import MAX_COLUMNS, place
+from helisim.logs.source import MAX_COLUMNS, check_no_infinity, place
 from helisim.logs.text import time_column
 from helisim.logs.units import DATES, TIME_UNITS, is_unit
 from helisim.storage.parquet import read_table
@@ -73,10 +73,7 @@ class ParquetLog:
         except pa.ArrowException as error:
             raise StorageError(f"{self.path}, column {name!r}: {error}") from None
         values = np.array(values, dtype=np.float64)
-        infinite = np.flatnonzero(np.isinf(values))
-        if infinite.size:
-            where = place(self.path, self.counts, int(infinite[0]), name)
-            raise RecordError(f"{where}: {values[infinite[0]]} is not finite")
+        check_no_infinity(self.path, self.counts, name, values)
         return values
 
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:

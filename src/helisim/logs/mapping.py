@@ -1,5 +1,19 @@
-"""Which column of a log is which channel: as values, or from a small TOML file.
+"""Which column of a log is which channel: as values, or from a small TOML file; see EXAMPLE."""
 
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from os import PathLike
+from types import MappingProxyType
+from typing import Any
+
+from helisim.channels import CHANNELS, Channel
+from helisim.errors import InputError, UnknownNameError
+from helisim.logs.units import PULSE, TIME_UNITS, check_same, is_unit, time_unit, unit
+from helisim.storage import read_toml
+
+EXAMPLE = """\
 [time]
 column = "t"
 unit = "us"
@@ -19,19 +33,7 @@ range = 800
 delimiter = ";"
 decimal = ","
 """
-
-import math
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from os import PathLike
-from types import MappingProxyType
-from typing import Any
-
-from helisim.channels import CHANNELS, Channel
-from helisim.errors import InputError, UnknownNameError
-from helisim.logs.units import PULSE, TIME_UNITS, check_same, is_unit, time_unit, unit
-from helisim.storage import read_toml
+"""A map as a file."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +212,7 @@ class Map:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Map":
-        """Read a map from plain data, as a TOML file holds it; see the module.
+        """Read a map from plain data, as a TOML file holds it; see `EXAMPLE`.
 
         Raises:
             InputError: a key is unknown, missing or of the wrong kind.
@@ -230,7 +232,7 @@ class Map:
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Map":
-        """Read a map from a TOML file; see the module.
+        """Read a map from a TOML file; see `EXAMPLE`.
 
         Raises:
             StorageError: the file can't be read or isn't TOML.

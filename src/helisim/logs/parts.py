@@ -36,12 +36,14 @@ class Options(NamedTuple):
         repairs: what may be done.
         max_gap: the longest step that is no gap, s; None for 4.5 median steps.
         min_duration: shorter parts are left out, s.
+        limits: samples before the one and after the other are left out, s.
     """
 
     rate: float | None
     repairs: frozenset[str]
     max_gap: float | None
     min_duration: float
+    limits: tuple[float, float]
 
 
 def tidied(

@@ -1,9 +1,8 @@
 """Reads a log: columns to channels, units to SI, gaps and clocks to records."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +18,15 @@ from helisim.logs.autopilot import (
 )
 from helisim.logs.columnar import MAGIC as PARQUET_MAGIC
 from helisim.logs.columnar import ParquetLog
+from helisim.logs.log import Log, made_log, passband, steps
 from helisim.logs.mapping import Clock, Column, Map, find_column, split_heading
-from helisim.logs.parts import Cut, Options, cut, tidied, unwrapped
+from helisim.logs.parts import Options, cut, tidied, unwrapped
 from helisim.logs.report import OURS, Finding, LogReport
-from helisim.logs.resample import (
-    PASSBAND,
-    check_rate,
-)
+from helisim.logs.resample import check_rate
 from helisim.logs.source import Source, digest, place, read_log_bytes
 from helisim.logs.text import TIME_NAMES, TextLog
-from helisim.logs.timing import (
-    Samples,
-)
-from helisim.record import FlightRecord
+from helisim.logs.timing import Samples, within
+from helisim.provenance import made_by
 from helisim.storage import read_record
 
 REPAIRS: dict[str, str] = {
@@ -47,47 +42,6 @@ REPAIRS: dict[str, str] = {
 _OURS_CSV = b"# helisim flight record"
 
 
-@dataclass(frozen=True, eq=False)
-class Log:
-    """A log that was read.
-
-    Attributes:
-        records: one for each uninterrupted part.
-        report: how they were made.
-        headings: channel -> the column that it comes from.
-    """
-
-    records: tuple[FlightRecord, ...]
-    report: LogReport
-    headings: Mapping[str, str]
-
-    @property
-    def record(self) -> FlightRecord:
-        """The record of a log that has one part. Raises RecordError if it has several."""
-        if len(self.records) != 1:
-            raise RecordError(
-                f"{self.report.path}: has {len(self.records)} parts; use `records`, which "
-                "frequency_response and verify accept"
-            )
-        return self.records[0]
-
-    def where(self, channel: str) -> str:
-        """Return where a channel comes from: file, column and rows."""
-        parts, counts = self.report.parts, self.report.counts
-        column = self.headings.get(channel, channel)
-        rows = f"{counts}s {parts[0].first_row} to {parts[-1].last_row}"
-        return f"{self.report.path}, column {column!r}, {rows}"
-
-    def check_uniform(self) -> None:
-        """Raise RecordError, with the row and what to do, unless every record is uniform."""
-        for part in self.report.parts:
-            if part.uneven:
-                raise RecordError(
-                    f"{part.uneven} s: samples must be uniform; resample them, such as at "
-                    f"{_round_rate(self.report.step[1]):g} Hz (--resample HZ)"
-                )
-
-
 def read_log(
     path: str | Path,
     *,
@@ -97,6 +51,8 @@ def read_log(
     repair: Iterable[str] = (),
     max_gap: float | None = None,
     min_duration: float = 0.0,
+    start: float | None = None,
+    stop: float | None = None,
 ) -> Log:
     """Read a flight log by any program.
 
@@ -114,6 +70,8 @@ def read_log(
         max_gap: the longest time between samples that is no gap, s; by default 4.5 median
             steps.
         min_duration: shorter parts are left out, s, and the report says so.
+        start: samples before it are left out, s after the log's first one.
+        stop: samples after it are left out, s after the log's first one.
 
     Raises:
         StorageError: the file can't be read, or holds what isn't a number.
@@ -121,7 +79,7 @@ def read_log(
         InputError: a column, unit or option doesn't exist.
     """
     path = Path(path)
-    options = _options(resample_hz, repair, max_gap, min_duration)
+    options = _options(resample_hz, repair, max_gap, min_duration, (start, stop))
     data = read_log_bytes(path)
     mapped = isinstance(channels, Map | Mapping)
     if not mapped and _is_ours(data):
@@ -149,7 +107,11 @@ def _named(path: Path, error: HelisimError) -> HelisimError:
 
 
 def _options(
-    rate: float | None, repair: Iterable[str], max_gap: float | None, min_duration: float
+    rate: float | None,
+    repair: Iterable[str],
+    max_gap: float | None,
+    min_duration: float,
+    limits: tuple[float | None, float | None],
 ) -> Options:
     names = frozenset((repair,) if isinstance(repair, str) else repair)
     for name in sorted(names):
@@ -161,7 +123,12 @@ def _options(
         raise InputError(f"max_gap is {max_gap}, expected a time in s")
     if not 0.0 <= min_duration < np.inf:
         raise InputError(f"min_duration is {min_duration}, expected a time in s")
-    return Options(None if rate is None else check_rate(rate), names, max_gap, min_duration)
+    start = -np.inf if limits[0] is None else limits[0]
+    stop = np.inf if limits[1] is None else limits[1]
+    if not start < stop:
+        raise InputError(f"the log's limits are {start:g} and {stop:g} s, expected start < stop")
+    rate = None if rate is None else check_rate(rate)
+    return Options(rate, names, max_gap, min_duration, (start, stop))
 
 
 def _as_map(
@@ -245,6 +212,7 @@ def _from_ours(path: Path, fingerprint: str, options: Options) -> Log:
         path, "row", np.arange(len(record)), record.time, record.values, record.names, "time"
     )
     findings: list[Finding] = []
+    samples = within(samples, record.time[0] + np.array(options.limits), findings)
     made = (cut((samples,), options, findings),)
     report = LogReport(
         path=str(path),
@@ -255,16 +223,16 @@ def _from_ours(path: Path, fingerprint: str, options: Options) -> Log:
         columns={channel.name: f"as recorded, in {channel.unit}" for channel in record.channels},
         unused=(),
         origin=f"{record.time[0]:.9g} s",
-        step=_steps((samples,)),
+        step=steps((samples,)),
         findings=(*findings, *(finding for one in made for finding in one.left_out)),
         resampled_hz=options.rate,
-        passband_hz=_passband(made, options.rate),
+        passband_hz=passband(made, options.rate),
         parts=tuple(part for stretch in made for part in stretch.parts),
     )
     headings = {name: name for name in record.names}
     if options.rate is None and len(report.parts) == 1 and report.parts[0].samples == len(record):
         return Log((record,), report, headings)
-    return _log(made, record.channels, report, headings, record.provenance)
+    return made_log(made, record.channels, report, headings, record.provenance)
 
 
 def _from_source(source: Source, map_: Map, fingerprint: str, options: Options) -> Log:
@@ -287,17 +255,16 @@ def _from_source(source: Source, map_: Map, fingerprint: str, options: Options) 
     for clock, columns in groups.items():
         stamps, origin, time_heading = source.stamps(clock, map_.time)
         clocks[time_heading] = origin
-        samples.append(
-            Samples(
-                source.path,
-                source.counts,
-                source.rows(clock),
-                stamps,
-                np.column_stack(list(columns.values())),
-                tuple(headings[name] for name in columns),
-                time_heading,
-            )
+        read = Samples(
+            source.path,
+            source.counts,
+            source.rows(clock),
+            stamps,
+            np.column_stack(list(columns.values())),
+            tuple(headings[name] for name in columns),
+            time_heading,
         )
+        samples.append(within(read, np.array(options.limits), findings))
     order = [name for columns in groups.values() for name in columns]
     stretches = tidied(tuple(samples), options, findings)
     stretches = tuple(
@@ -318,13 +285,15 @@ def _from_source(source: Source, map_: Map, fingerprint: str, options: Options) 
         columns=told,
         unused=tuple(name for name in source.names if name not in used),
         origin=next(iter(clocks.values())),
-        step=_steps(tuple(one for stretch in stretches for one in stretch)),
+        step=steps(tuple(one for stretch in stretches for one in stretch)),
         findings=(*findings, *(finding for one in made for finding in one.left_out)),
         resampled_hz=options.rate,
-        passband_hz=_passband(made, options.rate),
+        passband_hz=passband(made, options.rate),
         parts=tuple(part for one in made for part in one.parts),
     )
-    return _log(made, tuple(channels[name] for name in order), report, headings, {})
+    return made_log(
+        made, tuple(channels[name] for name in order), report, headings, made_by("log reader")
+    )
 
 
 def _told(column: Column, heading: str, stated: str | None, channel: Channel) -> str:
@@ -348,50 +317,3 @@ def _converted(source: Source, heading: str, column: Column, factor: float) -> N
         where = place(source.path, source.counts, int(rows[wild[0]]), heading)
         raise RecordError(f"{where}: {raw[wild[0]]:g} is too large for its unit")
     return values
-
-
-def _steps(samples: tuple[Samples, ...]) -> tuple[float, float, float]:
-    steps = np.concatenate([np.diff(one.time) for one in samples])
-    if not steps.size:
-        return (0.0, 0.0, 0.0)
-    return float(np.min(steps)), float(np.median(steps)), float(np.max(steps))
-
-
-def _passband(made: Sequence[Cut], rate: float | None) -> float | None:
-    if rate is None or max(one.factor for one in made) == 1:
-        return None
-    return PASSBAND * rate / 2.0
-
-
-def _log(
-    made: Sequence[Cut],
-    channels: tuple[Channel, ...],
-    report: LogReport,
-    headings: Mapping[str, str],
-    provenance: Mapping[str, Any],
-) -> Log:
-    """Return the records, each with the report in its provenance."""
-    times = [time for one in made for time in one.time]
-    values = [one_values for one in made for one_values in one.values]
-    if not times:
-        told = "; ".join(finding.text for finding in report.findings) or "no samples"
-        raise RecordError(f"{report.path}, {told}; nothing is left of it")
-    records = []
-    for k, (time, numbers) in enumerate(zip(times, values)):
-        part = report.parts[k]
-        rows = f"{report.counts}s {part.first_row} to {part.last_row}"
-        bad = np.flatnonzero(~np.all(np.isfinite(numbers), axis=0))
-        if bad.size:
-            column = headings[channels[bad[0]].name]
-            raise RecordError(f"{report.path}, column {column!r}, {rows}: too large to interpolate")
-        told = {**provenance, "log": report.to_dict(), "part": k}
-        try:
-            records.append(FlightRecord(time, numbers, channels, told))
-        except RecordError as error:
-            raise RecordError(f"{report.path}, {rows}: {error}") from None
-    return Log(tuple(records), report, headings)
-
-
-def _round_rate(step: float) -> float:
-    """Return the rate that a median step stands for, Hz, to two digits."""
-    return float(f"{1.0 / step:.2g}") if step > 0.0 else 1.0

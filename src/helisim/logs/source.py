@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import StorageError
+from helisim.errors import RecordError, StorageError
 from helisim.logs.mapping import Clock
 from helisim.logs.report import Finding
 from helisim.storage.files import read_bytes
@@ -49,6 +49,14 @@ def place(path: Path, counts: str, row: int, column: str | None = None) -> str:
     """Return where something is, for a message."""
     where = f"{path}, {counts} {row}"
     return where if column is None else f"{where}, column {column!r}"
+
+
+def check_no_infinity(path: Path, counts: str, name: str, values: NDArray[np.float64]) -> None:
+    """Raise RecordError, with the place, if a number of a column is infinite."""
+    infinite = np.flatnonzero(np.isinf(values))
+    if infinite.size:
+        where = place(path, counts, int(infinite[0]), name)
+        raise RecordError(f"{where}: {values[infinite[0]]} is not finite")
 
 
 def read_log_bytes(path: Path) -> bytes:

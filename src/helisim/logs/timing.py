@@ -58,12 +58,46 @@ class Samples:
         return place(self.path, self.counts, int(self.rows[k]), column)
 
 
+def within(samples: Samples, limits: NDArray[np.float64], findings: list[Finding]) -> Samples:
+    """Return the samples between two instants, inclusive; a sample without a time stays.
+
+    Raises:
+        RecordError: there are fewer than two.
+    """
+    low, high = limits
+    keep = ~((samples.time < low) | (samples.time > high))
+    if keep.all():
+        return samples
+    kept, count = int(np.count_nonzero(keep)), keep.size
+    if kept < 2:
+        raise RecordError(
+            f"{samples.path}: {kept} samples {_limits(low, high)}, and the log goes from "
+            f"{np.nanmin(samples.time):g} to {np.nanmax(samples.time):g} s"
+        )
+    found = samples.take(keep)
+    text = (
+        f"{samples.counts}s {found.rows[0]} to {found.rows[-1]} are used, {kept} of {count} "
+        f"samples: {_limits(low, high)}"
+    )
+    findings.append(Finding("limits", text, count - kept, (), True))
+    return found
+
+
+def _limits(low: float, high: float) -> str:
+    start = "from the start" if np.isinf(low) else f"from {low:g} s"
+    return f"{start} to the end" if np.isinf(high) else f"{start} to {high:g} s"
+
+
 def check_all_there(samples: Samples) -> None:
     """Raise RecordError if a column has no number at all."""
     for column, values in zip(samples.columns, samples.values.T):
         if values.size and np.all(np.isnan(values)):
-            rows = f"{samples.counts}s {samples.rows[0]} to {samples.rows[-1]}"
-            raise RecordError(f"{samples.path}, column {column!r}, {rows}: no number at all")
+            raise _empty(samples, column)
+
+
+def _empty(samples: Samples, column: str) -> RecordError:
+    rows = f"{samples.counts}s {samples.rows[0]} to {samples.rows[-1]}"
+    return RecordError(f"{samples.path}, column {column!r}, {rows}: no number at all")
 
 
 def in_order(
@@ -198,9 +232,7 @@ def pieces(
     for column, values in zip(samples.columns, samples.values.T):
         known = np.flatnonzero(np.isfinite(values))
         if not known.size:
-            where = f"{samples.path}, column {column!r}"
-            rows = f"{samples.counts}s {samples.rows[0]} to {samples.rows[-1]}"
-            raise RecordError(f"{where}, {rows}: no number at all")
+            raise _empty(samples, column)
         steps = np.diff(time[known])
         limit = max_gap if max_gap is not None else _limit(steps)
         wide = np.flatnonzero(steps > limit)

@@ -3,7 +3,6 @@
 import copy
 import os
 from collections.abc import Callable, Iterator, Sequence
-from importlib.metadata import version
 from typing import Any
 
 import mujoco
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import InputError
 from helisim.physics.native import installed
+from helisim.provenance import made_by
 from helisim.record import FlightRecord
 from helisim.sim.excitation import Excitation
 from helisim.sim.instruments import Recorder
@@ -201,15 +201,12 @@ def flight_provenance(
 ) -> dict[str, Any]:
     """Return what a record says of its origin: enough to fly it again."""
     plain = {key: getattr(excitation, key) for key in excitation.__dataclass_fields__}
-    return {
-        "made_by": f"helisim {version('helisim')}, simulation",
-        "vehicle": vehicle.name,
-        "parameters": dict(vehicle.parameters),
-        "timestep_s": float(vehicle.model.opt.timestep),
-        "excitation": {"kind": type(excitation).__name__, **plain},
-        "pilot": {key: getattr(pilot, key) for key in pilot.__dataclass_fields__},
-        "recorder": recorder.as_dict(),
-        "seed": seed,
-        "flight": number,
-        "versions": {name: version(name) for name in ("mujoco", "numpy", "numba", "scipy")},
-    }
+    return made_by(
+        "simulation",
+        **vehicle.provenance,
+        excitation={"kind": type(excitation).__name__, **plain},
+        pilot={key: getattr(pilot, key) for key in pilot.__dataclass_fields__},
+        recorder=recorder.as_dict(),
+        seed=seed,
+        flight=number,
+    )

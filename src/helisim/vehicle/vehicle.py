@@ -1,12 +1,15 @@
 """A vehicle, ready to fly: its model, parameters, hover and linearisations."""
 
 import copy
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import control
 import mujoco
+import numpy as np
 
 from helisim.channels import IN1
 from helisim.errors import InputError
@@ -63,6 +66,23 @@ class Vehicle:
             return Linearization(system, {"PED": self.parameters["gyro.ped_latency"]}, self.trim)
         held = 0.5 * self.parameters["gyro.period"]
         return Linearization(self._base.system, dict.fromkeys(IN1, held), self.trim)
+
+    @cached_property
+    def digest(self) -> str:
+        """A digest of the compiled model: of its MJCF, parameters, time step and MuJoCo."""
+        data = np.empty(mujoco.mj_sizeModel(self.model), dtype=np.uint8)
+        mujoco.mj_saveModel(self.model, None, data)
+        return hashlib.blake2b(data.tobytes(), digest_size=16).hexdigest()
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """What flies, as plain data: enough to load it again, and to see whether it changed."""
+        return {
+            "vehicle": self.name,
+            "model_digest": self.digest,
+            "parameters": dict(self.parameters),
+            "timestep_s": float(self.model.opt.timestep),
+        }
 
     @cached_property
     def gyro(self) -> SampledGyro:

@@ -1,0 +1,130 @@
+"""Options and steps that the commands share which estimate frequency responses."""
+
+import argparse
+import warnings
+from collections.abc import Callable, Sequence
+from math import pi
+from typing import TYPE_CHECKING, NamedTuple
+
+from helisim.cli.common import names
+from helisim.cli.logs import located, read_logs
+from helisim.errors import IdentificationError
+from helisim.logs import Log
+from helisim.record import FlightRecord
+
+if TYPE_CHECKING:
+    from helisim.ident import FrequencyResponse
+
+_SAMPLES_A_PERIOD = 10.0
+"""The default band ends where a period still has so many samples."""
+
+
+class Signals(NamedTuple):
+    """Which channels play which part."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    conditioning: tuple[str, ...]
+    reference: tuple[str, ...]
+
+    @classmethod
+    def of(cls, options: argparse.Namespace) -> "Signals":
+        """Return what the options say."""
+        texts = (options.inputs, options.outputs, options.conditioning, options.reference)
+        return cls(*(names(text) for text in texts))
+
+
+class Estimated(NamedTuple):
+    """Logs as they were read, their records, and the frequency response of all together."""
+
+    logs: tuple[Log, ...]
+    records: tuple[FlightRecord, ...]
+    response: "FrequencyResponse"
+
+
+def add_responses(command: argparse.ArgumentParser, *, required: bool) -> None:
+    """Add the options of which responses are estimated and how."""
+    default = "" if required else " (default: the structure's)"
+    command.add_argument(
+        "--inputs", required=required, metavar="A,B", help=f"channels that act{default}"
+    )
+    command.add_argument(
+        "--outputs", required=required, metavar="P,Q", help=f"channels that answer{default}"
+    )
+    command.add_argument(
+        "--conditioning", metavar="C,D", help="further inputs whose effect is removed"
+    )
+    command.add_argument(
+        "--reference",
+        metavar="A,B",
+        help="signals outside the loop, such as the sticks: joint input-output method, which "
+        "feedback and gusts don't bias",
+    )
+    command.add_argument(
+        "--band",
+        nargs=2,
+        type=float,
+        metavar=("LO", "HI"),
+        help="rad/s (default: what the records resolve)",
+    )
+
+
+def estimate(
+    options: argparse.Namespace, signals: Signals, advance: Callable[[str], None]
+) -> Estimated:
+    """Read the logs and estimate their frequency response; the response's flags say what to doubt.
+
+    Raises:
+        HelisimError: a log can't be used; the message names the file.
+    """
+    from helisim.ident import frequency_response
+    from helisim.ident.conditioning import CrossControlWarning
+
+    inputs, outputs, conditioning, reference = signals
+    wanted = tuple(dict.fromkeys((*inputs, *conditioning, *reference, *outputs)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CrossControlWarning)  # it is among the flags
+        logs, records = read_logs(options, wanted, advance)
+        _check_moving(logs, wanted)
+        with located(logs):
+            response = frequency_response(
+                records,
+                inputs=inputs,
+                outputs=outputs,
+                band=_band(options, records),
+                conditioning=conditioning,
+                reference=reference,
+            )
+        advance("frequency responses")
+    return Estimated(logs, records, response)
+
+
+def _check_moving(logs: Sequence[Log], channels: Sequence[str]) -> None:
+    """Raise IdentificationError, with the places, if a channel is constant in every log."""
+    for name in channels:
+        columns = [record[name] for log in logs for record in log.records]
+        if all(float(one.max() - one.min()) <= 1e-12 * float(abs(one).max()) for one in columns):
+            places = "; ".join(log.where(name) for log in logs)
+            raise IdentificationError(
+                f"{places}: channel {name!r} is constant, so nothing can be identified from it"
+            )
+
+
+def _band(options: argparse.Namespace, records: Sequence[FlightRecord]) -> tuple[float, float]:
+    """Return --band, or what the records resolve: rad/s.
+
+    By default from one period in the longest window that the rules allow to ten samples a
+    period.
+    """
+    if options.band is not None:
+        return options.band[0], options.band[1]
+    durations = [record.duration for record in records]
+    window = min(min(durations) / 2.0, sum(durations) / 5.0)
+    low = 1.0001 * 2.0 * pi / window
+    high = 2.0 * pi / (_SAMPLES_A_PERIOD * max(record.sample_time for record in records))
+    if not low < high:
+        raise IdentificationError(
+            f"the records are too short: the shortest lasts {min(durations):.4g} s, which "
+            f"resolves frequencies from {low:.4g} rad/s, and its samples up to {high:.4g} rad/s"
+        )
+    return low, high

@@ -1,0 +1,167 @@
+"""The frequency response of a vehicle: named outputs over named inputs, with its quality."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.ident.scatter import Scatter
+
+_USABLE_COHERENCE = 0.6
+
+NOT_ARCHIVED = {"archived": False}
+"""Marks fields that are rebuilt from the records, not written to files."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Frequency responses of named outputs to named inputs, with their quality. Read-only.
+
+    Attributes:
+        frequency: (n_freq,) rad/s, increasing.
+        response: (n_out, n_in, n_freq) output over input, in output unit per input unit.
+        coherence: (n_out, n_in, n_freq) partial coherence: 1 where the input, cleared of the
+            other inputs, explains the output.
+        multiple_coherence: (n_out, n_freq) share of the output that all inputs explain.
+        cross_control_coherence: (n_in, n_in, n_freq) coherence between inputs, best at 0.
+        random_error: (n_out, n_in, n_freq) standard deviation of the response's magnitude,
+            as a fraction of it, and of its phase in rad.
+        inputs, outputs: names.
+        input_units, output_units: units, SI.
+        conditioning: further inputs whose effect was removed.
+        reference: signals that the joint input-output method used; empty for the direct one.
+        windows: window lengths, s.
+        flags: warnings of the cross-control gate.
+        sources: a fingerprint of each record.
+        marks: of the records' outputs, so that a verification can't reuse a part of them; see
+            `helisim.ident.fingerprint`.
+        scatter: how the random errors at all points belong together, as far as records are
+            known; fits state their standard errors from it.
+        direct: with a reference, the direct estimate for comparison.
+    """
+
+    frequency: NDArray[np.float64]
+    response: NDArray[np.complex128]
+    coherence: NDArray[np.float64]
+    multiple_coherence: NDArray[np.float64]
+    cross_control_coherence: NDArray[np.float64]
+    random_error: NDArray[np.float64]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    conditioning: tuple[str, ...] = ()
+    reference: tuple[str, ...] = ()
+    windows: tuple[float, ...] = ()
+    flags: tuple[str, ...] = ()
+    sources: tuple[str, ...] = field(default=(), repr=False)
+    marks: tuple[str, ...] = field(default=(), repr=False)
+    scatter: Scatter | None = field(default=None, repr=False, metadata=NOT_ARCHIVED)
+    direct: "FrequencyResponse | None" = field(default=None, repr=False, metadata=NOT_ARCHIVED)
+
+    def __post_init__(self) -> None:
+        n_out, n_in = len(self.outputs), len(self.inputs)
+        n_freq = np.size(self.frequency)
+        pair = (n_out, n_in, n_freq)
+        shapes = {
+            "frequency": (n_freq,),
+            "response": pair,
+            "coherence": pair,
+            "multiple_coherence": (n_out, n_freq),
+            "cross_control_coherence": (n_in, n_in, n_freq),
+            "random_error": pair,
+        }
+        for name, shape in shapes.items():
+            kind = np.complex128 if name == "response" else np.float64
+            array = np.array(getattr(self, name), dtype=kind)
+            if array.shape != shape:
+                raise InputError(f"{name} has shape {array.shape}, expected {shape}")
+            if not np.all(np.isfinite(array)):
+                raise InputError(f"{name} holds values that are not finite")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if n_freq == 0 or self.frequency[0] <= 0.0 or np.any(np.diff(self.frequency) <= 0.0):
+            raise InputError("frequency must be positive and increasing, in rad/s")
+
+    @classmethod
+    def exact(
+        cls,
+        frequency: ArrayLike,
+        response: ArrayLike,
+        *,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        input_units: Sequence[str] | None = None,
+        output_units: Sequence[str] | None = None,
+    ) -> "FrequencyResponse":
+        """Return a response known without error, for example a model's: coherence is 1."""
+        response = np.asarray(response)
+        n_out, n_in, n_freq = len(outputs), len(inputs), np.size(frequency)
+        return cls(
+            frequency=np.asarray(frequency, dtype=np.float64),
+            response=response,
+            coherence=np.ones((n_out, n_in, n_freq)),
+            multiple_coherence=np.ones((n_out, n_freq)),
+            cross_control_coherence=np.repeat(np.eye(n_in)[:, :, None], n_freq, axis=2),
+            random_error=np.zeros((n_out, n_in, n_freq)),
+            inputs=tuple(inputs),
+            outputs=tuple(outputs),
+            input_units=tuple(input_units or ("",) * n_in),
+            output_units=tuple(output_units or ("",) * n_out),
+        )
+
+    def __repr__(self) -> str:
+        return (
+            f"FrequencyResponse({', '.join(self.outputs)} over {', '.join(self.inputs)}, "
+            f"{self.frequency.size} frequencies from {self.frequency[0]:.3g} to "
+            f"{self.frequency[-1]:.3g} rad/s)"
+        )
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """The responses by name, such as "p/lat", inputs changing fastest."""
+        return tuple(f"{output}/{input_}" for output in self.outputs for input_ in self.inputs)
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """From what the response was estimated and how, as plain data."""
+        return {
+            "method": self.method,
+            "records": list(self.sources),
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+            "conditioning": list(self.conditioning),
+            "reference": list(self.reference),
+            "windows_s": list(self.windows),
+            "band_rad_s": [float(self.frequency[0]), float(self.frequency[-1])],
+        }
+
+    @property
+    def method(self) -> str:
+        """How it was estimated: "joint input-output" with references, or "direct"."""
+        return "joint input-output" if self.reference else "direct"
+
+    def index(self, output: str, input_: str) -> tuple[int, int]:
+        """Return where a pair is in the arrays. Raises UnknownNameError."""
+        if output not in self.outputs:
+            raise UnknownNameError("output", output, self.outputs)
+        if input_ not in self.inputs:
+            raise UnknownNameError("input", input_, self.inputs)
+        return self.outputs.index(output), self.inputs.index(input_)
+
+    def usable(self, limit: float = _USABLE_COHERENCE) -> NDArray[np.bool_]:
+        """Return where the partial coherence reaches `limit`, (n_out, n_in, n_freq)."""
+        return self.coherence >= limit
+
+    def to_frd(self) -> control.FRD:
+        """Return the response as python-control's frequency response data."""
+        return control.FRD(
+            self.response,
+            self.frequency,
+            inputs=list(self.inputs),
+            outputs=list(self.outputs),
+        )
