@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from helisim import ident
 from helisim.experiment import Model
 from helisim.sim import Recorder
-from helisim.vehicle import Vehicle
+from helisim.vehicle import Linearization, Vehicle
 
 _GAINS = ("k_p", "k_I", "k_delta", "k_a")
 
@@ -70,15 +70,37 @@ def _equivalent_values(
 def exact_response(
     vehicle: Vehicle, model: Model, recorder: Recorder, omega: NDArray[np.float64]
 ) -> ident.FrequencyResponse:
-    """Return the exact response of a model's channels, recorder latencies included."""
-    linear = vehicle.linearize("IN2" if model.input == "IN2" else "IN1")
-    rows = [linear.system.output_labels.index(name) for name in model.outputs]
-    columns = [linear.system.input_labels.index(name) for name in model.inputs]
-    response = linear.response(omega)[np.ix_(rows, columns)]
-    for i, output in enumerate(model.outputs):
-        for j, input_ in enumerate(model.inputs):
-            late = recorder.latency.get(output, 0.0) - recorder.latency.get(input_, 0.0)
-            response[i, j] *= np.exp(-1j * omega * late)
+    """Return the exact response of a model's channels, recorder latencies included.
+
+    It is what the estimate tends to. With a reference, that is the joint input-output method's:
+    the sticks drive the closed loop, and outputs over inputs have the conditioning channels held.
+    """
+    if model.reference:
+        linear, given = vehicle.linearize("IN2"), (*model.inputs, *model.conditioning)
+        driven = _recorded(linear, given, model.reference, recorder, omega)
+        answer = _recorded(linear, model.outputs, model.reference, recorder, omega)
+        # H U = Y at each frequency, axes (outputs, inputs, frequencies)
+        response = np.linalg.solve(driven.T, answer.T).T[:, : len(model.inputs)]
+    else:
+        linear = vehicle.linearize("IN2" if model.input == "IN2" else "IN1")
+        late = np.array([recorder.latency.get(name, 0.0) for name in model.inputs])
+        response = _recorded(linear, model.outputs, model.inputs, recorder, omega)
+        response = response * np.exp(1j * late[None, :, None] * omega)
     return ident.FrequencyResponse.exact(
         omega, response, inputs=model.inputs, outputs=model.outputs
     )
+
+
+def _recorded(
+    linear: Linearization,
+    outputs: tuple[str, ...],
+    inputs: tuple[str, ...],
+    recorder: Recorder,
+    omega: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Return the response of outputs, as late as they are recorded, (n_out, n_in, n_freq)."""
+    rows = [linear.system.output_labels.index(name) for name in outputs]
+    columns = [linear.system.input_labels.index(name) for name in inputs]
+    late = np.array([recorder.latency.get(name, 0.0) for name in outputs])
+    response = linear.response(omega)[np.ix_(rows, columns)]
+    return response * np.exp(-1j * late[:, None, None] * omega)

@@ -58,9 +58,8 @@ def gyro_ratio() -> Erratum:
         name: math.hypot(before[name].cr_percent or 0.0, after[name].cr_percent or 0.0)
         for name in names
     }
-    short = {
-        name: 100.0 * (1.0 - ratio / jr700.CLAIMED_GYRO_RATIO) for name, ratio in ratios.items()
-    }
+    claimed = jr700.CLAIMED_GYRO_RATIO
+    short = {name: 100.0 * (1.0 - ratio / claimed) for name, ratio in ratios.items()}
     return Erratum(
         title="The ratio of the gyro's settings is not quite met",
         where="section 3.2",
