@@ -6,7 +6,6 @@ replicate, its point and seed, what varied by key, such as "recorder.noise", and
 `version` and `provenance`: the plan of the campaign and the versions that computed it.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import fields
 from functools import cached_property
@@ -24,6 +23,9 @@ from helisim.campaign.variation import Levels, Variation
 from helisim.errors import InputError, StorageError
 from helisim.provenance import difference, plain
 from helisim.storage import atomic_write, make_folder
+from helisim.storage.files import parse_object, read_bytes
+from helisim.storage.header import one_line
+from helisim.storage.parquet import read_table
 
 FORMAT = "campaign"
 VERSION = 1
@@ -59,7 +61,7 @@ class Dataset:
         hints = get_type_hints(Estimate)
         columns += [(one.name, _arrow_type(hints[one.name])) for one in fields(Estimate)]
         header = {"format": FORMAT, "version": VERSION, "provenance": self.provenance}
-        return pa.schema(columns, metadata={_METADATA: json.dumps(header, sort_keys=True)})
+        return pa.schema(columns, metadata={_METADATA: one_line(header)})
 
     @cached_property
     def provenance(self) -> dict[str, Any]:
@@ -145,24 +147,19 @@ def _write(table: pa.Table, path: Path) -> None:
 
 
 def _read(path: Path) -> pa.Table:
-    try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            return file.read()
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise StorageError(f"{path}: not Parquet, truncated or corrupt: {reason}") from None
+    return read_table(path, read_bytes(path))
 
 
 def _header(path: Path, schema: pa.Schema) -> dict[str, Any]:
     """Return the provenance in the metadata. Raises StorageError."""
-    try:
-        header = json.loads((schema.metadata or {})[_METADATA])
-        kind, layout, provenance = (header[key] for key in ("format", "version", "provenance"))
-    except (KeyError, TypeError, ValueError):
-        raise StorageError(f"{path}: not a campaign's dataset") from None
-    if (kind, layout) != (FORMAT, VERSION):
-        raise StorageError(f"{path}: a {kind!r} of version {layout}, expected {FORMAT!r} {VERSION}")
-    return provenance
+    metadata = (schema.metadata or {}).get(_METADATA)
+    if metadata is None:
+        raise StorageError(f"{path}: not a campaign's dataset: its schema has no 'helisim'")
+    header = parse_object(metadata, f"{path}: the metadata 'helisim'")
+    found = (header.get("format"), header.get("version"))
+    if found != (FORMAT, VERSION) or not isinstance(header.get("provenance"), dict):
+        raise StorageError(f"{path}: holds {found}, expected {(FORMAT, VERSION)} with provenance")
+    return header["provenance"]
 
 
 def _arrow_type(hint: Any) -> pa.DataType:

@@ -14,12 +14,17 @@ from helisim.errors import InputError, WorkerError
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+ONE_THREAD: Mapping[str, str] = dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1"
+)
 """What a worker's environment says, as Dask's own: the last bits of a matrix product depend on
 the number of threads that compute it, and there is a worker for each processor anyway."""
 
 _LOSSES = 3
 """Workers that may be lost in a row, with nothing finished between, before that is believed."""
+
+Results = Generator[Result, None, None]
+"""What an executor yields; closing it stops the work."""
 
 
 class Executor(Protocol):
@@ -40,9 +45,7 @@ def local(jobs: int | None = None) -> Executor:
     if not isinstance(count, int) or count < 1:
         raise InputError(f"jobs must be an integer of 1 or more, got {count}")
 
-    def execute(
-        work: Callable[[Task], Result], tasks: Sequence[Task], /
-    ) -> Generator[Result, None, None]:
+    def execute(work: Callable[[Task], Result], tasks: Sequence[Task], /) -> Results[Result]:
         waiting = dict(enumerate(tasks))
         losses = 0
         while waiting:
@@ -123,9 +126,7 @@ def on_dask(scheduler: str | None = None, jobs: int | None = None) -> Executor:
     if scheduler is not None and jobs is not None:
         raise InputError("jobs are for a cluster started here: leave out jobs or scheduler")
 
-    def execute(
-        work: Callable[[Task], Result], tasks: Sequence[Task], /
-    ) -> Generator[Result, None, None]:
+    def execute(work: Callable[[Task], Result], tasks: Sequence[Task], /) -> Results[Result]:
         try:
             with _client(distributed, scheduler, jobs) as client:
                 futures = client.map(work, tasks, pure=False)

@@ -1,6 +1,5 @@
 """The plan of a campaign, as its file says it: what varies, what is flown and identified."""
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
@@ -11,8 +10,9 @@ from helisim.campaign.design import Design, Point, points
 from helisim.campaign.settings import SECTIONS, Change, Settings
 from helisim.campaign.variation import Variation, is_variation, parse
 from helisim.channels import AXES
-from helisim.errors import InputError, StorageError, UnknownNameError
+from helisim.errors import InputError, UnknownNameError
 from helisim.experiment import MODELS, Model
+from helisim.storage import read_toml
 
 Method = Literal["designed", "direct", "joint"]
 """How responses are estimated: as the experiment's models say, or all by one method."""
@@ -138,16 +138,10 @@ def read_campaign(path: str | Path) -> Campaign:
     """Read a campaign file (TOML).
 
     Raises:
-        StorageError: the file can't be read.
+        StorageError: the file can't be read, or isn't TOML.
         InputError: something in it isn't known or can't be; the message names the file.
     """
-    path = Path(path)
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise StorageError(f"{path}: can't read it: {error.strerror or error}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: not TOML: {error}") from None
+    content = read_toml(path)
     try:
         return campaign_from(content)
     except InputError as error:
