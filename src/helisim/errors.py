@@ -52,3 +52,7 @@ class IdentificationError(HelisimError):
 
 class DisplayError(HelisimError):
     """A window can't be opened."""
+
+
+class WorkerError(HelisimError):
+    """The workers of a campaign are lost, out of reach, or can't be used."""

@@ -12,6 +12,7 @@ from importlib.metadata import version
 from helisim.cli import (
     bench,
     calibrate,
+    campaign,
     errata,
     fly,
     frf,
@@ -43,6 +44,7 @@ _COMMANDS = (
     linearize,
     calibrate,
     tune,
+    campaign,
     identify,
     frf,
     verify,

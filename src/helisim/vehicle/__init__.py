@@ -5,7 +5,7 @@ from helisim.vehicle.linearize import Linearization, linearize, stability_deriva
 from helisim.vehicle.parameters import Parameter, Parameters, read_parameters
 from helisim.vehicle.settings import GyroSettings
 from helisim.vehicle.trim import Trim, find_hover
-from helisim.vehicle.vehicle import Vehicle, load
+from helisim.vehicle.vehicle import Vehicle, load, standard_parameters
 
 __all__ = [
     "GyroSettings",
@@ -20,4 +20,5 @@ __all__ = [
     "load",
     "read_parameters",
     "stability_derivatives",
+    "standard_parameters",
 ]

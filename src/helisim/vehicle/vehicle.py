@@ -186,9 +186,18 @@ def load(
         ModelError: the model can't be built.
         TrimError: it can't hover.
     """
-    folder = model_folder(name)
-    files = ("parameters.toml", "calibrated.toml", "tuned.toml")
-    values = read_parameters(*(folder / file for file in files))
-    values = values.replace(parameters or {})
+    values = standard_parameters(name).replace(parameters or {})
     model = assemble(name, values, timestep=timestep)
     return Vehicle(name, values, model, find_hover(model))
+
+
+def standard_parameters(name: str = "jr700") -> Parameters:
+    """Return a vehicle's parameters as its files give them, calibrated and tuned.
+
+    Raises:
+        UnknownNameError: no such vehicle.
+        ModelError: a file is missing or malformed.
+    """
+    folder = model_folder(name)
+    files = ("parameters.toml", "calibrated.toml", "tuned.toml")
+    return read_parameters(*(folder / file for file in files))

@@ -1,0 +1,159 @@
+"""One replicate: fly its sweeps, identify the models, set every parameter beside the truth."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from helisim import pipeline
+from helisim.campaign.plan import Campaign, Method, Replicate
+from helisim.channels import AXES, IN1
+from helisim.comparison import ComparisonTable
+from helisim.errors import HelisimError
+from helisim.experiment import Model
+from helisim.ident import Fit
+from helisim.record import FlightRecord
+from helisim.sim import Recorder, fly
+from helisim.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """One parameter of one model, identified once: a row of the dataset.
+
+    Attributes:
+        flights: on each axis that were used.
+        flight_time: s, of all records that the model was identified from.
+        model, method, parameter, unit: what was identified, and how.
+        truth: of the vehicle that flew; None if it has none, or the flights failed.
+        estimate, cramer_rao, insensitivity, standard_error: in `unit`; None if it failed.
+        cost: average J of the fit.
+        converged: the fit ended at a minimum.
+        at_bound: this parameter ended at a bound.
+        failure: why there is no estimate; None if there is one.
+    """
+
+    flights: int
+    flight_time: float | None
+    model: str
+    method: str
+    parameter: str
+    unit: str
+    truth: float | None = None
+    estimate: float | None = None
+    cramer_rao: float | None = None
+    insensitivity: float | None = None
+    standard_error: float | None = None
+    cost: float | None = None
+    converged: bool | None = None
+    at_bound: bool | None = None
+    failure: str | None = None
+
+
+def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
+    """Return every estimate of a replicate, those that failed with the reason."""
+    try:
+        vehicle = one.settings.load()
+        recorder = one.settings.recorder(vehicle)
+    except HelisimError as error:
+        return [row for item in _tasks(campaign) for row in _failed(*item, str(error))]
+    flown = {axis: _flights(campaign, one, vehicle, recorder, axis) for axis in campaign.axes}
+    rows: list[Estimate] = []
+    found: dict[tuple[int, Method], dict[str, ComparisonTable]] = {}
+    for count, method, model in _tasks(campaign):
+        before = found.setdefault((count, method), {})
+        try:
+            flights = {axis: _first(flown[axis], count) for axis in model.sweeps}
+            estimated = by_method(model, method)
+            fit = pipeline.identify_model(vehicle, estimated, flights, before=before)
+            table = pipeline.compare(vehicle, estimated, fit, recorder)
+        except HelisimError as error:
+            rows += _failed(count, method, model, str(error))
+            continue
+        before[model.name] = table
+        time = sum(record.duration for records in flights.values() for record in records)
+        rows += _estimates(count, time, method, fit, table)
+    return rows
+
+
+def by_method(model: Model, method: Method) -> Model:
+    """Return a model as it is identified by a method.
+
+    The joint method takes the sticks as reference for what servo signals drive; where sticks
+    are the inputs they are outside the loop already, and the model stays as it is.
+    """
+    if method == "direct":
+        return replace(model, reference=())
+    if method == "joint" and not model.reference and model.input == "IN1":
+        signals = (*model.inputs, *model.conditioning)
+        return replace(model, reference=tuple(name.upper() for name in signals if name in IN1))
+    return model
+
+
+def _tasks(campaign: Campaign) -> Iterator[tuple[int, Method, Model]]:
+    for count in campaign.identified_after:
+        for method in campaign.methods:
+            for model in campaign.chosen:
+                yield count, method, model
+
+
+def _flights(
+    campaign: Campaign, one: Replicate, vehicle: Vehicle, recorder: Recorder, axis: str
+) -> list[FlightRecord] | HelisimError:
+    try:
+        return fly(
+            vehicle,
+            one.settings.sweep(axis),
+            count=campaign.flights,
+            seed=one.seed * len(AXES) + AXES.index(axis),
+            pilot=one.settings.pilot(),
+            recorder=recorder,
+            jobs=1,
+        )
+    except HelisimError as error:
+        return error
+
+
+def _first(flown: list[FlightRecord] | HelisimError, count: int) -> list[FlightRecord]:
+    if isinstance(flown, HelisimError):
+        raise flown
+    return flown[:count]
+
+
+def _estimates(
+    count: int, time: float, method: Method, fit: Fit, table: ComparisonTable
+) -> list[Estimate]:
+    return [
+        Estimate(
+            flights=count,
+            flight_time=time,
+            model=table.name,
+            method=method,
+            parameter=row.name,
+            unit=row.unit,
+            truth=row.truth,
+            estimate=row.identified,
+            cramer_rao=fit[row.name].cramer_rao,
+            insensitivity=fit[row.name].insensitivity,
+            standard_error=fit[row.name].standard_error,
+            cost=fit.cost,
+            converged=fit.converged,
+            at_bound=fit[row.name].at_bound,
+        )
+        for row in table.parameters
+        if not fit[row.name].fixed
+    ]
+
+
+def _failed(count: int, method: Method, model: Model, reason: str) -> list[Estimate]:
+    return [
+        Estimate(
+            flights=count,
+            flight_time=None,
+            model=model.name,
+            method=method,
+            parameter=parameter.name,
+            unit=parameter.unit,
+            failure=reason,
+        )
+        for parameter in model.structure.free
+        if parameter.name not in model.known and parameter.name not in model.settings
+    ]
