@@ -220,9 +220,9 @@ def _check_list(name: str, values: Any, known: Sequence[Any]) -> None:
 
 
 def _check_known(models: Sequence[Model]) -> None:
-    """Refuse a model whose known values come from a model that isn't identified."""
+    """Refuse a model that is given values from a model that isn't identified."""
     names = [model.name for model in models]
     for model in models:
-        for table in model.known.values():
+        for table in {item.source for item in model.given.values()} & {m.name for m in MODELS}:
             if table not in names:
                 raise InputError(f"{model.name} takes values from {table}: add it to models")

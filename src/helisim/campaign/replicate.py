@@ -12,7 +12,9 @@ from helisim.experiment import Model
 from helisim.ident import Fit
 from helisim.record import FlightRecord
 from helisim.sim import Recorder, fly
+from helisim.sim.rigs import RigTest, run_rigs
 from helisim.vehicle import Vehicle
+from helisim.vehicle.assembly import rig_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,12 +60,13 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
     flown = {axis: _flights(campaign, one, vehicle, recorder, axis) for axis in campaign.axes}
     rows: list[Estimate] = []
     found: dict[tuple[int, Method], dict[str, ComparisonTable]] = {}
+    ground = _ground_tests(campaign, one, vehicle, recorder)
     for count, method, model in _tasks(campaign):
         before = found.setdefault((count, method), {})
         try:
             flights = {axis: _first(flown[axis], count) for axis in model.sweeps}
             estimated = by_method(model, method)
-            fit = pipeline.identify_model(vehicle, estimated, flights, before=before)
+            fit = pipeline.identify_model(estimated, flights, before=before, ground=ground)
             table = pipeline.compare(vehicle, estimated, fit, recorder)
         except HelisimError as error:
             rows += _failed(count, method, model, str(error))
@@ -72,6 +75,16 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
         time = sum(record.duration for records in flights.values() for record in records)
         rows += _estimates(count, time, method, fit, table)
     return rows
+
+
+def _ground_tests(
+    campaign: Campaign, one: Replicate, vehicle: Vehicle, recorder: Recorder
+) -> dict[str, RigTest]:
+    """Return the tests by rig, run only where a model takes something from one."""
+    rigs = rig_names(vehicle.name)
+    if not any(item.source in rigs for model in campaign.chosen for item in model.given.values()):
+        return {}
+    return {test.rig: test for test in run_rigs(vehicle, seed=one.seed, recorder=recorder)}
 
 
 def by_method(model: Model, method: Method) -> Model:
@@ -155,5 +168,5 @@ def _failed(count: int, method: Method, model: Model, reason: str) -> list[Estim
             failure=reason,
         )
         for parameter in model.structure.free
-        if parameter.name not in model.known and parameter.name not in model.settings
+        if parameter.name not in model.given
     ]
