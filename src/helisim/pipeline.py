@@ -1,8 +1,6 @@
 """The paper's experiment from end to end: test on the ground, fly, record, identify, compare."""
 
-import json
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +24,12 @@ from helisim.flights import (
 from helisim.output.evidence import Evidence, write_evidence
 from helisim.output.report import write_report
 from helisim.overall import check_overall
+from helisim.provenance import versions
 from helisim.record import FlightRecord
 from helisim.reference import ReferenceTable, jr700
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest, run_rigs
-from helisim.storage import atomic_write, make_folder
+from helisim.storage import make_folder, write_json
 from helisim.vehicle import Vehicle, calibrate, load, read_parameters
 from helisim.vehicle.assembly import model_folder
 from helisim.vehicle.parameters import to_toml
@@ -102,10 +101,19 @@ def reproduce(
     results = Results(
         tables=tuple(tables.values()),
         seed=seed,
-        versions={name: version(name) for name in ("helisim", "mujoco", "numpy", "scipy", "numba")},
+        versions=versions(),
         configuration={
-            "flights_kept_each_axis": flights,
-            "flown_each_axis": flown_each_axis(flights),
+            "arguments": {
+                "flights": len(kept["lat"]),
+                "seed": seed,
+                "parameters": dict(parameters or {}),
+                "timestep": timestep,
+                "rotor": rotor,
+            },
+            "vehicle": vehicle.name,
+            "model_digest": vehicle.digest,
+            "flights_kept_each_axis": len(kept["lat"]),
+            "flown_each_axis": flown_each_axis(len(kept["lat"])),
             "timestep_s": float(vehicle.model.opt.timestep),
             "parameters": dict(parameters or {}),
             "recorder": recorder.as_dict(),
@@ -121,8 +129,7 @@ def reproduce(
         },
     )
     if out is not None:
-        with atomic_write(out / "results.json") as path:
-            path.write_text(json.dumps(results.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_json(results.to_dict(), out / "results.json", indent=2)
         write_evidence(out / "fits.json", evidence)
         report(out)
         tell("report")

@@ -28,12 +28,15 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.output.tables import render_derivatives
+    from helisim.provenance import made_by
     from helisim.vehicle import load
 
     vehicle = load(parameters=parameters(options))
     linear = vehicle.linearize(options.inputs)
     if options.json:
-        print(json.dumps({**linear.to_dict(), "derivatives": vehicle.derivatives}, indent=2))
+        provenance = made_by("linearization", **vehicle.provenance)
+        data = {**linear.to_dict(), "derivatives": vehicle.derivatives, "provenance": provenance}
+        print(json.dumps(data, indent=2))
     else:
         print(render_derivatives(linear, vehicle.derivatives))
     return 0

@@ -9,6 +9,9 @@ from typing import Any
 from helisim.cli.common import Progress, add_common, parameters, write_recording
 from helisim.errors import InputError
 
+_FLIGHTS = 10
+"""Kept on each axis, as in the paper."""
+
 
 def add(commands: Any) -> None:
     """Add the command to the parser."""
@@ -17,17 +20,28 @@ def add(commands: Any) -> None:
         help="fly the paper's experiment, identify its models, compare",
         description="Fly sweeps on all four axes, identify the paper's models from the records, "
         "and print them beside the paper and the exact linearisation of the model that flew.",
-        epilog="example: helisim reproduce --out reproduction --flights 10 --seed 1",
+        epilog="examples:\n"
+        "  helisim reproduce --out reproduction --flights 10 --seed 1\n"
+        "  helisim reproduce --from reproduction       is every number the same again?\n\n"
+        "Exit status 1: a tolerance is missed; with --from, a number differs.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_argument(
+        "--from",
+        dest="run_folder",
+        type=Path,
+        metavar="DIR",
+        help="repeat the run in DIR as it says that it was made, and compare: records to the byte, "
+        "results to the last digit",
     )
     command.add_argument(
         "--out",
         type=Path,
-        default=Path("reproduction"),
         metavar="DIR",
-        help="folder of results.json and flights/ (default: reproduction)",
+        help="folder of results.json and flights/ (default: reproduction; with --from none)",
     )
     command.add_argument(
-        "--flights", type=int, default=10, metavar="N", help="kept on each axis (default: 10)"
+        "--flights", type=int, metavar="N", help=f"kept on each axis (default: {_FLIGHTS})"
     )
     command.add_argument("--jobs", type=int, metavar="J", help="threads (default: all processors)")
     command.add_argument("--timestep", type=float, metavar="S", help="of the simulation, s")
@@ -36,10 +50,40 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--json", action="store_true", help="print results.json, no tables")
     add_common(command)
-    command.set_defaults(run=_run)
+    command.set_defaults(run=_run, seed=None)
 
 
 def _run(options: argparse.Namespace) -> int:
+    return _reproduce(options) if options.run_folder is None else _repeat(options)
+
+
+def _repeat(options: argparse.Namespace) -> int:
+    from helisim.experiment import MODELS
+    from helisim.flights import flights_in_all
+    from helisim.repeat import arguments_of, repeat
+
+    given = {
+        "--flights": options.flights,
+        "--seed": options.seed,
+        "--timestep": options.timestep,
+        "--set": options.set or None,
+        "--reuse": options.reuse or None,
+        "--rerun": options.rerun,
+    }
+    set_here = [name for name, value in given.items() if value is not None]
+    if set_here:
+        raise InputError(
+            f"--from repeats a run with its own options: leave out {', '.join(set_here)}"
+        )
+    flights = arguments_of(options.run_folder)["flights"]
+    steps = flights_in_all(flights) + len(MODELS) + 1
+    with Progress(steps, options.quiet) as advance:
+        found = repeat(options.run_folder, out=options.out, jobs=options.jobs, on_progress=advance)
+    print(json.dumps(found.to_dict(), indent=2) if options.json else found)
+    return 0 if found.same else 1
+
+
+def _reproduce(options: argparse.Namespace) -> int:
     from helisim import pipeline
     from helisim.experiment import MODELS
     from helisim.flights import flights_in_all, named_records
@@ -47,17 +91,20 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.output.tables import render_results, wants_color
     from helisim.storage import check_destination
 
-    if options.flights < 1:
-        raise InputError(f"--flights must be 1 or more, got {options.flights}")
+    flights_kept = _FLIGHTS if options.flights is None else options.flights
+    seed = 1 if options.seed is None else options.seed
+    out = options.out or Path("reproduction")
+    if flights_kept < 1:
+        raise InputError(f"--flights must be 1 or more, got {flights_kept}")
     if options.rerun is not None:
         check_destination(options.rerun, (".rrd",))
-    flown = 0 if options.reuse else flights_in_all(options.flights)
+    flown = 0 if options.reuse else flights_in_all(flights_kept)
     steps = flown + len(MODELS) + 1  # the report
     with Progress(steps, options.quiet) as advance:
         results, flights = pipeline.reproduce(
-            out=options.out,
-            flights=options.flights,
-            seed=options.seed,
+            out=out,
+            flights=flights_kept,
+            seed=seed,
             jobs=options.jobs,
             parameters=parameters(options),
             timestep=options.timestep,
@@ -69,9 +116,9 @@ def _run(options: argparse.Namespace) -> int:
         print(json.dumps(results.to_dict(), indent=2, allow_nan=False))
     else:
         print(render_results(results, color=wants_color(sys.stdout)))
-        print(f"\nWritten: {options.out / 'results.json'}, records in {options.out / 'flights'}")
-        print(f"Report: {options.out / 'report.html'}")
+        print(f"\nWritten: {out / 'results.json'}, records in {out / 'flights'}")
+        print(f"Report: {out / 'report.html'}")
     if options.rerun is not None:
         records = named_records(flights)
-        write_recording(options.rerun, records, run=read_run(options.out), quiet=options.json)
+        write_recording(options.rerun, records, run=read_run(out), quiet=options.json)
     return 1 if results.misses else 0

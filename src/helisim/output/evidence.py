@@ -14,6 +14,7 @@ from helisim import ident
 from helisim.errors import InputError
 from helisim.ident.archive import response_from_dict, response_to_dict
 from helisim.ident.verify import Trace
+from helisim.provenance import made_by
 from helisim.storage import read_json, write_json
 
 FORMAT = "helisim fits, version 1"
@@ -46,7 +47,11 @@ def write_evidence(path: str | Path, items: Sequence[Evidence]) -> Path:
     Raises StorageError.
     """
     path = Path(path)
-    data = {"format": FORMAT, "models": [_to_dict(item) for item in items]}
+    data = {
+        "format": FORMAT,
+        "provenance": made_by("fits"),
+        "models": [_to_dict(item) for item in items],
+    }
     write_json(data, path)
     return path
 

@@ -50,6 +50,7 @@ from helisim.output.rerun_scene import is_posed, knows_rotor, log_space
 from helisim.output.run import Run
 from helisim.output.shapes import Shapes, box_shapes, model_shapes
 from helisim.output.timelines import time_column
+from helisim.provenance import made_by
 from helisim.record import FlightRecord
 from helisim.storage import atomic_write
 
@@ -113,6 +114,8 @@ def write_recording(
         # The blueprint and the file come first: what is logged before them is lost.
         recording.save(temporary, default_blueprint=layout)
         try:
+            made = json.dumps(made_by("recording"), sort_keys=True)
+            recording.send_property("helisim", rr.AnyValues(provenance=made))
             if run is not None:
                 log_findings(recording, run)
             for name, record in flights.items():
