@@ -161,7 +161,9 @@ def gate(
             if mean > CROSS_CONTROL_LIMIT:
                 flags.append(f"{told}, expected at most {CROSS_CONTROL_LIMIT}; {advice}")
     for flag in flags:
-        warnings.warn(flag, CrossControlWarning, stacklevel=3)
+        warnings.warn(
+            flag, CrossControlWarning, stacklevel=4
+        )  # past `one_blas_thread`, to the caller
     return tuple(flags)
 
 

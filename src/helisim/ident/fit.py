@@ -18,6 +18,7 @@ from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
 from helisim.ident.starts import starting_points
 from helisim.ident.structure import Structure
+from helisim.ident.threads import one_blas_thread
 from helisim.provenance import plain
 
 _APPROACH_STEPS = 60
@@ -45,6 +46,7 @@ class Minimum(NamedTuple):
     converged: bool
 
 
+@one_blas_thread()
 def identify(
     frf: FrequencyResponse,
     structure: Structure,

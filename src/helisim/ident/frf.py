@@ -15,6 +15,7 @@ from helisim.ident.fingerprint import fingerprint, marks
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.scatter import Scatter, WindowWeights
 from helisim.ident.spectra import Spectra, cross_spectra
+from helisim.ident.threads import one_blas_thread
 from helisim.record import FlightRecord
 
 POINTS_PER_DECADE = 80
@@ -34,6 +35,7 @@ class ClosedLoopWarning(UserWarning):
     """The direct and the joint estimate disagree, so the direct one is biased by feedback."""
 
 
+@one_blas_thread()
 def frequency_response(
     records: FlightRecord | Sequence[FlightRecord],
     *,
@@ -147,7 +149,9 @@ def disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> tuple[
                 "estimate; use the joint one, and check that the reference is outside the loop"
             )
     for flag in flags:
-        warnings.warn(flag, ClosedLoopWarning, stacklevel=3)
+        warnings.warn(
+            flag, ClosedLoopWarning, stacklevel=4
+        )  # past `one_blas_thread`, to the caller
     return tuple(flags)
 
 

@@ -18,6 +18,7 @@ from helisim.ident.evaluate import matrices
 from helisim.ident.fingerprint import fingerprint, share_known
 from helisim.ident.result import Fit
 from helisim.ident.simulation import delayed, simulate
+from helisim.ident.threads import one_blas_thread
 from helisim.record import FlightRecord
 
 ACCEPTABLE_TIC = 0.25
@@ -143,6 +144,7 @@ class Verification:
         return "\n".join(lines)
 
 
+@one_blas_thread()
 def verify(fit: Fit, records: FlightRecord | Sequence[FlightRecord]) -> Verification:
     """Simulate a fitted model on records, estimating only bias, trim and initial state.
 

@@ -1,0 +1,67 @@
+"""Results are the same bits for any number of BLAS threads, and the caller's number is kept."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from helisim.channels import channel
+from helisim.ident import frequency_response, identify, structures, verify
+from helisim.ident.threads import one_blas_thread
+from helisim.record import FlightRecord
+
+
+def blas_threads():
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+def flight(seed, n=12_000):
+    """Heave as a first-order response to noise: long enough that BLAS would share it out."""
+    rng = np.random.default_rng(seed)
+    col = np.convolve(rng.standard_normal(n), np.ones(5) / 5.0, "same")
+    w = np.zeros(n)
+    for k in range(1, n):
+        w[k] = 0.99 * w[k - 1] - 0.1 * col[k - 1]
+    channels = (channel("col"), channel("w"))
+    values = np.column_stack([col, w + 0.01 * rng.standard_normal(n)])
+    return FlightRecord(0.01 * np.arange(n), values, channels)
+
+
+def numbers():
+    """Everything that an identification computes, as bytes."""
+    frf = frequency_response(flight(1), inputs="col", outputs="w", band=(0.3, 12.0))
+    fit = identify(frf, structures.heave)
+    verified = verify(fit, flight(2, 2000))
+    values = [*fit.values.values(), *(one.cramer_rao for one in fit.parameters.values())]
+    return frf.response.tobytes() + np.array([*values, verified.tic]).tobytes()
+
+
+def test_the_number_of_blas_threads_does_not_matter():
+    """One thread or several, set by the environment before numpy loads, give the same bits."""
+    code = "import test_ident_threads as t; print(t.numbers().hex())"
+    printed = set()
+    for threads in ("1", "2", "5"):
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
+        command = [sys.executable, "-c", code]
+        folder = os.path.dirname(__file__)
+        done = subprocess.run(
+            command, env=environment, cwd=folder, capture_output=True, text=True, check=True
+        )
+        printed.add(done.stdout)
+    assert len(printed) == 1
+    assert len(printed.pop()) > 1000
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor has one thread anyway")
+def test_the_callers_threads_are_kept():
+    """Inside the block BLAS has one thread; after the last block, as many as before."""
+    with threadpool_limits(limits=2, user_api="blas"):
+        with one_blas_thread():
+            assert blas_threads() == {1}
+            with one_blas_thread():
+                assert blas_threads() == {1}
+            assert blas_threads() == {1}
+        assert blas_threads() == {2}
