@@ -82,7 +82,9 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
         },
     )
     peak = own["tuning.peak_sensitivity"]
-    settings = {**_solve(vehicle, yaw, peak), **_solve(vehicle, cyclic, peak)}
+    settings = {**yaw.starts, **cyclic.starts}
+    for search in (yaw, cyclic):  # whatever the vehicle was tuned to before
+        settings |= _solve(vehicle.with_settings(settings), search, peak)
     source = "solved by helisim tune: rate command, peak sensitivity"
     return Parameters(
         {
