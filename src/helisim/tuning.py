@@ -96,11 +96,11 @@ def _crossings(decibel: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def tune(vehicle: Vehicle, *, shape: int = 60) -> Parameters:
-    """Return the gyro's settings: a rate command where the vehicle's parameters ask for one
-    (`tuning.*`), otherwise those, and the stick latencies, that make the vehicle the published.
+    """Return the gyro's settings, and the stick latencies that go with them.
 
-    For the latter, first the exact response from the sticks is brought near the published model
-    over the band in which it is identified; then the identified parameters themselves are met.
+    A vehicle whose parameters ask for a rate command (`tuning.*`) gets one. For another, first
+    the exact response from the sticks is brought near the published model over the band in
+    which it is identified; then the identified parameters themselves are met.
 
     Args:
         vehicle: with the airframe calibrated, and the published yaw gains.
