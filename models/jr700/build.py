@@ -9,9 +9,7 @@ Run it as `python models/jr700/build.py` with one of
 - `picture`: render jr700.png (headless: MUJOCO_GL=egl or osmesa).
 """
 
-import re
 import sys
-import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,108 +17,18 @@ import mujoco
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from balance import Balance
+
 FOLDER = Path(__file__).resolve().parent
 ASSETS = FOLDER / "assets"
-VEHICLE = FOLDER / "jr700.xml"
 
 TOTAL_MASS_KG = 8.01  # paper, Table 1
 
 
-def wanted_inertia():
-    """The vehicle's chosen and solved moments of inertia about its centre of gravity."""
-    chosen = tomllib.loads((FOLDER / "parameters.toml").read_text(encoding="utf-8"))["airframe"]
-    solved = tomllib.loads((FOLDER / "calibrated.toml").read_text(encoding="utf-8"))["airframe"]
-    return np.diag([{**chosen, **solved}[axis]["value"] for axis in ("ixx", "iyy", "izz")])
-
-
-def parts(model):
-    """Each massive body's mass, centre and inertia about its own centre, in the vehicle's axes."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    origin = data.body("jr700").xpos
-    rows = {}
-    for i in range(model.nbody):
-        if model.body_mass[i] > 0:
-            turn = data.ximat[i].reshape(3, 3)
-            inertia = turn @ np.diag(model.body_inertia[i]) @ turn.T
-            rows[model.body(i).name] = (model.body_mass[i], data.xipos[i] - origin, inertia)
-    return rows
-
-
-def total(rows):
-    """Mass, centre of gravity, and inertia about the vehicle frame's origin."""
-    mass = sum(m for m, _, _ in rows)
-    centre = sum(m * r for m, r, _ in rows) / mass
-    inertia = sum(j + steiner(m, r) for m, r, j in rows)
-    return mass, centre, inertia
-
-
-def steiner(mass, r):
-    """Inertia of a point mass at r about the origin."""
-    return mass * (r @ r * np.eye(3) - np.outer(r, r))
-
-
-def closing_fuselage(model):
-    """The fuselage's mass, centre and inertia that make the totals exact."""
-    others = [row for name, row in parts(model).items() if name != "fuselage"]
-    mass, centre, inertia = total(others)
-    own_mass = TOTAL_MASS_KG - mass
-    own_centre = -mass * centre / own_mass
-    return own_mass, own_centre, wanted_inertia() - inertia - steiner(own_mass, own_centre)
-
-
-def inertial_element(mass, centre, inertia):
-    """One line of MJCF."""
-
-    def text(values):
-        return " ".join(f"{v:.12g}" for v in np.where(np.abs(values) < 1e-15, 0.0, values))
-
-    six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    return f'<inertial pos="{text(centre)}" mass="{mass:.12g}" fullinertia="{text(six)}"/>'
-
-
-def close():
-    """Rewrite the first inertial element inside the body named fuselage."""
-    element = inertial_element(*closing_fuselage(mujoco.MjModel.from_xml_path(str(VEHICLE))))
-    before, found, after = VEHICLE.read_text().partition('<body name="fuselage">')
-    if not found:
-        sys.exit(f"{VEHICLE}: no body named fuselage")
-    VEHICLE.write_text(before + found + re.sub(r"<inertial .*?/>", element, after, count=1))
-    print(element)
-
-
-def print_parts():
-    """Print the table of the README."""
-    rows = parts(mujoco.MjModel.from_xml_path(str(VEHICLE)))
-
-    def show(name, mass, centre, inertia):
-        # Rounded first, so that no cell reads -0.000.
-        print(
-            f"{name:<16}{mass:7.3f}"
-            + "".join(f"{x:8.3f}" for x in np.round(centre, 3) + 0.0)
-            + "".join(f"{x:10.5f}" for x in np.diag(inertia))
-        )
-
-    columns = {"x": 8, "y": 8, "z": 8, "Ixx": 10, "Iyy": 10, "Izz": 10}
-    print(f"{'part':<16}{'mass':>7}" + "".join(f"{c:>{w}}" for c, w in columns.items()))
-    print(f"{'':<16}{'kg':>7}" + 3 * f"{'m':>8}" + 3 * f"{'kg m2':>10}")
-    rule = "-" * (23 + sum(columns.values()))
-    print(rule)
-    for name, row in rows.items():
-        show(name, *row)
-    print(rule)
-    _, centre, inertia = whole = total(rows.values())
-    show("total", *whole)
-    products = np.abs(inertia - np.diag(np.diag(inertia))).max()
-    print(
-        f"products of inertia below {max(products, 1e-12):.0e} kg m2, "
-        f"centre within {max(np.linalg.norm(centre), 1e-12):.0e} m of the origin"
-    )
-    mass, _, own = rows["fuselage"]
-    print(
-        f"fuselage: radii of gyration {np.sqrt(np.diag(own) / mass).round(3)} m, "
-        f"principal moments {np.linalg.eigvalsh(own).round(4)} kg m2"
-    )
+def balance():
+    """What models/balance.py does for this vehicle."""
+    return Balance(FOLDER, total_mass_kg=TOTAL_MASS_KG)
 
 
 # Shapes. All in the vehicle's axes and metres, except blades (radius along x, leading edge -y).
@@ -453,7 +361,12 @@ def picture():
 
 
 if __name__ == "__main__":
-    jobs = {"parts": print_parts, "close": close, "meshes": meshes, "picture": picture}
+    jobs = {
+        "parts": balance().print_parts,
+        "close": balance().close,
+        "meshes": meshes,
+        "picture": picture,
+    }
     if len(sys.argv) != 2 or sys.argv[1] not in jobs:
         sys.exit(__doc__)
     jobs[sys.argv[1]]()

@@ -136,8 +136,8 @@ def _verified_axes() -> tuple[str, ...]:
 def sweep_coherence(record: FlightRecord, axis: str) -> float:
     """Return the mean coherence between the swept stick and its motion, one flight alone."""
     stick, motion = _RESPONSE[axis]
-    sweep = Sweep(axis=axis)
-    band = (max(1.0, sweep.omega[0]), 0.8 * sweep.omega[1])
+    w_min, w_max = record.provenance["excitation"]["band"]
+    band = (max(1.0, w_min), 0.8 * w_max)
     frf = ident.frequency_response(record, inputs=stick, outputs=motion, band=band)
     return float(np.mean(frf.coherence))
 

@@ -26,7 +26,7 @@ from helisim.output.report import write_report
 from helisim.overall import check_overall
 from helisim.provenance import versions
 from helisim.record import FlightRecord
-from helisim.reference import ReferenceTable, jr700
+from helisim.reference import ReferenceTable, published
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.storage import make_folder, write_json
@@ -36,7 +36,7 @@ from helisim.vehicle.parameters import to_toml
 
 _CALIBRATED_HEADER = """\
 Written by `helisim calibrate --write`; not by hand.
-Solved so that the linearised nonlinear model has the paper's derivatives."""
+Solved so that the linearised nonlinear model has the published derivatives."""
 
 GroundTests = Mapping[str, RigTest]
 """By rig."""
@@ -209,7 +209,7 @@ def compare(
     What the fit was given is listed apart, and judged where the model has a tolerance for it.
     """
     truth = true_values(vehicle, model, recorder, like=fit.data)
-    paper = jr700.table(model.name)
+    paper = published(vehicle.name).table(model.name)
     found = [name for name in fit.values if name not in model.given or name in model.tolerances]
     return ComparisonTable(
         name=model.name,
@@ -233,7 +233,7 @@ def _row(
     judge_paper: bool,
 ) -> ParameterRow:
     fitted = fit[name]
-    published = paper.get(name)
+    printed = paper.get(name)
     tolerance = model.tolerances.get(name)
     limits: dict[str, Any] = {}
     if tolerance is not None:
@@ -241,8 +241,8 @@ def _row(
             "tolerance_percent": tolerance.percent,
             "tolerance_reason": tolerance.reason,
         }
-        if judge_paper and published is not None:
-            bound = model.paper_tolerance(name, published.cr_percent)
+        if judge_paper and printed is not None:
+            bound = model.paper_tolerance(name, printed.cr_percent)
             limits |= {
                 "paper_tolerance_percent": bound.percent,
                 "paper_tolerance_reason": bound.reason,
@@ -250,10 +250,10 @@ def _row(
     given = name in model.given
     return ParameterRow(
         name=name,
-        unit=fitted.unit or (published.unit if published else ""),
+        unit=fitted.unit or (printed.unit if printed else ""),
         identified=fitted.value,
         truth=truth.get(name),
-        paper=None if published is None else published.value,
+        paper=None if printed is None else printed.value,
         cr_percent=None if given else fitted.cr_percent,
         insensitivity_percent=None if given else fitted.insensitivity_percent,
         **limits,
@@ -279,13 +279,14 @@ def _evidence(
 
 
 def calibrated_text(name: str) -> str:
-    """Return a vehicle's `calibrated.toml`, solved from the paper's tables.
+    """Return a vehicle's `calibrated.toml`, solved from what is published of it.
 
     Raises:
-        ModelError: the tables can't be met.
+        UnknownNameError: no such vehicle, or nothing is published of it.
+        ModelError: the published derivatives can't be met.
     """
-    tables = (jr700.YAW_BASE, jr700.ROLLPITCH_IN1, jr700.HEAVE)
-    targets = {value.name: value.value for table in tables for value in table}
     folder = model_folder(name)
-    given = read_parameters(folder / "parameters.toml", folder / "tuned.toml")
-    return to_toml(calibrate(name, given, targets, "paper, Tables 2 to 4"), _CALIBRATED_HEADER)
+    known = published(name)
+    files = (folder / "parameters.toml", folder / "tuned.toml")
+    given = read_parameters(*(path for path in files if path.is_file()))
+    return to_toml(calibrate(name, given, known.targets, known.source), _CALIBRATED_HEADER)

@@ -1,8 +1,9 @@
-"""Tune the gyro: gains at which the vehicle, seen from the sticks, is the paper's.
+"""Tune the gyro: gains at which the vehicle, seen from the sticks, is what is published of it.
 
 The yaw gyro's gains are Table 2's; the pedal's latency is
 solved so that eq. (8) describes the loop. The cyclic gains are solved so that the response from
-the sticks is that of Table 3's IN2 column. Both on the exact linear model of the vehicle.
+the sticks is that of Table 3's IN2 column. Both on the exact linear model of the vehicle. A
+vehicle whose parameters ask for a rate command gets one instead.
 """
 
 from collections.abc import Mapping
@@ -16,9 +17,10 @@ from helisim.errors import ModelError
 from helisim.exact import exact_response, true_values
 from helisim.experiment import ROLLPITCH_IN2, YAW_OVERALL, Model
 from helisim.ident.evaluate import response
-from helisim.reference import jr700
+from helisim.reference import published
 from helisim.sim import Recorder
 from helisim.vehicle import Parameter, Parameters, Vehicle
+from helisim.vehicle.rate_command import tune_rate_command
 
 _YAW = {"gyro.ped_latency": 0.02}
 _CYCLIC = {
@@ -94,21 +96,26 @@ def _crossings(decibel: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def tune(vehicle: Vehicle, *, shape: int = 60) -> Parameters:
-    """Return the gyro's settings and the stick latencies that make the vehicle the paper's.
+    """Return the gyro's settings, and the stick latencies that go with them.
 
-    First the exact response from the sticks is brought near the paper's model over the band
-    in which it is identified; then the identified parameters themselves are met.
+    A vehicle whose parameters ask for a rate command (`tuning.*`) gets one. For another, first
+    the exact response from the sticks is brought near the published model over the band in
+    which it is identified; then the identified parameters themselves are met.
 
     Args:
-        vehicle: with the airframe calibrated and Table 2's yaw gains.
+        vehicle: with the airframe calibrated, and the published yaw gains.
         shape: number of frequencies of the first stage.
 
     Raises:
+        UnknownNameError: nothing is published of the vehicle, and it asks for nothing.
         ModelError: the targets can't be met.
     """
+    if any(name.startswith("tuning.") for name in vehicle.parameters):
+        return tune_rate_command(vehicle)
+    tables = published(vehicle.name)
     settings: dict[str, float] = {}
     for starts, model in ((_YAW, YAW_OVERALL), (_CYCLIC, ROLLPITCH_IN2)):
-        target = {value.name: value.value for value in jr700.table(model.name)}
+        target = {value.name: value.value for value in tables.table(model.name)}
         target = {name: value for name, value in target.items() if name in model.tolerances}
         settings |= _solve(vehicle, starts, model, target, shape)
     source = "solved by helisim tune: eq. (8) and the IN2 column of Table 3"

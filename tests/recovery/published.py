@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.ident import Structure
+from helisim.reference import blade360
 
 FOOT = 0.3048
 """m (exact)."""
@@ -48,35 +49,18 @@ scale and origin must come from somewhere."""
 # Source: J. Walker and M. Tischler, "Identification and Control Design of a Sub-Scale
 # Flybarless Helicopter", Vertical Flight Society 77th Annual Forum, 2021, as ArduPilot's
 # simulator quotes it (libraries/SITL/SIM_Helicopter.cpp, frame blade360, commit 01756036).
-# Checked: read number by number in that file; SI, radians, forward-right-down; a and b are the
-# tip path plane's tilts, tpp_angle.y and .x. The paper itself was not seen. The file writes
-# g a and g b for X_a = -g and Y_b = g, and delays all servos by 40 ms.
+# The numbers, and what was checked: helisim/reference/blade360.py. a and b are the tip path
+# plane's tilts, tpp_angle.y and .x. The file writes g a and g b for X_a = -g and Y_b = g, and
+# delays all servos by 40 ms.
 # Open loop: 0.971 +- 0.770i is unstable.
 BLADE_360 = {
-    "X_u": -0.2270,
-    "Y_v": -0.1852,
-    "Y_p": 0.2303,
-    "L_u": -28.7796,
-    "L_v": -5.5376,
-    "L_b": 5115.2,
-    "M_u": 2.7501,
-    "M_v": -2.3039,
-    "M_a": 796.7,
-    "Z_w": -0.5910,
-    "Z_col": -22.3239,
-    "N_v": 1.7258,
-    "N_w": 5.7574,
-    "N_r": -2.0131,
-    "N_col": -32.4616,
-    "N_ped": 63.0040,
-    "tau_f": 0.0353,
-    "A_b": -1.0057,
-    "B_a": 1.0477,
-    "A_lat": 0.0344,
-    "A_lon": 0.2292,
-    "B_lat": 0.2375,
-    "B_lon": -0.0286,
-    "tau": 0.040,
+    **{
+        value.name: value.value
+        for name in ("rollpitch_in1", "yaw_base", "heave", "others")
+        for value in blade360.table(name)
+        if not value.name.startswith("tau_") or value.name == "tau_f"
+    },
+    "tau": blade360.table("heave")["tau_col"].value,
 }
 
 # ---------------------------------------------------------------------------------------------

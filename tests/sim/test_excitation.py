@@ -91,3 +91,22 @@ def test_doublet_is_written_as_asked(par):
     assert par[PARAM.excitation] == DOUBLET
     assert np.flatnonzero(par[PARAM.excitation_col : PARAM.excitation_ped + 1]).tolist() == [3]
     assert par[PARAM.excitation_duration] == 0.8
+
+
+@pytest.mark.parametrize("kind", [Sweep, Doublet])
+def test_what_is_left_open_is_the_vehicles(jr700, kind):
+    """Amplitude and band that nobody gave are the vehicle's own; what is given stays."""
+    complete = kind(axis="lat").on(jr700)
+    assert complete.amplitude == jr700.parameters["sweep.lat_amplitude"]
+    assert kind(axis="lat", amplitude=0.02).on(jr700).amplitude == 0.02
+    if kind is Sweep:
+        own = (jr700.parameters["sweep.lat_w_min"], jr700.parameters["sweep.lat_w_max"])
+        assert complete.band == own
+        assert Sweep(axis="lat", band=(1.0, 2.0)).on(jr700).band == (1.0, 2.0)
+
+
+@pytest.mark.parametrize("kind", [Sweep, Doublet])
+def test_what_is_left_open_never_reaches_the_sticks(par, kind):
+    """Without a vehicle, an open amplitude is refused, not guessed."""
+    with pytest.raises(InputError, match=r"on\(vehicle\)"):
+        kind(axis="lat").write(par)

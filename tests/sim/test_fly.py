@@ -158,7 +158,7 @@ def test_doublet_turns_its_axis_first_one_way(jr700, axis, rate):
     stick = record[axis.upper()]
     first = (record.time > 2.1) & (record.time < 2.5)
     second = (record.time > 2.6) & (record.time < 3.0)
-    amplitude = Doublet(axis=axis).stick
+    amplitude = Doublet(axis=axis).on(jr700).amplitude
     # the pilot, who holds the attitude at about 1 rad/s, works against it meanwhile
     assert stick[first] == pytest.approx(amplitude, abs=0.5 * amplitude)
     assert stick[second] == pytest.approx(-amplitude, abs=0.7 * amplitude)
@@ -175,18 +175,19 @@ def test_collective_doublet_climbs_first(jr700):
 def test_sweep_is_the_formula_at_the_stick(jr700):
     """With a still, unhurried hand the stick is hold plus amplitude times the sweep's formula."""
     excitation = Sweep(axis="ped", duration=12.0, trim_time=1.0, unsteadiness=0.0, leakage=0.0)
+    excitation = excitation.on(jr700)
     ends = []
     for timestep in (0.002, 0.001):
         truth = next(
             simulate(load(timestep=timestep), excitation, pilot=Pilot(remnant=0.0), jobs=1)
         )
-        w_min, w_max = excitation.omega
+        w_min, w_max = excitation.band
         each = round(0.002 / timestep)  # the hand moves at the gyro's ticks
         ticks = truth.time[::each]
         formula = np.array(
             [pilot_laws.sweep(t - 1.0, 10.0, w_min, w_max, 1.0, 0.0, 0.0) for t in ticks]
         )
-        held = truth.sticks[::each, 3] - excitation.stick * formula
+        held = truth.sticks[::each, 3] - excitation.amplitude * formula
         heading = 0.035 * truth.attitudes[::each, 2]  # parameters.toml, k_heading
         # MuJoCo's clock adds steps up: 1e-12 s times 30 rad/s
         assert held + heading == pytest.approx(0.0, abs=1e-10)

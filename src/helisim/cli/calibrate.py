@@ -1,18 +1,21 @@
-"""`helisim calibrate`: physical parameters from the paper's tables."""
+"""`helisim calibrate`: physical parameters from published derivatives."""
 
 import argparse
 from typing import Any
+
+from helisim.cli.common import add_vehicle
 
 
 def add(commands: Any) -> None:
     """Add the command to the parser."""
     command = commands.add_parser(
         "calibrate",
-        help="solve the physical parameters from the paper's tables",
-        description="Solve for the physical parameters whose linearised flight has the paper's "
-        "derivatives.",
-        epilog="example: helisim calibrate > calibrated.toml",
+        help="solve the physical parameters from published derivatives",
+        description="Solve for the physical parameters whose linearised flight has the derivatives "
+        "that are published of the vehicle.",
+        epilog="example: helisim calibrate blade360 > calibrated.toml",
     )
+    add_vehicle(command)
     command.add_argument(
         "--write",
         action="store_true",
@@ -26,11 +29,11 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.storage import atomic_write
     from helisim.vehicle.assembly import model_folder
 
-    text = calibrated_text("jr700")
+    text = calibrated_text(options.vehicle)
     if not options.write:
         print(text, end="")
         return 0
-    path = model_folder("jr700") / "calibrated.toml"
+    path = model_folder(options.vehicle) / "calibrated.toml"
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     print(f"Written: {path}")

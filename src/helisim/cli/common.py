@@ -35,6 +35,17 @@ def add_quiet(command: argparse.ArgumentParser) -> None:
     command.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
+def add_vehicle(command: argparse.ArgumentParser) -> None:
+    """Add the vehicle's name."""
+    command.add_argument(
+        "vehicle",
+        nargs="?",
+        default="jr700",
+        metavar="VEHICLE",
+        help="a folder of models/, such as blade360 (default: jr700)",
+    )
+
+
 def add_parameters(command: argparse.ArgumentParser) -> None:
     """Add --set."""
     command.add_argument(
@@ -71,12 +82,14 @@ def names(text: str | None) -> tuple[str, ...]:
     return tuple(name.strip() for name in (text or "").split(",") if name.strip())
 
 
-def write_recording(path: Path, records: Any, *, run: Any = None, quiet: bool = False) -> None:
+def write_recording(
+    path: Path, records: Any, *, vehicle: str = "jr700", run: Any = None, quiet: bool = False
+) -> None:
     """Write a Rerun recording of flights, and of what a run found from them, and say so."""
     from helisim.output.rerun_log import write_recording
     from helisim.vehicle import load
 
-    write_recording(path, records, model=load().visual_model(), run=run)
+    write_recording(path, records, model=load(vehicle).visual_model(), run=run)
     if not quiet:
         print(f"Written: {path}; open it with: rerun {path}")
 

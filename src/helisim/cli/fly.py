@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.channels import AXES
-from helisim.cli.common import Progress, add_common, parameters, write_recording
+from helisim.cli.common import Progress, add_common, add_vehicle, parameters, write_recording
 from helisim.errors import InputError
 
 
@@ -20,6 +20,7 @@ def add(commands: Any) -> None:
         "  helisim fly --axis lat --duration 90 --seed 1 --out lat.parquet\n"
         "  helisim fly --axis lat --count 40 --out flights",
     )
+    add_vehicle(command)
     command.add_argument("--axis", required=True, metavar="AXIS", help="|".join(AXES))
     command.add_argument(
         "--duration", type=float, default=90.0, metavar="S", help="of the flight, s (default: 90)"
@@ -54,7 +55,7 @@ def _run(options: argparse.Namespace) -> int:
 
     sweep = Sweep(axis=options.axis, duration=options.duration, amplitude=options.amplitude)
     _check(options)
-    vehicle = load(parameters=parameters(options))
+    vehicle = load(options.vehicle, parameters=parameters(options))
     recorder = Recorder.of(vehicle, rotor=options.rerun is not None)
     work = _one if options.count is None else _many
     work(options, vehicle, sweep, recorder)
@@ -96,7 +97,7 @@ def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -
         f"{len(record.names)} channels)"
     )
     if options.rerun is not None:
-        write_recording(options.rerun, {options.axis: record})
+        write_recording(options.rerun, {options.axis: record}, vehicle=vehicle.name)
 
 
 def _many(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -> None:

@@ -4,7 +4,7 @@ import argparse
 import json
 from typing import Any
 
-from helisim.cli.common import add_parameters, parameters
+from helisim.cli.common import add_parameters, add_vehicle, parameters
 
 
 def add(commands: Any) -> None:
@@ -15,6 +15,7 @@ def add(commands: Any) -> None:
         description="Print the exact linearisation of the nonlinear vehicle at its hover.",
         epilog="example: helisim linearize --inputs IN2 --json",
     )
+    add_vehicle(command)
     command.add_argument(
         "--inputs",
         default="IN1",
@@ -31,7 +32,7 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.provenance import made_by
     from helisim.vehicle import load
 
-    vehicle = load(parameters=parameters(options))
+    vehicle = load(options.vehicle, parameters=parameters(options))
     linear = vehicle.linearize(options.inputs)
     if options.json:
         provenance = made_by("linearization", **vehicle.provenance)

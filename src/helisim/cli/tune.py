@@ -1,18 +1,22 @@
-"""`helisim tune`: the gyro's gains from the paper's tables, with the margins they leave."""
+"""`helisim tune`: the gyro's gains from what is wanted of it, with the margins they leave."""
 
 import argparse
 from typing import Any
+
+from helisim.cli.common import add_vehicle
 
 
 def add(commands: Any) -> None:
     """Add the command to the parser."""
     command = commands.add_parser(
         "tune",
-        help="solve the gyro's gains from the paper's tables",
+        help="solve the gyro's gains from published models or a rate command",
         description="Solve for the gyro's settings at which the vehicle, seen from the sticks, has "
-        "the paper's eq. (8) and the IN2 column of Table 3; print the margins of its loops.",
+        "the models that are published of it (the JR700: eq. (8) and the IN2 column of Table 3), "
+        "or the rate command that its parameters ask for; print the margins of its loops.",
         epilog="example: helisim tune",
     )
+    add_vehicle(command)
     command.add_argument(
         "--write",
         action="store_true",
@@ -28,7 +32,7 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.vehicle.assembly import model_folder
     from helisim.vehicle.parameters import to_toml
 
-    vehicle = load()
+    vehicle = load(options.vehicle, tuned=False)
     settings = tune(vehicle)
     header = "Written by `helisim tune --write`; not by hand."
     text = to_toml(settings, header)
@@ -43,7 +47,7 @@ def _run(options: argparse.Namespace) -> int:
                 f"{found.phase_deg:6.1f} {found.crossover:6.1f}"
             )
     if options.write:
-        path = model_folder("jr700") / "tuned.toml"
+        path = model_folder(vehicle.name) / "tuned.toml"
         with atomic_write(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
         print(f"Written: {path}")

@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from helisim.channels import AXES
-from helisim.cli.common import add_parameters, parameters
+from helisim.cli.common import add_parameters, add_vehicle, parameters
 
 
 def add(commands: Any) -> None:
@@ -16,6 +16,7 @@ def add(commands: Any) -> None:
         "a display; without one, record a flight with helisim fly --rerun.",
         epilog="example: helisim view --axis lat",
     )
+    add_vehicle(command)
     command.add_argument("--axis", metavar="AXIS", help=f"{'|'.join(AXES)} (default: hover)")
     command.add_argument(
         "--duration",
@@ -43,6 +44,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.axis is not None:
         sweep = Sweep(axis=options.axis, duration=90.0 if duration is None else duration)
     check_display()
-    flown = view(load(parameters=parameters(options)), sweep, duration=duration, seed=options.seed)
+    vehicle = load(options.vehicle, parameters=parameters(options))
+    flown = view(vehicle, sweep, duration=duration, seed=options.seed)
     print(f"Flown: {flown:.1f} s")
     return 0

@@ -1,6 +1,20 @@
-"""The paper's tables with their provenance: compared with, never fed to the identification."""
+"""Published numbers with their provenance: compared with, never fed to the identification."""
 
-from helisim.reference import jr700
-from helisim.reference.values import ReferenceTable, ReferenceValue
+from helisim.errors import UnknownNameError
+from helisim.reference import blade360, jr700
+from helisim.reference.values import Published, ReferenceTable, ReferenceValue
 
-__all__ = ["ReferenceTable", "ReferenceValue", "jr700"]
+__all__ = ["Published", "ReferenceTable", "ReferenceValue", "blade360", "jr700", "published"]
+
+_BY_VEHICLE = {"blade360": blade360.PUBLISHED, "jr700": jr700.PUBLISHED}
+
+
+def published(vehicle: str) -> Published:
+    """Return what is published of a vehicle.
+
+    Raises:
+        UnknownNameError: nothing is; the message lists the vehicles that have something.
+    """
+    if vehicle not in _BY_VEHICLE:
+        raise UnknownNameError("vehicle with published numbers", vehicle, _BY_VEHICLE)
+    return _BY_VEHICLE[vehicle]

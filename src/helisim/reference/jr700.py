@@ -16,8 +16,7 @@ Its known errors stay visible in the `source` of the value concerned:
   27.5 %. It says that L_b, M_a, A_lat and B_lon rise; in the table they fall.
 """
 
-from helisim.errors import UnknownNameError
-from helisim.reference.values import ReferenceTable, ReferenceValue, TrendClaim
+from helisim.reference.values import Published, ReferenceTable, ReferenceValue, TrendClaim
 from helisim.units import RAD_S_PER_RPM
 
 _MAIN_ROTOR_RPM = 1700.0
@@ -205,14 +204,15 @@ TABLES: dict[str, ReferenceTable] = {
     )
 }
 
+PUBLISHED = Published(
+    TABLES, calibration=(YAW_BASE, ROLLPITCH_IN1, HEAVE), source="paper, Tables 2 to 4"
+)
+
 
 def table(name: str) -> ReferenceTable:
-    """Return the paper's table of that name.
+    """Return the published table of that name.
 
     Raises:
         UnknownNameError: no such table; the message lists those that exist.
     """
-    try:
-        return TABLES[name]
-    except KeyError:
-        raise UnknownNameError("reference table", name, TABLES) from None
+    return PUBLISHED.table(name)

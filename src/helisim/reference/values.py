@@ -1,6 +1,6 @@
 """Published numbers with their sources: compared with, never fed to an identification."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from helisim.errors import UnknownNameError
@@ -79,3 +79,29 @@ class ReferenceTable:
     def names(self) -> tuple[str, ...]:
         """The parameter names, in the order of the paper."""
         return tuple(value.name for value in self.values)
+
+
+@dataclass(frozen=True)
+class Published:
+    """What is published of one vehicle.
+
+    Attributes:
+        tables: by name; models have the names of helisim's own.
+        calibration: the tables that the physical parameters are solved from.
+        source: what the calibration's tables are called in the provenance.
+    """
+
+    tables: Mapping[str, ReferenceTable]
+    calibration: tuple[ReferenceTable, ...]
+    source: str
+
+    def table(self, name: str) -> ReferenceTable:
+        """Return a table. Raises UnknownNameError; the message lists those that exist."""
+        if name not in self.tables:
+            raise UnknownNameError("reference table", name, self.tables)
+        return self.tables[name]
+
+    @property
+    def targets(self) -> dict[str, float]:
+        """The calibration's values by name, SI."""
+        return {value.name: value.value for table in self.calibration for value in table}

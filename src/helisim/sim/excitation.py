@@ -1,7 +1,7 @@
 """What a pilot flies on purpose: frequency sweeps and doublets on one axis."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,13 +9,7 @@ from numpy.typing import NDArray
 from helisim.channels import AXES
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import DOUBLET, PARAM, SWEEP
-
-_AMPLITUDE = {"col": 0.03, "lon": 0.07, "lat": 0.07, "ped": 0.01}
-"""Unitised stick. The pedals' is small because the gyro makes a tail servo command of four to
-ten times it near 20 rad/s, where twice this already changes the tail's inflow noticeably."""
-_SWEEP_BAND = {"col": (0.25, 15.0), "lon": (0.8, 45.0), "lat": (0.8, 45.0), "ped": (0.3, 30.0)}
-"""rad/s. Roll and pitch bracket the rotor's modes at 15 and 27 rad/s; yaw and heave reach
-below their poles near 0.8 and 0.9 rad/s."""
+from helisim.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,8 +19,8 @@ class Sweep:
     Attributes:
         axis: "col", "lon", "lat" or "ped".
         duration: s, of the whole flight, at least four times `trim_time`.
-        amplitude: unitised stick; the axis's own default if None.
-        band: (w_min, w_max) rad/s; the axis's own default if None.
+        amplitude: unitised stick; the vehicle's own for that axis if None.
+        band: (w_min, w_max) rad/s; the vehicle's own for that axis if None.
         trim_time: s of trimmed flight before, and again after.
         leakage: part of the sweep that slips into each of the other sticks.
         unsteadiness: wobble of the amplitude, and of the phase in rad.
@@ -42,37 +36,38 @@ class Sweep:
 
     def __post_init__(self) -> None:
         _check(self.axis, self.duration, self.trim_time)
-        w_min, w_max = self.omega
-        if not (math.isfinite(w_max) and 0.0 < w_min < w_max):
-            raise InputError(f"sweep band must be 0 < w_min < w_max in rad/s, got {self.band}")
-        _check_amplitude(self.stick)
+        if self.band is not None:
+            w_min, w_max = self.band
+            if not (math.isfinite(w_max) and 0.0 < w_min < w_max):
+                raise InputError(f"sweep band must be 0 < w_min < w_max in rad/s, got {self.band}")
+        _check_amplitude(self.amplitude)
         if not (0.0 <= self.leakage <= 1.0 and 0.0 <= self.unsteadiness <= 1.0):
             raise InputError(
                 f"leakage and unsteadiness must be in [0, 1], got {self.leakage}, "
                 f"{self.unsteadiness}"
             )
 
-    @property
-    def stick(self) -> float:
-        """Amplitude at the stick, unitised."""
-        return _AMPLITUDE[self.axis] if self.amplitude is None else self.amplitude
-
-    @property
-    def omega(self) -> tuple[float, float]:
-        """Lowest and highest frequency, rad/s."""
-        return _SWEEP_BAND[self.axis] if self.band is None else self.band
+    def on(self, vehicle: Vehicle) -> "Sweep":
+        """Return the sweep with what is left open filled in by the vehicle's parameters."""
+        own = vehicle.parameters
+        band = self.band
+        if band is None:
+            band = own[f"sweep.{self.axis}_w_min"], own[f"sweep.{self.axis}_w_max"]
+        return replace(self, amplitude=_stick(self, vehicle), band=band)
 
     def write(self, par: NDArray[np.float64]) -> None:
-        """Put the sweep into a vehicle's numbers for the force laws."""
+        """Put the sweep, complete, into a vehicle's numbers for the force laws."""
+        if self.amplitude is None or self.band is None:
+            raise InputError("the sweep lacks its amplitude or band; complete it with on(vehicle)")
         par[PARAM.excitation] = SWEEP
         par[PARAM.excitation_start] = self.trim_time
         par[PARAM.excitation_duration] = self.duration - 2.0 * self.trim_time
-        par[PARAM.sweep_w_min], par[PARAM.sweep_w_max] = self.omega
+        par[PARAM.sweep_w_min], par[PARAM.sweep_w_max] = self.band
         par[PARAM.sweep_fade] = 1.0
         par[PARAM.sweep_unsteadiness] = self.unsteadiness
         first = PARAM.excitation_col
-        par[first : first + 4] = self.leakage * self.stick
-        par[first + AXES.index(self.axis)] = self.stick
+        par[first : first + 4] = self.leakage * self.amplitude
+        par[first + AXES.index(self.axis)] = self.amplitude
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +77,7 @@ class Doublet:
     Attributes:
         axis: "col", "lon", "lat" or "ped".
         duration: s, of the whole flight.
-        amplitude: unitised stick; the axis's own default if None.
+        amplitude: unitised stick; the vehicle's own for that axis if None.
         width: s, of both halves together.
         trim_time: s of trimmed flight before.
     """
@@ -100,21 +95,22 @@ class Doublet:
                 f"doublet width must be above 0 and at most {self.duration - self.trim_time:g} s "
                 f"(what the trimmed stretch leaves), got {self.width}"
             )
-        _check_amplitude(self.stick)
+        _check_amplitude(self.amplitude)
 
-    @property
-    def stick(self) -> float:
-        """Amplitude at the stick, unitised."""
-        return _AMPLITUDE[self.axis] if self.amplitude is None else self.amplitude
+    def on(self, vehicle: Vehicle) -> "Doublet":
+        """Return the doublet with what is left open filled in by the vehicle's parameters."""
+        return replace(self, amplitude=_stick(self, vehicle))
 
     def write(self, par: NDArray[np.float64]) -> None:
-        """Put the doublet into a vehicle's numbers for the force laws."""
+        """Put the doublet, complete, into a vehicle's numbers for the force laws."""
+        if self.amplitude is None:
+            raise InputError("the doublet lacks its amplitude; complete it with on(vehicle)")
         par[PARAM.excitation] = DOUBLET
         par[PARAM.excitation_start] = self.trim_time
         par[PARAM.excitation_duration] = self.width
         first = PARAM.excitation_col
         par[first : first + 4] = 0.0
-        par[first + AXES.index(self.axis)] = self.stick
+        par[first + AXES.index(self.axis)] = self.amplitude
 
 
 Excitation = Sweep | Doublet
@@ -132,6 +128,12 @@ def _check(axis: str, duration: float, trim_time: float) -> None:
         )
 
 
-def _check_amplitude(amplitude: float) -> None:
-    if not 0.0 < amplitude <= 0.5:
+def _stick(excitation: Excitation, vehicle: Vehicle) -> float:
+    if excitation.amplitude is not None:
+        return excitation.amplitude
+    return vehicle.parameters[f"sweep.{excitation.axis}_amplitude"]
+
+
+def _check_amplitude(amplitude: float | None) -> None:
+    if amplitude is not None and not 0.0 < amplitude <= 0.5:
         raise InputError(f"amplitude must be in (0, 0.5] of unitised stick, got {amplitude}")

@@ -176,6 +176,12 @@ def _close_inertia(spec: mujoco.MjSpec, root: str, wanted: list[float]) -> None:
     fuselage.fullinertia = np.asarray(fuselage.fullinertia) + terms
 
 
+def mass_and_gravity(name: str) -> tuple[float, float]:
+    """Return a vehicle's mass, kg, and the gravity it flies in, m/s^2, of its MJCF."""
+    model = mujoco.MjModel.from_xml_path(str(_mjcf(name, visual=False, rig=None)))
+    return float(model.body_subtreemass[model.body(name).id]), -float(model.opt.gravity[2])
+
+
 def total_inertia(model: mujoco.MjModel, root: str) -> NDArray[np.float64]:
     """Return the inertia of the vehicle about its centre of gravity, MuJoCo axes, (3, 3)."""
     data = mujoco.MjData(model)

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from helisim.errors import InputError, ModelError
-from helisim.vehicle.assembly import assemble
+from helisim.vehicle.assembly import assemble, mass_and_gravity
+from helisim.vehicle.first_guess import first_guess
 from helisim.vehicle.linearize import linearize, stability_derivatives
-from helisim.vehicle.parameters import Parameter, Parameters
+from helisim.vehicle.parameters import Parameter, Parameters, untuned
 from helisim.vehicle.trim import find_hover
 
 DIRECT = ("tau_f", "A_b", "B_a", "A_lat", "A_lon", "B_lat", "B_lon")
@@ -19,19 +20,19 @@ SOLVED = ("Z_w", "Z_col", "N_r", "N_ped", "L_b", "M_a")
 """Derivatives that the physical parameters are solved for; hover at centred controls too."""
 
 _UNKNOWNS = {
-    "main_rotor.lift_slope": (6.0, "1/rad", "Z_w"),
-    "main_rotor.pitch_trim": (0.08, "rad", "hover with the collective centred"),
-    "main_rotor.pitch_range": (0.25, "rad", "Z_col"),
-    "main_rotor.hub_stiffness": (100.0, "N m/rad", "L_b"),
-    "airframe.iyy": (0.34, "kg m^2", "M_a"),
-    "airframe.izz": (0.42, "kg m^2", "N_r"),
-    "tail_rotor.pitch_trim": (0.13, "rad", "hover with the pedals centred"),
-    "tail_rotor.pitch_range": (0.6, "rad", "N_ped"),
+    "main_rotor.lift_slope": ("1/rad", "Z_w"),
+    "main_rotor.pitch_trim": ("rad", "hover with the collective centred"),
+    "main_rotor.pitch_range": ("rad", "Z_col"),
+    "main_rotor.hub_stiffness": ("N m/rad", "L_b"),
+    "airframe.iyy": ("kg m^2", "M_a"),
+    "airframe.izz": ("kg m^2", "N_r"),
+    "tail_rotor.pitch_trim": ("rad", "hover with the pedals centred"),
+    "tail_rotor.pitch_range": ("rad", "N_ped"),
 }
-"""Parameter -> generic start, unit, and the condition that fixes it."""
+"""Parameter -> unit, and the condition that fixes it."""
 
 _TOLERANCE = 1e-8
-"""Relative error allowed in each condition: five digits beyond the paper's."""
+"""Relative error allowed in each condition: four digits beyond any published one."""
 
 
 def calibrate(
@@ -44,7 +45,7 @@ def calibrate(
 
     Args:
         name: of the vehicle, whose MJCF is flown.
-        given: given and chosen parameters.
+        given: given and chosen parameters; the gyro's may be missing.
         targets: values of DIRECT and SOLVED by name, SI.
         source: where the targets come from, for the provenance.
 
@@ -64,15 +65,17 @@ def calibrate(
         )
         for key in DIRECT
     }
-    starts = np.array([start for start, _, _ in _UNKNOWNS.values()])
+    guess = first_guess(given, targets, *mass_and_gravity(name))
+    starts = np.array([guess[key] for key in _UNKNOWNS])
+
+    entries = {key: given.entry(key) for key in given}
 
     def join(scale: NDArray[np.float64]) -> Parameters:
         solved = {
             key: Parameter(key, float(value), unit, f"solved: {condition}, {source}")
-            for (key, (_, unit, condition)), value in zip(_UNKNOWNS.items(), scale * starts)
+            for (key, (unit, condition)), value in zip(_UNKNOWNS.items(), scale * starts)
         }
-        entries = {key: given.entry(key) for key in given}
-        return Parameters({**entries, **direct, **solved})
+        return untuned(Parameters({**entries, **direct, **solved}))
 
     def miss(scale: NDArray[np.float64]) -> NDArray[np.float64]:
         return _miss(name, join(scale), targets)

@@ -85,6 +85,38 @@ def read_parameters(*paths: Path) -> Parameters:
     return Parameters(entries)
 
 
+_UNTUNED = {
+    "gyro.ped_latency": (0.0, "s"),
+    "gyro.kp_lat": (0.0, "s/rad"),
+    "gyro.kp_lon": (0.0, "s/rad"),
+    "gyro.ki_lat": (1.0, "1/rad"),
+    "gyro.ki_lon": (1.0, "1/rad"),
+    "gyro.kd_lat": (0.0, "s^2/rad"),
+    "gyro.kd_lon": (0.0, "s^2/rad"),
+    "gyro.phase": (0.0, "rad"),
+    "gyro.k_p": (0.0, "1"),
+    "gyro.k_i": (1.0, "1/s"),
+    "gyro.k_delta": (1.0, "1"),
+    "gyro.k_a": (0.1, "s/rad"),
+    "gyro.p_per_lat": (1.0, "rad/s"),
+    "gyro.p_per_lon": (0.0, "rad/s"),
+    "gyro.q_per_lat": (0.0, "rad/s"),
+    "gyro.q_per_lon": (1.0, "rad/s"),
+}
+
+
+def untuned(parameters: Parameters) -> Parameters:
+    """Return the parameters with plain values for what is missing of the gyro's settings.
+
+    A vehicle can be calibrated and its gyro tuned with them; to fly it needs tuned ones.
+    """
+    plain = {
+        name: Parameter(name, value, unit, "not tuned yet")
+        for name, (value, unit) in _UNTUNED.items()
+    }
+    return Parameters({**plain, **{name: parameters.entry(name) for name in parameters}})
+
+
 def _read(path: Path) -> dict[str, Parameter]:
     try:
         content = read_toml(path)

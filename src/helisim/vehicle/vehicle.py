@@ -19,7 +19,12 @@ from helisim.vehicle.assembly import assemble, model_folder
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
 from helisim.vehicle.loop import SampledGyro, close, sampled_gyro
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.parameters import Parameters, force_law_block, read_parameters
+from helisim.vehicle.parameters import (
+    Parameters,
+    force_law_block,
+    read_parameters,
+    untuned,
+)
 from helisim.vehicle.settings import GyroSettings
 from helisim.vehicle.trim import Trim, find_hover, place
 
@@ -171,6 +176,7 @@ def load(
     *,
     parameters: Mapping[str, float] | None = None,
     timestep: float | None = None,
+    tuned: bool = True,
 ) -> Vehicle:
     """Load a vehicle, calibrated and trimmed.
 
@@ -179,6 +185,7 @@ def load(
         parameters: values that replace the calibrated ones, such as
             {"main_rotor.hub_stiffness": 100.0}; the truth then follows them.
         timestep: s; the MJCF's own if None.
+        tuned: False accepts a vehicle whose gyro is not tuned yet, to tune it.
 
     Raises:
         UnknownNameError: no such vehicle or parameter.
@@ -186,18 +193,24 @@ def load(
         ModelError: the model can't be built.
         TrimError: it can't hover.
     """
-    values = standard_parameters(name).replace(parameters or {})
+    values = standard_parameters(name, tuned=tuned).replace(parameters or {})
     model = assemble(name, values, timestep=timestep)
     return Vehicle(name, values, model, find_hover(model))
 
 
-def standard_parameters(name: str = "jr700") -> Parameters:
+def standard_parameters(name: str = "jr700", *, tuned: bool = True) -> Parameters:
     """Return a vehicle's parameters as its files give them, calibrated and tuned.
+
+    Args:
+        name: of the vehicle.
+        tuned: False accepts a vehicle whose gyro is not tuned yet.
 
     Raises:
         UnknownNameError: no such vehicle.
         ModelError: a file is missing or malformed.
     """
     folder = model_folder(name)
-    files = ("parameters.toml", "calibrated.toml", "tuned.toml")
-    return read_parameters(*(folder / file for file in files))
+    files = [folder / file for file in ("parameters.toml", "calibrated.toml", "tuned.toml")]
+    if tuned or files[-1].is_file():
+        return read_parameters(*files)
+    return untuned(read_parameters(*files[:-1]))
