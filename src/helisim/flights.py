@@ -9,10 +9,9 @@ from helisim import ident
 from helisim.channels import AXES
 from helisim.errors import InputError
 from helisim.experiment import MODELS
-from helisim.ident.archive import read_json
 from helisim.record import FlightRecord
 from helisim.sim import Doublet, Recorder, Sweep, fly
-from helisim.storage import read_record, write_record
+from helisim.storage import read_json, read_record, write_record
 from helisim.vehicle import Vehicle
 
 _RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
