@@ -39,6 +39,12 @@ _CYCLIC = {
 }
 """Setting -> where the search starts, SI."""
 
+LOOPS = ("lat", "lon", "ped")
+"""Commands of the gyro; it does not act on the collective."""
+
+EXTRA_DELAYS = (0.0, 0.005, 0.010)
+"""s, beyond what is in the loops as shipped."""
+
 _STEPS = 30
 _REST = 0.02
 """Weight that keeps what the targets leave free where the response put it."""
@@ -62,6 +68,21 @@ class Margins:
     gain_db: float
     phase_deg: float
     crossover: float
+
+
+@dataclass(frozen=True)
+class LoopMargins:
+    """Margins of one loop with a given delay more.
+
+    Attributes:
+        axis: command at which the loop is cut.
+        extra_delay: s, added there.
+        margins: what is left.
+    """
+
+    axis: str
+    extra_delay: float
+    margins: Margins
 
 
 def margins(vehicle: Vehicle, axis: str, *, extra_delay: float = 0.0) -> Margins:
@@ -88,6 +109,15 @@ def margins(vehicle: Vehicle, axis: str, *, extra_delay: float = 0.0) -> Margins
         gain_db=float(min(falls, default=np.inf)),
         phase_deg=float(np.degrees(min(behind))),
         crossover=float(omega[crossings[-1]]),
+    )
+
+
+def margin_table(vehicle: Vehicle) -> tuple[LoopMargins, ...]:
+    """Return the margins of every loop of the gyro, as it is and with more delay."""
+    return tuple(
+        LoopMargins(axis, extra_delay, margins(vehicle, axis, extra_delay=extra_delay))
+        for axis in LOOPS
+        for extra_delay in EXTRA_DELAYS
     )
 
 

@@ -27,7 +27,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.storage import atomic_write
-    from helisim.tuning import margins, tune
+    from helisim.tuning import margin_table, tune
     from helisim.vehicle import load
     from helisim.vehicle.assembly import model_folder
     from helisim.vehicle.parameters import to_toml
@@ -39,13 +39,11 @@ def _run(options: argparse.Namespace) -> int:
     print(text)
     tuned = vehicle.with_settings(dict(settings))
     print("# Margins: loop, more delay (ms), gain (dB), phase (deg), crossover (rad/s)")
-    for axis in ("lat", "lon", "ped"):
-        for extra_delay in (0.0, 0.005, 0.010):
-            found = margins(tuned, axis, extra_delay=extra_delay)
-            print(
-                f"# {axis} {1e3 * extra_delay:4.0f} {found.gain_db:6.1f} "
-                f"{found.phase_deg:6.1f} {found.crossover:6.1f}"
-            )
+    for one in margin_table(tuned):
+        print(
+            f"# {one.axis} {1e3 * one.extra_delay:4.0f} {one.margins.gain_db:6.1f} "
+            f"{one.margins.phase_deg:6.1f} {one.margins.crossover:6.1f}"
+        )
     if options.write:
         path = model_folder(vehicle.name) / "tuned.toml"
         with atomic_write(path) as temporary:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TextIO
 
 from helisim.comparison import ComparisonTable, ParameterRow, Results, Verdict
+from helisim.output.findings import render_further
 from helisim.vehicle import Linearization
 
 WIDTH = 80
@@ -61,12 +62,28 @@ def render_table(table: ComparisonTable, *, color: bool = False) -> str:
         verdict = row_cells[-1]
         start = text.removesuffix(verdict)
         lines.append(start + _paint(verdict, _COLOURS[row.verdict], color))
+    if table.given:
+        lines.append(_given(table))
     return "\n".join(lines)
 
 
+def _given(table: ComparisonTable) -> str:
+    values = [
+        f"{one.name} {one.value:.{_DIGITS}g} {one.unit} ({one.source})" for one in table.given
+    ]
+    text = textwrap.fill(
+        "; ".join(value.replace(" ", _NO_BREAK) for value in values),
+        WIDTH,
+        initial_indent="given: ",
+        subsequent_indent="       ",
+    )
+    return text.replace(_NO_BREAK, " ")
+
+
 def render_results(results: Results, *, color: bool = False) -> str:
-    """Return all tables, then what was left out and the tolerances that were missed."""
+    """Return all tables, what else was found, what was left out, and what missed its tolerance."""
     blocks = [render_table(table, color=color) for table in results.tables]
+    blocks += render_further(results.further)
     if results.excluded:
         blocks.append(_list("Left out:", results.excluded))
     if results.misses:
