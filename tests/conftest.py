@@ -16,7 +16,7 @@ from helisim.vehicle.motion import addresses
 settings.register_profile("helisim", deadline=None, derandomize=True, database=None)
 settings.load_profile("helisim")
 
-HOOKS = ("passive", "control", "act_dyn", "sensor")
+HOOKS = ("passive", "control", "act_dyn", "sensor", "time")
 
 
 @pytest.fixture(autouse=True)

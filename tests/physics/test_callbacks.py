@@ -31,6 +31,7 @@ PENDULUM = """
   </body>
 </worldbody>{actuator}{sensor}</mujoco>
 """
+BARE = {"integrator": "RK4", "size": "", "actuator": "", "sensor": ""}
 OTHERS = {
     "plain": {},
     "filter": {
@@ -87,7 +88,7 @@ def test_other_models_are_left_alone(kind, integrator):
 
 def test_models_compile_within_the_block():
     """A native callback does not stand in the way of a compilation, as a Python one does."""
-    text = PENDULUM.format(integrator="RK4", size="", actuator="", sensor="")
+    text = PENDULUM.format(**BARE)
     with installed():
         within = mujoco.MjModel.from_xml_string(text)
     assert np.array_equal(history(within), history(mujoco.MjModel.from_xml_string(text)))
@@ -275,6 +276,34 @@ def test_nothing_is_left_behind():
     with pytest.raises(RuntimeError, match="in the block"), installed():
         raise RuntimeError("in the block")
     assert all(getattr(mujoco, f"get_mjcb_{hook}")() is None for hook in HOOKS)
+
+
+def test_the_timer_stands_still():
+    """MuJoCo reads no clock in the block, which is a third of a step's cost, but after it."""
+    model = mujoco.MjModel.from_xml_string(PENDULUM.format(**BARE))
+    data = mujoco.MjData(model)
+    with installed():
+        mujoco.mj_step(model, data, 100)
+    assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].number == 100
+    assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration == 0.0
+    mujoco.mj_step(model, data, 100)
+    assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration > 0.0
+
+
+def test_a_timer_of_another_owner_runs_on():
+    """Someone who profiles keeps his timer, in the block and after it."""
+    seconds = iter(range(10**6))
+
+    def ticking():
+        return float(next(seconds))
+
+    mujoco.set_mjcb_time(ticking)
+    try:
+        with installed():
+            assert mujoco.get_mjcb_time() is ticking
+        assert mujoco.get_mjcb_time() is ticking
+    finally:
+        mujoco.set_mjcb_time(None)
 
 
 def test_blocks_nest():

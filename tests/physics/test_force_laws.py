@@ -26,7 +26,10 @@ def activations(a=0.0, b=0.0, col=0.0, ped=0.0):
 
 
 def wrench(par, act, motion, speed_ratio=1.0):
-    return np.array(loads.wrench(par, act, 0, *motion, speed_ratio))
+    col, _, _ = servo.unmix(*act[STATE.front_position : STATE.tail_position : 2])
+    thrust, torque, *_ = loads.main_rotor(par, *motion[:5], speed_ratio, col)
+    pedal, a, b = act[[STATE.tail_position, STATE.flap_a, STATE.flap_b]]
+    return np.array(loads.wrench(par, pedal, a, b, *motion, speed_ratio, thrust, torque))
 
 
 @given(u=speed, v=speed, w=speed, p=rate, q=rate, r=rate, a=tilt, b=tilt, col=stick)

@@ -5,7 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from helisim.channels import AXES
-from helisim.cli.common import Progress, add_common, add_vehicle, parameters, write_recording
+from helisim.cli.common import (
+    Progress,
+    add_common,
+    add_integrator,
+    add_vehicle,
+    parameters,
+    write_recording,
+)
 from helisim.errors import InputError
 
 
@@ -45,6 +52,7 @@ def add(commands: Any) -> None:
         metavar="FILE|DIR",
         help="record to write, .parquet or .csv; with --count a folder of them",
     )
+    add_integrator(command)
     add_common(command)
     command.set_defaults(run=_run)
 
@@ -55,7 +63,7 @@ def _run(options: argparse.Namespace) -> int:
 
     sweep = Sweep(axis=options.axis, duration=options.duration, amplitude=options.amplitude)
     _check(options)
-    vehicle = load(options.vehicle, parameters=parameters(options))
+    vehicle = load(options.vehicle, parameters=parameters(options), integrator=options.integrator)
     recorder = Recorder.of(vehicle, rotor=options.rerun is not None)
     work = _one if options.count is None else _many
     work(options, vehicle, sweep, recorder)

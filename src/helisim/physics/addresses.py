@@ -34,7 +34,7 @@ def vehicles(m, offsets):
     """Yield the rotor actuator of every vehicle of ours in the model."""
     if long(m, offsets.nuser_actuator) < len(PARAM):
         return
-    for actuator in range(long(m, offsets.nactuator)):
+    for actuator in range(ROTOR, long(m, offsets.nactuator)):
         if is_rotor(m, offsets, actuator):
             yield actuator
 

@@ -11,6 +11,7 @@ from helisim.physics.addresses import (
     REPORTS,
     body_of,
     control_of,
+    is_rotor,
     parameters,
     reports,
     speed_ratio,
@@ -18,12 +19,20 @@ from helisim.physics.addresses import (
     vehicles,
 )
 from helisim.physics.body import air_velocity, apply_wrench, rates
+from helisim.physics.commanded import (
+    commanded_rates,
+    mean_commanded_rates,
+    sensed_rates,
+    stick_positions,
+    what_is_held,
+)
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import MAGIC, PARAM, ROTOR, STATE
+from helisim.physics.layout import PARAM, ROTOR, STATE
 from helisim.physics.loads import STOPPED, main_rotor, tail_rotor, wrench
 from helisim.physics.memory import doubles, doubles_from, long
 from helisim.physics.piloting import fly
-from helisim.physics.stabilizing import cyclic_law, gyro_derivatives, yaw_law
+from helisim.physics.stabilizing import cyclic_law, yaw_law
+from helisim.physics.stepping import held_for, position_ahead
 from helisim.physics.ticks import is_tick
 
 _ACCELERATION_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
@@ -35,13 +44,35 @@ def passive(m, d, offsets):
     for rotor_id in vehicles(m, offsets):
         par = parameters(m, offsets, rotor_id)
         body = body_of(m, offsets, rotor_id)
-        first = state_of(m, offsets, rotor_id)
-        u, v, w = air_velocity(m, d, offsets, body)
-        p, q, r = rates(d, offsets, body)
-        act = doubles(d, offsets.act)
-        speed = speed_ratio(m, d, offsets, rotor_id, par)
-        force = wrench(par, act, first, u, v, w, p, q, r, speed)
+        act = doubles_from(d, offsets.act, state_of(m, offsets, rotor_id))
+        step = held_for(m, offsets)
+        air = flow(m, d, offsets, rotor_id, par, act, 0.5 * step)
+        a, b = act[STATE.flap_a], act[STATE.flap_b]
+        if step > 0.0:
+            a_rate, b_rate = tilt_rates(par, act, air, step)
+            a, b = a + step * a_rate, b + step * b_rate
+        pedal = position_ahead(par, act, STATE.tail_position, 0.5 * step)
+        u, v, w, p, q, r, speed, main = air
+        force = wrench(par, pedal, a, b, u, v, w, p, q, r, speed, main[0], main[1])
         apply_wrench(m, d, offsets, body, *force)
+
+
+@kernel()
+def flow(m, d, offsets, rotor_id, par, act, ahead):
+    """Return u, v, w, p, q, r through the air, the rotor's speed ratio and its `main_rotor`.
+
+    The collective is that of a time `ahead` (s).
+    """
+    body = body_of(m, offsets, rotor_id)
+    u, v, w = air_velocity(m, d, offsets, body)
+    p, q, r = rates(d, offsets, body)
+    speed = speed_ratio(m, d, offsets, rotor_id, par)
+    collective, _, _ = servo.unmix(
+        position_ahead(par, act, STATE.front_position, ahead),
+        position_ahead(par, act, STATE.left_position, ahead),
+        position_ahead(par, act, STATE.right_position, ahead),
+    )
+    return u, v, w, p, q, r, speed, main_rotor(par, u, v, w, p, q, speed, collective)
 
 
 @kernel()
@@ -58,16 +89,16 @@ def control(m, d, offsets):
             m, d, offsets, par, doubles(d, offsets.sensordata)[seen + REPORTS]
         ):
             continue
-        first = state_of(m, offsets, rotor_id)
-        address = control_of(m, offsets, rotor_id)
-        controls = doubles_from(d, offsets.ctrl, address)
-        act = doubles(d, offsets.act)
+        controls = doubles_from(d, offsets.ctrl, control_of(m, offsets, rotor_id))
+        act = doubles_from(d, offsets.act, state_of(m, offsets, rotor_id))
         if par[PARAM.pilot_on] != 0.0:
             fly(m, d, offsets, rotor_id, par, body, controls)
             controls[ROTOR] = 1.0
         if par[PARAM.gyro_on] != 0.0:
-            _, _, ped = yaw_law(m, d, offsets, rotor_id, par, act, first, address, seen)
-            _, _, lat, lon = cyclic_law(par, act, first, controls[2], controls[1])
+            _, _, r = sensed_rates(d, offsets, seen)
+            lon, lat, ped = stick_positions(m, d, offsets, rotor_id, par, seen)
+            _, _, ped = yaw_law(par, act, r, ped)
+            _, _, lat, lon = cyclic_law(par, act, lat, lon)
             lat = min(0.5, max(-0.5, lat))
             lon = min(0.5, max(-0.5, lon))
             col = par[PARAM.gyro_collective] * controls[0]
@@ -77,71 +108,56 @@ def control(m, d, offsets):
 
 @kernel()
 def activation_rates(m, d, offsets, actuator):
-    """Write the derivatives of one actuator's activations. What mjcb_act_dyn does."""
-    if long(m, offsets.nuser_actuator) < len(PARAM):
+    """Write the derivatives of all activations of a vehicle, at the turn of its rotor, the last.
+
+    What mjcb_act_dyn does.
+    """
+    if long(m, offsets.nuser_actuator) < len(PARAM) or not is_rotor(m, offsets, actuator):
         return 0.0
-    user = parameters(m, offsets, actuator)
-    if user[PARAM.magic] != MAGIC:
-        return 0.0
-    ordinal = int(user[PARAM.ordinal])
-    rotor_id = actuator - ordinal + ROTOR
-    par = parameters(m, offsets, rotor_id)
-    first = state_of(m, offsets, rotor_id)
-    if ordinal == ROTOR:
-        flapping_derivatives(m, d, offsets, rotor_id, par, first)
-    elif ordinal >= 4:
-        servo_derivatives(d, offsets, par, first, ordinal, control_of(m, offsets, rotor_id))
+    par = parameters(m, offsets, actuator)
+    first = state_of(m, offsets, actuator)
+    act = doubles_from(d, offsets.act, first)
+    rate = doubles_from(d, offsets.act_dot, first)
+    held = what_is_held(m, d, offsets, actuator, par)
+    step = held_for(m, offsets)
+    if step > 0.0:
+        mean_commanded_rates(par, held, act, rate, step)
     else:
-        gyro_derivatives(m, d, offsets, rotor_id, par, first, ordinal)
+        commanded_rates(par, held, act, rate)
+    air = flow(m, d, offsets, actuator, par, act, 0.5 * step)
+    rate[STATE.flap_a], rate[STATE.flap_b] = tilt_rates(par, act, air, step)
     return 0.0
 
 
 @kernel()
-def flapping_derivatives(m, d, offsets, rotor_id, par, first):
-    """Write da/dt and db/dt of the tip-path plane."""
-    body = body_of(m, offsets, rotor_id)
-    act = doubles(d, offsets.act)
-    rate = doubles(d, offsets.act_dot)
-    u, v, w = air_velocity(m, d, offsets, body)
-    p, q, _ = rates(d, offsets, body)
-    speed = speed_ratio(m, d, offsets, rotor_id, par)
-    col, lon, lat = servo.unmix(
-        act[first + STATE.front_position],
-        act[first + STATE.left_position],
-        act[first + STATE.right_position],
+def tilt_rates(par, act, air, step):
+    """Return the mean da/dt and db/dt of the tip-path plane over a time step (s), or now at 0."""
+    u, v, _, p, q, _, speed, main = air
+    _, _, inflow, tip_speed, pitch = main
+    _, lon, lat = servo.unmix(
+        act[STATE.front_position], act[STATE.left_position], act[STATE.right_position]
     )
-    _, _, inflow, tip_speed, pitch = main_rotor(par, u, v, w, p, q, speed, col)
     a_target = par[PARAM.a_lat] * lat + par[PARAM.a_lon] * lon
     b_target = par[PARAM.b_lat] * lat + par[PARAM.b_lon] * lon
     if speed >= STOPPED:
         a_target += par[PARAM.flap_back] * flapping.flap_back(pitch, inflow, u / tip_speed)
         b_target -= par[PARAM.flap_back] * flapping.flap_back(pitch, inflow, v / tip_speed)
-    a, b = act[first + STATE.flap_a], act[first + STATE.flap_b]
+    a, b = act[STATE.flap_a], act[STATE.flap_b]
     tau_f, a_b, b_a = par[PARAM.tau_f], par[PARAM.a_b], par[PARAM.b_a]
-    rate[first + STATE.flap_a], rate[first + STATE.flap_b] = flapping.flapping_rates(
-        a, b, p, q, a_target, b_target, tau_f, a_b, b_a
-    )
-
-
-@kernel()
-def servo_derivatives(d, offsets, par, first, ordinal, address):
-    """Write the derivatives of one servo's position and rate."""
-    act = doubles(d, offsets.act)
-    rate = doubles(d, offsets.act_dot)
-    command = doubles(d, offsets.ctrl)[address + ordinal]
-    k = first + STATE.front_position + 2 * (ordinal - 4)
-    frequency, damping = par[PARAM.swash_frequency], par[PARAM.swash_damping]
-    if ordinal == 7:
-        frequency, damping = par[PARAM.tail_frequency], par[PARAM.tail_damping]
-    rate[k], rate[k + 1] = servo.servo_rates(
-        act[k],
-        act[k + 1],
-        command,
-        frequency,
-        damping,
-        par[PARAM.servo_rate_limit],
-        par[PARAM.servo_travel],
-    )
+    a_rate, b_rate = 0.0, 0.0
+    for _ in range(2):
+        a_rate, b_rate = flapping.flapping_rates(
+            a + 0.5 * step * a_rate,
+            b + 0.5 * step * b_rate,
+            p,
+            q,
+            a_target,
+            b_target,
+            tau_f,
+            a_b,
+            b_a,
+        )
+    return a_rate, b_rate
 
 
 @kernel()
@@ -161,19 +177,17 @@ def report(m, d, offsets, rotor_id, body, address):
     """Write a vehicle's eighteen user-sensor numbers; they are consecutive."""
     par = parameters(m, offsets, rotor_id)
     first = state_of(m, offsets, rotor_id)
-    act = doubles(d, offsets.act)
+    act = doubles_from(d, offsets.act, first)
+    rate = doubles_from(d, offsets.act_dot, first)
     control = doubles_from(d, offsets.ctrl, control_of(m, offsets, rotor_id))
     out = doubles_from(d, offsets.sensordata, address)
     for k in range(8):
         out[k] = control[k]
     for k in range(4):
-        out[8 + k] = act[first + STATE.front_position + 2 * k]
-    out[12] = act[first + STATE.flap_a]
-    out[13] = act[first + STATE.flap_b]
-    u, v, w = air_velocity(m, d, offsets, body)
-    p, q, r = rates(d, offsets, body)
-    collective, _, _ = servo.unmix(out[8], out[9], out[10])
-    speed = speed_ratio(m, d, offsets, rotor_id, par)
-    thrust, torque, inflow, _, _ = main_rotor(par, u, v, w, p, q, speed, collective)
-    out[14], out[15], out[16] = thrust, torque, inflow
+        out[8 + k] = act[STATE.front_position + 2 * k]
+    since = 0.5 * held_for(m, offsets)  # by which the tilt is kept early
+    for k in range(2):
+        out[12 + k] = act[STATE.flap_a + k] + since * rate[STATE.flap_a + k]
+    _, v, _, p, _, r, speed, main = flow(m, d, offsets, rotor_id, par, act, 0.0)
+    out[14], out[15], out[16] = main[0], main[1], main[2]
     out[17] = tail_rotor(par, v, p, r, speed, out[11])

@@ -4,5 +4,5 @@ from functools import partial
 
 from numba import njit
 
-kernel = partial(njit, error_model="numpy")
+kernel = partial(njit, error_model="numpy", forceinline=True)
 """A division by zero gives infinity, as in C; the flight then counts as diverged."""

@@ -2,9 +2,9 @@
 
 import math
 
-from helisim.physics import rotor, servo
+from helisim.physics import rotor
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import PARAM
 
 STOPPED = 0.05
 """Below this fraction of its speed the rotor counts as stopped."""
@@ -65,17 +65,28 @@ def tail_rotor(par, v, p, r, speed_ratio, pedal):
 
 
 @kernel()
-def wrench(par, act, first, u, v, w, p, q, r, speed_ratio):
-    """Return the aerodynamic force (N) and moment (N m) at the body's origin, body axes."""
-    front = act[first + STATE.front_position]
-    left = act[first + STATE.left_position]
-    right = act[first + STATE.right_position]
-    collective, _, _ = servo.unmix(front, left, right)
-    thrust, torque, _, _, _ = main_rotor(par, u, v, w, p, q, speed_ratio, collective)
-    tail = tail_rotor(par, v, p, r, speed_ratio, act[first + STATE.tail_position])
+def wrench(par, pedal, a, b, u, v, w, p, q, r, speed_ratio, thrust, torque):
+    """Return the aerodynamic force (N) and moment (N m) at the body's origin, body axes.
+
+    Args:
+        par: parameters.
+        pedal: of the tail servo, unitised.
+        a: rearward tilt, rad.
+        b: right tilt, rad.
+        u: and the next five, motion through the air, m/s and rad/s, body axes.
+        v: m/s.
+        w: m/s.
+        p: rad/s.
+        q: rad/s.
+        r: rad/s.
+        speed_ratio: rotor speed over the nominal one.
+        thrust: of the main rotor, N.
+        torque: of the main rotor, N m.
+    """
+    tail = tail_rotor(par, v, p, r, speed_ratio, pedal)
     stop = par[PARAM.flap_stop]
-    a = rotor.soft_limit(act[first + STATE.flap_a], stop, 0.7)
-    b = rotor.soft_limit(act[first + STATE.flap_b], stop, 0.7)
+    a = rotor.soft_limit(a, stop, 0.7)
+    b = rotor.soft_limit(b, stop, 0.7)
     stiffness = par[PARAM.hub_stiffness] if speed_ratio >= STOPPED else 0.0
     # hub: thrust along the tip-path plane's normal, springs, torque (blades turn clockwise)
     hub_x = -thrust * math.sin(a)

@@ -1,6 +1,7 @@
 """Read fields of mjModel and mjData by address: the pointers that compiled code can follow."""
 
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 from helisim.physics.kernel import kernel
@@ -50,6 +51,28 @@ def long(base, offset):
 
 
 @kernel()
+def integer(base, offset):
+    """Return the value of an int field."""
+    return _ints_at(base + offset)[0]
+
+
+@kernel()
 def double(base, offset):
     """Return the value of a double field."""
     return doubles_at(base + offset)[0]
+
+
+@intrinsic
+def room(typingctx, count):
+    """Return an array of doubles on the caller's own stack; `count` is a literal number."""
+    del typingctx
+    if not isinstance(count, types.IntegerLiteral):
+        return None
+    signature = types.CPointer(types.float64)(count)
+
+    def codegen(context, builder, signature, args):
+        del args
+        element = context.get_value_type(types.float64)
+        return cgutils.alloca_once(builder, element, size=signature.args[0].literal_value)
+
+    return signature, codegen

@@ -18,6 +18,9 @@ from helisim.physics import callbacks
 from helisim.physics.fields import Offsets, offsets
 
 _HOOKS = ("passive", "control", "act_dyn", "sensor")
+_TIMER = "time"
+"""MuJoCo's Python package reads the clock some twenty times a step, for `mjData.timer`: a third
+of the cost of our step. So the timer stands still meanwhile, unless someone has set one."""
 _lock = threading.Lock()
 _depth = 0
 
@@ -70,7 +73,17 @@ def _compile(layout: Offsets, *, cached: bool) -> dict[str, Any]:
     def sensor(m, d, stage):
         callbacks.sensor(m, d, layout, stage)
 
-    return {"passive": passive, "control": control, "act_dyn": act_dyn, "sensor": sensor}
+    @cfunc(types.float64(), cache=cached)
+    def time():
+        return 0.0
+
+    return {
+        "passive": passive,
+        "control": control,
+        "act_dyn": act_dyn,
+        "sensor": sensor,
+        "time": time,
+    }
 
 
 @contextmanager
@@ -78,7 +91,8 @@ def installed() -> Iterator[None]:
     """Lend MuJoCo the helicopter's force laws while the block runs.
 
     The callbacks are global to the process, so blocks may nest and overlap between threads;
-    the last to leave removes them. They leave every model alone that is not ours.
+    the last to leave removes them. They leave every model alone that is not ours; only
+    MuJoCo's profiling timers, `mjData.timer`, stand still meanwhile.
 
     Raises:
         CallbackError: someone else's callback is installed, or this MuJoCo's memory layout
@@ -106,13 +120,14 @@ def _install(functions: dict[str, Any]) -> None:
             f"MuJoCo already has a callback of another owner: {names}. MuJoCo keeps one for "
             f"the whole process; remove it first, with mujoco.set_{names.split(', ')[0]}(None)"
         )
-    for hook in _HOOKS:
+    unset = (_TIMER,) if mujoco.get_mjcb_time() is None else ()
+    for hook in (*_HOOKS, *unset):
         getattr(mujoco, f"set_mjcb_{hook}")(functions[hook].ctypes)
 
 
 def _remove(functions: dict[str, Any]) -> None:
     """Take our callbacks out again, and leave one that someone put in their place."""
-    for hook in _HOOKS:
+    for hook in (*_HOOKS, _TIMER):
         if _address(getattr(mujoco, f"get_mjcb_{hook}")()) == functions[hook].address:
             getattr(mujoco, f"set_mjcb_{hook}")(None)
 

@@ -9,7 +9,7 @@ import math
 
 from helisim.physics.kernel import kernel
 
-_LAST_STEP = 1e-9
+_LAST_STEP = 3e-8
 """Newton converges quadratically: after a step this small the error is near rounding."""
 _MAX_ITERATIONS = 60
 _STALL_CORE = 0.7

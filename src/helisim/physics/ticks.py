@@ -49,20 +49,24 @@ def delayed_control(m, d, offsets, actuator, address, now, period):
     wanted = now - delay
     tick = period * math.floor(wanted / period + 1e-6)
     ahead = max(0.0, (wanted - tick) / period)
-    before = past_control(m, d, offsets, actuator, tick)
-    return before + ahead * (past_control(m, d, offsets, actuator, tick + period) - before)
+    before, after = past_controls(m, d, offsets, actuator, tick, tick + period)
+    return before + ahead * (after - before)
 
 
 @kernel()
-def past_control(m, d, offsets, actuator, time):
-    """Return an actuator's control at a past time: its newest sample not after it."""
+def past_controls(m, d, offsets, actuator, earlier, later):
+    """Return an actuator's control at two past times: each its newest sample not after it."""
     buffer = ints(m, offsets.actuator_historyadr)[actuator]
     count = ints(m, offsets.actuator_history)[2 * actuator]
     history = doubles(d, offsets.history)
     times, values = buffer + 2, buffer + 2 + count
-    newest = int(history[buffer + 1])
-    for back in range(count):
-        k = (newest - back) % count
-        if history[times + k] <= time + 1e-9:
-            return history[values + k]
-    return history[values + (newest + 1) % count]
+    k = int(history[buffer + 1])
+    left = count - 1
+    while left > 0 and history[times + k] > later + 1e-9:
+        k = k - 1 if k > 0 else count - 1
+        left -= 1
+    value_later = history[values + k]
+    while left > 0 and history[times + k] > earlier + 1e-9:
+        k = k - 1 if k > 0 else count - 1
+        left -= 1
+    return history[values + k], value_later

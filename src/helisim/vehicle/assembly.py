@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
@@ -11,6 +12,11 @@ from numpy.typing import NDArray
 from helisim.errors import InputError, ModelError, UnknownNameError
 from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, STATE
 from helisim.vehicle.parameters import Parameters, force_law_block
+
+Integrator = Literal["RK4", "Euler"]
+_INTEGRATORS = {
+    name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
+}
 
 USER_SENSORS = (
     "gyro_rate",
@@ -59,6 +65,7 @@ def assemble(
     parameters: Parameters,
     *,
     timestep: float | None = None,
+    integrator: Integrator | None = None,
     delays: bool = True,
     visual: bool = False,
     rig: str | None = None,
@@ -72,29 +79,36 @@ def assemble(
         name: of the vehicle.
         parameters: all of its parameters.
         timestep: s; the MJCF's own if None.
+        integrator: "RK4" or "Euler"; the MJCF's own if None.
         delays: False takes the sticks' delays out, as a linearisation needs.
         visual: True keeps every part, and adds ground, light and sky: a model to look at.
         rig: that holds the vehicle, one of `rig_names`; none, to fly. A rig's MJCF includes
             the vehicle's and holds it by constraints, so joint and channels stay as they are.
 
     Raises:
-        InputError: the time step is not a positive number.
+        InputError: the time step is not a positive number, or there is no such integrator.
         UnknownNameError: no such vehicle or rig.
         ModelError: the MJCF lacks what a vehicle needs, or MuJoCo refuses it.
     """
     if timestep is not None and not (math.isfinite(timestep) and timestep > 0.0):
         raise InputError(f"timestep must be a positive number of seconds, got {timestep}")
+    if integrator not in (None, *_INTEGRATORS):
+        raise InputError(f"integrator must be 'RK4' or 'Euler', got {integrator!r}")
     path = _mjcf(name, visual=visual, rig=rig)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         if timestep is not None:
             spec.option.timestep = timestep
+        if integrator is not None:
+            spec.option.integrator = _INTEGRATORS[integrator]
         _set_latency(
             spec, parameters["gyro.ped_latency"] if delays else 0.0, parameters["gyro.period"]
         )
         _set_gyro_rate(spec, parameters["gyro.period"], parameters["gyro.latency"], delays)
         _set_force_laws(spec, force_law_block(parameters))
         spec.compiler.discardvisual = not visual
+        if rig is None and not visual:  # alone in the air there is nothing to touch
+            spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         _close_inertia(
             spec, name, [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
         )

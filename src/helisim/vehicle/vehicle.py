@@ -15,7 +15,7 @@ from helisim.channels import IN1
 from helisim.errors import InputError
 from helisim.physics.layout import PARAM
 from helisim.physics.servo import equivalent_delay
-from helisim.vehicle.assembly import assemble, model_folder
+from helisim.vehicle.assembly import Integrator, assemble, model_folder
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
 from helisim.vehicle.loop import SampledGyro, close, sampled_gyro
 from helisim.vehicle.motion import addresses
@@ -177,6 +177,7 @@ def load(
     parameters: Mapping[str, float] | None = None,
     timestep: float | None = None,
     tuned: bool = True,
+    integrator: Integrator | None = None,
 ) -> Vehicle:
     """Load a vehicle, calibrated and trimmed.
 
@@ -186,15 +187,17 @@ def load(
             {"main_rotor.hub_stiffness": 100.0}; the truth then follows them.
         timestep: s; the MJCF's own if None.
         tuned: False accepts a vehicle whose gyro is not tuned yet, to tune it.
+        integrator: "RK4", fourth order, the MJCF's own and the default; or "Euler", staggered to
+            second order: at 2 ms within a few parts in a thousand of it, at a quarter of the cost.
 
     Raises:
         UnknownNameError: no such vehicle or parameter.
-        InputError: a value is not finite.
+        InputError: a value is not finite, or no such integrator.
         ModelError: the model can't be built.
         TrimError: it can't hover.
     """
     values = standard_parameters(name, tuned=tuned).replace(parameters or {})
-    model = assemble(name, values, timestep=timestep)
+    model = assemble(name, values, timestep=timestep, integrator=integrator)
     return Vehicle(name, values, model, find_hover(model))
 
 
