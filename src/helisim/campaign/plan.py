@@ -87,7 +87,7 @@ class Campaign:
         if self.identified_after == ():
             object.__setattr__(self, "identified_after", (self.flights,))
         _check_list("identified_after", self.identified_after, range(1, self.flights + 1))
-        _check_known(self.chosen)
+        _check_given(self.chosen)
         for number in range(len(self.design_points)):
             self.replicate(number).settings.check(self.axes)
 
@@ -219,10 +219,10 @@ def _check_list(name: str, values: Any, known: Sequence[Any]) -> None:
         raise InputError(f"{name} names something twice: {', '.join(map(str, values))}")
 
 
-def _check_known(models: Sequence[Model]) -> None:
-    """Refuse a model that is given values from a model that isn't identified."""
+def _check_given(models: Sequence[Model]) -> None:
+    """Refuse a model whose given values come from a model that isn't identified."""
     names = [model.name for model in models]
     for model in models:
-        for table in {item.source for item in model.given.values()} & {m.name for m in MODELS}:
-            if table not in names:
-                raise InputError(f"{model.name} takes values from {table}: add it to models")
+        for given in model.given.values():
+            if given.source in MODEL_NAMES and given.source not in names:
+                raise InputError(f"{model.name} takes values from {given.source}: add it to models")

@@ -1,20 +1,24 @@
 """One replicate: fly its sweeps, identify the models, set every parameter beside the truth."""
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from helisim import pipeline
-from helisim.campaign.plan import Campaign, Method, Replicate
+from helisim.campaign.plan import MODEL_NAMES, Campaign, Method, Replicate
 from helisim.channels import AXES, IN1
 from helisim.comparison import ComparisonTable
 from helisim.errors import HelisimError
 from helisim.experiment import Model
-from helisim.ident import Fit
+from helisim.flights import Flights
+from helisim.ident import ClosedLoopWarning, CrossControlWarning, Fit
 from helisim.record import FlightRecord
 from helisim.sim import Recorder, fly
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.vehicle import Vehicle
-from helisim.vehicle.assembly import rig_names
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +34,7 @@ class Estimate:
         cost: average J of the fit.
         converged: the fit ended at a minimum.
         at_bound: this parameter ended at a bound.
+        flags: what the identification warns of, such as coherent inputs; None if nothing.
         failure: why there is no estimate; None if there is one.
     """
 
@@ -47,6 +52,7 @@ class Estimate:
     cost: float | None = None
     converged: bool | None = None
     at_bound: bool | None = None
+    flags: str | None = None
     failure: str | None = None
 
 
@@ -58,15 +64,16 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
     except HelisimError as error:
         return [row for item in _tasks(campaign) for row in _failed(*item, str(error))]
     flown = {axis: _flights(campaign, one, vehicle, recorder, axis) for axis in campaign.axes}
+    ground = _ground_tests(campaign, one, vehicle, recorder)
     rows: list[Estimate] = []
     found: dict[tuple[int, Method], dict[str, ComparisonTable]] = {}
-    ground = _ground_tests(campaign, one, vehicle, recorder)
     for count, method, model in _tasks(campaign):
         before = found.setdefault((count, method), {})
         try:
-            flights = {axis: _first(flown[axis], count) for axis in model.sweeps}
+            flights = {axis: _done(flown[axis])[:count] for axis in model.sweeps}
             estimated = by_method(model, method)
-            fit = pipeline.identify_model(estimated, flights, before=before, ground=ground)
+            tested = _done(ground) if _needs_ground(model) else {}
+            fit = _identified(estimated, flights, before, tested)
             table = pipeline.compare(vehicle, estimated, fit, recorder)
         except HelisimError as error:
             rows += _failed(count, method, model, str(error))
@@ -75,16 +82,6 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
         time = sum(record.duration for records in flights.values() for record in records)
         rows += _estimates(count, time, method, fit, table)
     return rows
-
-
-def _ground_tests(
-    campaign: Campaign, one: Replicate, vehicle: Vehicle, recorder: Recorder
-) -> dict[str, RigTest]:
-    """Return the tests by rig, run only where a model takes something from one."""
-    rigs = rig_names(vehicle.name)
-    if not any(item.source in rigs for model in campaign.chosen for item in model.given.values()):
-        return {}
-    return {test.rig: test for test in run_rigs(vehicle, seed=one.seed, recorder=recorder)}
 
 
 def by_method(model: Model, method: Method) -> Model:
@@ -99,6 +96,18 @@ def by_method(model: Model, method: Method) -> Model:
         signals = (*model.inputs, *model.conditioning)
         return replace(model, reference=tuple(name.upper() for name in signals if name in IN1))
     return model
+
+
+def _identified(
+    model: Model,
+    flights: Flights,
+    before: Mapping[str, ComparisonTable],
+    ground: pipeline.GroundTests,
+) -> Fit:
+    with warnings.catch_warnings():  # the fit keeps them as flags
+        for kind in (ClosedLoopWarning, CrossControlWarning):
+            warnings.simplefilter("ignore", kind)
+        return pipeline.identify_model(model, flights, before=before, ground=ground)
 
 
 def _tasks(campaign: Campaign) -> Iterator[tuple[int, Method, Model]]:
@@ -125,10 +134,27 @@ def _flights(
         return error
 
 
-def _first(flown: list[FlightRecord] | HelisimError, count: int) -> list[FlightRecord]:
-    if isinstance(flown, HelisimError):
-        raise flown
-    return flown[:count]
+def _ground_tests(
+    campaign: Campaign, one: Replicate, vehicle: Vehicle, recorder: Recorder
+) -> dict[str, RigTest] | HelisimError:
+    """Return the tests by rig, none where no model is given what they find."""
+    if not any(map(_needs_ground, campaign.chosen)):
+        return {}
+    try:
+        return {test.rig: test for test in run_rigs(vehicle, seed=one.seed, recorder=recorder)}
+    except HelisimError as error:
+        return error
+
+
+def _needs_ground(model: Model) -> bool:
+    return any(given.source not in MODEL_NAMES for given in model.given.values())
+
+
+def _done(work: T | HelisimError) -> T:
+    """Return what work gave, or raise why it failed."""
+    if isinstance(work, HelisimError):
+        raise work
+    return work
 
 
 def _estimates(
@@ -150,6 +176,7 @@ def _estimates(
             cost=fit.cost,
             converged=fit.converged,
             at_bound=fit[row.name].at_bound,
+            flags="; ".join(fit.data.flags) or None,
         )
         for row in table.parameters
         if not fit[row.name].fixed

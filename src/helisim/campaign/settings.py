@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -17,6 +18,9 @@ OBJECTS: dict[str, type] = {"sweep": Sweep, "pilot": Pilot, "recorder": Recorder
 """Section of a campaign file -> the value object whose fields it names."""
 
 SECTIONS = ("vehicle", *OBJECTS)
+
+_standard = cache(standard_parameters)
+"""Parameters are read-only, and a campaign asks for them once a point."""
 
 _GIVEN = {"sweep": ("axis",)}
 """Fields that the campaign itself chooses."""
@@ -48,7 +52,7 @@ class Settings:
 
     def parameters(self) -> dict[str, float]:
         """Return the changed parameters of the vehicle. Raises UnknownNameError, InputError."""
-        standard = standard_parameters(self.vehicle)
+        standard = _standard(self.vehicle)
         changed = {}
         for name, change in self._of("vehicle").items():
             old = standard[name]
