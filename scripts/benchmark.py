@@ -1,0 +1,142 @@
+"""Every benchmark in one table of ratios, measured in one run on this machine.
+
+Speeds are CPU time, the best of several rounds that alternate; only the scaling over threads is
+wall time, so let the machine be idle for that. Peers come with `pip install helisim[benchmark]`;
+rows of those that aren't installed say so.
+
+    OPENBLAS_NUM_THREADS=1 python scripts/benchmark.py
+"""
+
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+import benchmark_identification as identification
+import benchmark_jsbsim as jsbsim_helicopter
+import benchmark_memory as memory
+import benchmark_step as step
+import helisim as hs
+from helisim.vehicle import Vehicle, load
+
+THREADS = (1, 2)
+ROUNDS = 5
+SEEDS = 3
+KINDS = (("pole error", "%", "< 1"), ("J", "", "< 1"), ("CPU time", "s", ""))
+
+
+class Row(NamedTuple):
+    """A line of the table: what is compared, both figures, their ratio, what is wanted."""
+
+    what: str
+    ours: str
+    peer: str
+    ratio: float | None
+    wanted: str
+
+
+def steps(vehicle: Vehicle) -> Iterator[Row]:
+    """Compare a step with stock MuJoCo's and with JSBSim's."""
+    ours, stock = step.costs(vehicle, step.flying(vehicle))
+    yield Row(
+        "step, stock MuJoCo, same MJCF",
+        f"{1e6 * ours:.2f} us",
+        f"{1e6 * stock:.2f} us",
+        ours / stock,
+        "<= 1.5",
+    )
+    try:
+        peer = jsbsim_helicopter.hovering()
+    except ImportError:
+        yield missing("steps/CPU s, JSBSim ah1s", "jsbsim")
+        return
+    for read in (True, False):
+        theirs = jsbsim_helicopter.cost(peer, read=read)
+        told = "outputs read" if read else "nothing read"
+        yield Row(
+            f"steps/CPU s, JSBSim, {told}",
+            f"{1e-3 / ours:.0f} k/s",
+            f"{1e-3 / theirs:.0f} k/s",
+            theirs / ours,
+            ">= 2",
+        )
+
+
+def threads(vehicle: Vehicle) -> Iterator[Row]:
+    """Compare flights in several threads with those in one: by wall time, and by CPU time.
+
+    CPU time says what the threads cost each other, even where others use the processors.
+    """
+    sweep = hs.Sweep(axis="lat", duration=90.0)
+    clocks = {"wall": time.perf_counter, "CPU": time.process_time}
+    best = {(name, jobs): float("inf") for name in clocks for jobs in THREADS}
+    for _ in range(ROUNDS):
+        for jobs in THREADS:
+            start = {name: clock() for name, clock in clocks.items()}
+            hs.fly(vehicle, sweep, count=4, jobs=jobs)
+            for name, clock in clocks.items():
+                best[name, jobs] = min(best[name, jobs], clock() - start[name])
+    many = THREADS[-1]
+    for name, wanted in (("wall", ">= 1.8"), ("CPU", "about 1")):
+        ours, one = (360.0 / best[name, jobs] for jobs in (many, 1))
+        yield Row(
+            f"flown s/{name} s, {many} threads, one",
+            f"{ours:.0f} s/s",
+            f"{one:.0f} s/s",
+            ours / one,
+            wanted,
+        )
+
+
+def memories() -> Iterator[Row]:
+    """Compare the peak memory of many flights with that of few."""
+    few, *more = memory.FLIGHTS
+    first = memory.peak_memory(few)
+    for flights in more:
+        peak = memory.peak_memory(flights)
+        yield Row(
+            f"memory, {flights} flights, {few} flights",
+            f"{peak:.0f} MB",
+            f"{first:.0f} MB",
+            peak / first,
+            "about 1",
+        )
+
+
+def identifications() -> Iterator[Row]:
+    """Compare accuracy and time of the identification with a subspace method's."""
+    for case in ("quiet", "gusty", "closed loop"):
+        flown = [identification.flights(case, seed) for seed in range(SEEDS)]
+        reference = identification.STICKS if case == "closed loop" else None
+        ours = identification.measure(
+            lambda k, f=flown, r=reference: identification.ours(f[k], r), SEEDS
+        )
+        try:
+            peer = identification.measure(
+                lambda k, f=flown: identification.peer(f[k], "N4SID"), SEEDS
+            )
+        except ImportError:
+            yield missing(f"{case}, N4SID of sippy-unipi", "sippy-unipi")
+            continue
+        for (what, unit, wanted), a, b in zip(KINDS, np.mean(ours, 0), np.mean(peer, 0)):
+            yield Row(f"{what}, N4SID, {case}", f"{a:.3g} {unit}", f"{b:.3g} {unit}", a / b, wanted)
+
+
+def missing(what: str, package: str) -> Row:
+    """Return the row of a peer that isn't there."""
+    return Row(what, "-", f"no {package}", None, "")
+
+
+def main() -> None:
+    """Print the table, row by row."""
+    vehicle = load("jr700")
+    print(f"{'helisim beside ...':<42}{'helisim':>10}{'beside':>12}{'ratio':>8}  wanted")
+    for rows in (steps(vehicle), threads(vehicle), memories(), identifications()):
+        for row in rows:
+            ratio = "-" if row.ratio is None else f"{row.ratio:.3g}"
+            print(f"{row.what:<42}{row.ours:>10}{row.peer:>12}{ratio:>8}  {row.wanted}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
