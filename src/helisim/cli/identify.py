@@ -171,7 +171,7 @@ def _run(options: argparse.Namespace) -> int:
         with atomic_write(options.matlab) as temporary:
             fit.to_matlab(temporary)
     if options.report is not None:
-        from helisim.output.report import write_fit_report
+        from helisim.output.report_fit import write_fit_report
 
         shown = {f"record {k + 1}": record for k, record in enumerate(records)}
         write_fit_report(options.report, fit, records=shown)
