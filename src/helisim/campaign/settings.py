@@ -62,8 +62,7 @@ class Settings:
 
     def sweep(self, axis: str) -> Sweep:
         """Return the sweep of one axis; a setting such as "lat.amplitude" is of that axis only."""
-        plain = Sweep(axis=axis)
-        own = replace(plain, amplitude=plain.stick, band=plain.omega)
+        own = Sweep(axis=axis).completed(_standard(self.vehicle))
         general = {n: c for n, c in self._of("sweep").items() if n.partition(".")[0] not in AXES}
         special = {
             name.removeprefix(f"{axis}."): change

@@ -140,7 +140,6 @@ def _write(
     reduction: "Reduction | None",
 ) -> None:
     """Write what was asked for, and say so."""
-    from helisim.output.report import write_fit_report
     from helisim.storage import atomic_write, write_json
 
     if options.json is not None:
@@ -152,6 +151,8 @@ def _write(
     if options.matlab is not None:
         fit.to_matlab(options.matlab)
     if options.report is not None:
+        from helisim.output.report_fit import write_fit_report
+
         shown = {f"record {k + 1}": record for k, record in enumerate(estimated.records)}
         write_fit_report(options.report, fit, records=shown)
     for path in (options.json, options.latex, options.matlab, options.report):

@@ -39,7 +39,7 @@ def _run(options: argparse.Namespace) -> int:
             if run is not None:
                 raise InputError("give one folder of a run, got several")
             run = read_run(log)
-            paths += sorted((log / FLIGHTS).glob("*.parquet"))
+            paths += sorted((log / FLIGHTS).glob("[!.]*.parquet"))
         else:
             paths.append(log)
     flights = {}

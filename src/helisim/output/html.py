@@ -93,8 +93,15 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[Cell]], left: Iterabl
 
 def figures(drawings: Iterable[Drawing]) -> str:
     """Return drawings side by side as far as the page is wide, or nothing for none."""
-    inner = "\n".join(_figure(drawing) for drawing in drawings)
-    return f'<div class="figures">\n{inner}\n</div>' if inner else ""
+    made = [_figure(drawing) for drawing in drawings]
+    style = "figures pairs" if len(made) % 2 == 0 else "figures"  # none is left alone in a row
+    inner = "\n".join(made)
+    return f'<div class="{style}">\n{inner}\n</div>' if made else ""
+
+
+def photograph(png: bytes, title: str, caption: str) -> str:
+    """Return a picture that is wider than a figure."""
+    return _picture('class="photograph"', "image/png", png, title, caption)
 
 
 def side_by_side(blocks: Iterable[tuple[str, bool]]) -> str:
@@ -108,11 +115,15 @@ def side_by_side(blocks: Iterable[tuple[str, bool]]) -> str:
 
 def _figure(drawing: Drawing) -> str:
     # As an image, not inline: identifiers of several drawings can't meet.
-    data = base64.b64encode(drawing.svg.encode()).decode()
+    mark, svg = f'id="{escape(drawing.name)}"', drawing.svg.encode()
+    return _picture(mark, "image/svg+xml", svg, drawing.title, drawing.caption)
+
+
+def _picture(mark: str, kind: str, contents: bytes, title: str, caption: str) -> str:
+    data = base64.b64encode(contents).decode()
     return (
-        f'<figure id="{escape(drawing.name)}"><img alt="{escape(drawing.title)}" '
-        f'src="data:image/svg+xml;base64,{data}">'
-        f"<figcaption>{escape(drawing.caption)}</figcaption></figure>"
+        f'<figure {mark}><img alt="{escape(title)}" src="data:{kind};base64,{data}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 
 

@@ -25,9 +25,9 @@ from helisim.ident import FrequencyResponse, Verification
 from helisim.record import FlightRecord
 from helisim.storage import atomic_write
 
-DATA = "#8c8c8c"
+DATA = "#a6a6a6"
 IDENTIFIED = "#0b3c7d"
-TRUTH = "#d9541a"
+TRUTH = "#c8460f"
 USABLE_COHERENCE = 0.6
 """Below it a frequency is drawn hollow: it was not used (Tischler and Remple)."""
 
@@ -167,7 +167,7 @@ def _draw_data(
         (phase, degrees, np.rad2deg(np.minimum(error, np.pi))),
     ):
         ax.fill_between(
-            omega, middle - half, middle + half, where=good, color="#d0d0d0", linewidth=0.0
+            omega, middle - half, middle + half, where=good, color="#dedede", linewidth=0.0
         )
         label = "flight data" if ax is magnitude else None
         dots = {"linestyle": "none", "marker": "o", "markersize": 2.6, "zorder": 2}
@@ -205,7 +205,7 @@ def draw_verification(
             ax.plot(shown.time, shown.predicted[:, k], color=IDENTIFIED, label="identified model")
             ax.set_ylabel(_labelled(output, unit))
         axes[1].legend(loc="upper right", ncols=2)
-        axes[0].set_title(f"{', '.join(verification.outputs)} from {', '.join(inputs)}")
+        axes[0].set_title(f"{flight}: {', '.join(verification.outputs)} predicted")
         axes[-1].set_xlabel("time, s")
         tics = ", ".join(
             f"{output} {tic:.3g}" for output, tic in zip(verification.outputs, shown.tic)

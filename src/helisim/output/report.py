@@ -1,7 +1,6 @@
-"""Reports: one self-contained HTML page for a whole experiment, or for a model of anyone's log.
+"""The report of a run: one self-contained HTML page, from the run's files alone.
 
-Made from files or value objects alone; nothing is computed here. Every number of a table
-carries its place in `results.json`.
+Nothing is computed here. Every number of a table carries its place in `results.json`.
 """
 
 import json
@@ -9,20 +8,23 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from helisim.comparison import ParameterRow
 from helisim.errata import Erratum
-from helisim.errors import StorageError
-from helisim.ident import Fit, Verification
+from helisim.errors import UnknownNameError
+from helisim.ident import Fit
 from helisim.output import html
-from helisim.output.drawings import bode_drawings, run_drawings, verification_drawings
-from helisim.output.evidence import Evidence
-from helisim.output.html import Cell
-from helisim.output.plots import Drawing, draw_flight
+from helisim.output.drawings import run_drawings
+from helisim.output.plots import Drawing
+from helisim.output.report_further import before_after_section, ground_section, overall_section
+from helisim.output.report_tables import (
+    airframe_table,
+    comparison_table,
+    errata_table,
+    verification_table,
+    versions_table,
+)
 from helisim.output.run import Run, read_run
-from helisim.output.tables import HEADINGS, LEFT, cells, percent
-from helisim.record import FlightRecord
-from helisim.reference import jr700
-from helisim.storage import atomic_write
+from helisim.storage import atomic_write, make_folder
+from helisim.vehicle.assembly import model_folder
 
 FIGURES = "figures"
 REPORT = "report.html"
@@ -37,15 +39,11 @@ _IN_PAPER = {
 }
 """Model -> its table and its figure in the paper."""
 
-_FLOWN = {
-    "R_mr": "main_rotor.radius",
-    "R_tr": "tail_rotor.radius",
-    "c_mr": "main_rotor.chord",
-    "rho": "air.density",
-    "Omega_mr": "main_rotor.speed",
-    "Omega_tr": "tail_rotor.speed",
-}
-"""Table 1 -> the parameter of the vehicle that flew."""
+_SHOWN_ELSEWHERE = (
+    *("tables", "versions", "configuration", "excluded", "misses"),
+    *("ground", "verification", "before_after", "eq_8"),
+)
+"""Keys of the results; the others are unfolded with the provenance."""
 
 
 def write_report(folder: str | Path, *, errata: Sequence[Erratum] = ()) -> Path:
@@ -67,10 +65,7 @@ def write_report(folder: str | Path, *, errata: Sequence[Erratum] = ()) -> Path:
     folder = Path(folder)
     run = read_run(folder)
     drawings = run_drawings(run)
-    try:
-        (folder / FIGURES).mkdir(exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"can't make {folder / FIGURES}: {error.strerror}") from None
+    make_folder(folder / FIGURES)
     for group in drawings.values():
         for drawing in group:
             drawing.write(folder / FIGURES)
@@ -78,52 +73,6 @@ def write_report(folder: str | Path, *, errata: Sequence[Erratum] = ()) -> Path:
     with atomic_write(folder / REPORT) as path:
         path.write_text(text, encoding="utf-8")
     return folder / REPORT
-
-
-def write_fit_report(
-    path: str | Path,
-    fit: Fit,
-    *,
-    records: Mapping[str, FlightRecord] | None = None,
-    verification: Verification | None = None,
-) -> Path:
-    """Write a report of one identified model, from anyone's records, and return its path.
-
-    Args:
-        path: of the HTML file.
-        fit: the model.
-        records: by name; their inputs and outputs are shown.
-        verification: of flights that the fit has not seen.
-
-    Raises StorageError.
-    """
-    item = Evidence(fit.structure.name, fit, verification=verification)
-    signals = (*fit.structure.inputs, *fit.structure.outputs)
-    flights = [
-        draw_flight(f"flight_{k}", name, record, signals)
-        for k, (name, record) in enumerate((records or {}).items())
-    ]
-    low, high = fit.band
-    lead = (
-        f"{'; '.join(item.fit.data.pairs)} from {len(fit.data.sources)} record(s), "
-        f"{low:.3g} to {high:.3g} rad/s, {fit.method} method; average cost {fit.cost:.3g}."
-    )
-    sections = [
-        ("parameters", "Parameters", _fit_table(fit)),
-        ("bode", "Frequency responses", html.figures(bode_drawings(item))),
-        ("time", "Verification in the time domain", _verified(item)),
-        ("flights", "Records", html.figures(flights)),
-        ("omitted", "What was left out, and warnings", html.bullets(_omitted(item))),
-        ("provenance", "Provenance", html.folded("the fit", _json(fit.provenance))),
-    ]
-    text = html.page(f"Identified model: {fit.structure.name}", sections, html.paragraph(lead))
-    path = Path(path)
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return path
-
-
-# The page of a run
 
 
 def render_run(
@@ -134,12 +83,23 @@ def render_run(
     sections = [
         ("experiment", "The experiment", _experiment(run)),
         ("airframe", "Table 1, the helicopter", _airframe(run)),
+        ("ground", "On the ground", ground_section(results.get("ground", {}))),
         ("tables", "Tables 2 to 4, the models", "\n".join(_results_tables(run))),
+        (
+            "gyro",
+            "Before and after the gyro",
+            before_after_section(results.get("before_after", {})),
+        ),
+        (
+            "overall",
+            "Eq. (8), the parts against the whole",
+            overall_section(results.get("eq_8", {})),
+        ),
         ("bode", "Frequency responses", _bode_section(run, drawings)),
         ("time", "Verification in the time domain", _time_section(run, drawings)),
         ("sweeps", "The sweeps", _sweep_section(drawings.get("sweeps", ()))),
         ("omitted", "What was left out, and why", _omitted_section(run)),
-        ("errata", "Errors in the paper", _errata(errata)),
+        ("errata", "Errors in the paper", errata_table(errata)),
         ("provenance", "Provenance", _provenance(results)),
     ]
     return html.page("The JR700 swept, identified and compared", sections, _summary(results))
@@ -187,21 +147,19 @@ def _experiment(run: Run) -> str:
 
 def _airframe(run: Run) -> str:
     record = next(iter(run.sweeps.values()), None)
-    flown = record.provenance.get("parameters", {}) if record is not None else {}
-    rows = []
-    for value in jr700.AIRFRAME:
-        used = flown.get(_FLOWN.get(value.name, ""))
-        rows.append(
-            (
-                Cell(value.name, "name"),
-                Cell(value.unit),
-                Cell(f"{value.value:.6g}", value=value.value, key=f"paper.airframe.{value.name}"),
-                Cell("-" if used is None else f"{used:.6g}"),
-                Cell(value.source, "long"),
-            )
+    vehicle = record.provenance.get("vehicle", "") if record is not None else ""
+    try:
+        picture = model_folder(vehicle) / f"{vehicle}.png"
+    except UnknownNameError:
+        return airframe_table(record)
+    shown = (
+        ""
+        if not picture.is_file()
+        else html.photograph(
+            picture.read_bytes(), f"The {vehicle} model", "The model, rendered by MuJoCo."
         )
-    headings = ("parameter", "unit", "paper", "flown", "source")
-    return html.table(headings, rows, ("parameter", "unit", "source"))
+    )
+    return shown + airframe_table(record)
 
 
 def _results_tables(run: Run) -> list[str]:
@@ -223,42 +181,20 @@ def _results_tables(run: Run) -> list[str]:
             html.paragraph(
                 f"From {table.input}, {low:.3g} to {high:.3g} rad/s, average cost {table.cost:.3g}."
             ),
-            html.table(
-                (*HEADINGS[:-1], "paper CR %", "verdict"),
-                [_row(table.name, row) for row in table.parameters],
-                LEFT,
-            ),
+            comparison_table(table),
+            html.paragraph(_given(run.results, table.name), "note"),
         ]
     return parts
 
 
-def _row(table: str, row: ParameterRow) -> list[Cell]:
-    *shown, verdict = cells(row)
-    keys = ("", "", "paper", "truth", "identified", "cr_percent", "insensitivity_percent")
-    values = (
-        None,
-        None,
-        row.paper,
-        row.truth,
-        row.identified,
-        row.cr_percent,
-        row.insensitivity_percent,
-    )
-    made = [
-        Cell(
-            text,
-            style="name" if k == 0 else "",
-            key=f"tables.{table}.{row.name}.{key}" if key and value is not None else "",
-            value=value,
-        )
-        for k, (text, key, value) in enumerate(zip(shown, keys, values))
+def _given(results: Mapping[str, Any], name: str) -> str:
+    """Return what a fit was given, in a sentence; empty for nothing."""
+    (table,) = (table for table in results["tables"] if table["name"] == name)
+    given = [
+        f"{one['name']} = {one['value']:.4g} {one['unit']} ({one['source']})"
+        for one in table.get("given", ())
     ]
-    published = jr700.TABLES[table].get(row.name) if table in jr700.TABLES else None
-    bound = None if published is None else published.cr_percent
-    made.append(Cell(percent(bound), key=f"paper.{table}.{row.name}.cr_percent", value=bound))
-    style = {"ok": "ok", "not judged": ""}.get(verdict, "off")
-    made.append(Cell(verdict, style, key=f"tables.{table}.{row.name}.verdict"))
-    return made
+    return f"Given: {'; '.join(given)}." if given else ""
 
 
 def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
@@ -288,7 +224,7 @@ def _time_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     for item in run.evidence:
         if item.verification is not None:
             parts.append(html.heading(item.name))
-            parts.append(_verification_table(item))
+            parts.append(verification_table(item.name, item.verification))
             parts.append(html.figures(drawings.get(f"time {item.name}", ())))
     if not parts:
         return ""
@@ -298,32 +234,6 @@ def _time_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
         "for a perfect and 1 for a useless prediction; up to 0.25 is good."
     )
     return "\n".join([html.paragraph(lead), *parts])
-
-
-def _verified(item: Evidence) -> str:
-    if item.verification is None:
-        return ""
-    return _verification_table(item) + html.figures(verification_drawings(item))
-
-
-def _verification_table(item: Evidence) -> str:
-    checked = item.verification
-    if checked is None:
-        return ""
-    rows = [
-        (
-            Cell(name, "name"),
-            Cell(unit),
-            _number(f"verification.{item.name}.{name}.j_rms", checked.j_rms_by_output[name]),
-            _number(f"verification.{item.name}.{name}.tic", checked.tic_by_output[name]),
-        )
-        for name, unit in zip(checked.outputs, checked.units)
-    ]
-    return html.table(("output", "unit", "J_rms", "TIC"), rows, ("output", "unit"))
-
-
-def _number(key: str, value: float) -> Cell:
-    return Cell(f"{value:.3g}", key=key, value=value)
 
 
 def _sweep_section(drawings: Sequence[Drawing]) -> str:
@@ -339,12 +249,12 @@ def _sweep_section(drawings: Sequence[Drawing]) -> str:
 def _omitted_section(run: Run) -> str:
     sentences = list(run.results.get("excluded", []))
     for item in run.evidence:
-        sentences += [f"{item.name}: {sentence}" for sentence in _omitted(item)]
+        sentences += [f"{item.name}: {sentence}" for sentence in left_out(item.fit)]
     return html.bullets(sentences) or html.paragraph("Nothing was left out.")
 
 
-def _omitted(item: Evidence) -> list[str]:
-    fit = item.fit
+def left_out(fit: Fit) -> list[str]:
+    """Return what a fit leaves out, and what is wrong with it, in sentences."""
     return [
         *(f"{name} has too few coherent points and is not in the fit" for name in fit.dropped),
         *fit.data.flags,
@@ -353,54 +263,16 @@ def _omitted(item: Evidence) -> list[str]:
     ]
 
 
-def _errata(errata: Sequence[Erratum]) -> str:
-    rows = [
-        (
-            Cell(item.title, "name long"),
-            Cell(item.where, "long"),
-            Cell(item.printed, "long"),
-            Cell(f"{item.calculation}: {item.computed}", "long"),
-            Cell(item.conclusion, "long"),
-        )
-        for item in errata
-    ]
-    headings = ("error", "where", "printed", "calculation", "conclusion")
-    return html.table(headings, rows, headings) if rows else ""
-
-
 def _provenance(results: Mapping[str, Any]) -> str:
-    rows = [(Cell(name, "name"), Cell(text)) for name, text in results["versions"].items()]
-    further = {
-        name: item
-        for name, item in results.items()
-        if name not in ("tables", "versions", "configuration", "excluded", "misses", "errata")
-    }
+    further = {name: item for name, item in results.items() if name not in _SHOWN_ELSEWHERE}
     return (
         html.paragraph(f"Seed {results['seed']}. The same seed and versions give the same numbers.")
-        + html.table(("program", "version"), rows, ("program", "version"))
-        + html.folded("configuration", _json(results["configuration"]))
-        + html.folded("further results", _json(further))
+        + versions_table(results["versions"])
+        + html.folded("configuration", as_json(results["configuration"]))
+        + html.folded("further results", as_json(further))
     )
 
 
-# One fit
-
-
-def _fit_table(fit: Fit) -> str:
-    rows = [
-        (
-            Cell(one.name, "name"),
-            Cell(one.unit),
-            Cell(f"{one.value:.4g}", key=f"parameters.{one.name}.value", value=one.value),
-            Cell("-" if one.fixed else percent(one.cr_percent)),
-            Cell("-" if one.fixed else percent(one.insensitivity_percent)),
-            Cell(fit.verdict(one.name), "long"),
-        )
-        for one in fit.parameters.values()
-    ]
-    headings = ("parameter", "unit", "value", "CR %", "insens. %", "verdict")
-    return html.table(headings, rows, ("parameter", "unit", "verdict"))
-
-
-def _json(data: Any) -> str:
+def as_json(data: Any) -> str:
+    """Return data as a person reads it."""
     return json.dumps(data, indent=2, ensure_ascii=False, default=str)

@@ -16,6 +16,7 @@ from helisim.storage import read_json, read_record
 RESULTS = "results.json"
 FITS = "fits.json"
 FLIGHTS = "flights"
+_NEEDED = ("tables", "seed", "versions", "configuration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,18 +25,15 @@ class Run:
 
     Attributes:
         results: what `results.json` holds.
+        tables: those of the results.
         evidence: the fits behind its tables.
         sweeps: one kept record for each axis that was swept.
     """
 
     results: Mapping[str, Any]
+    tables: tuple[ComparisonTable, ...]
     evidence: tuple[Evidence, ...] = ()
     sweeps: Mapping[str, FlightRecord] = field(default_factory=dict)
-
-    @property
-    def tables(self) -> tuple[ComparisonTable, ...]:
-        """The tables of the results."""
-        return tuple(_table(data) for data in self.results["tables"])
 
 
 def read_run(folder: str | Path) -> Run:
@@ -50,7 +48,7 @@ def read_run(folder: str | Path) -> Run:
         raise StorageError(
             f"{folder} has no {RESULTS}; give the folder that helisim reproduce --out wrote"
         )
-    results = read_json(folder / RESULTS)
+    results, tables = _read_results(folder / RESULTS)
     evidence = read_evidence(folder / FITS) if (folder / FITS).is_file() else ()
     left_out = set(re.findall(r"^flight (\S+):", "\n".join(results.get("excluded", [])), re.M))
     sweeps = {}
@@ -59,12 +57,18 @@ def read_run(folder: str | Path) -> Run:
             if path.stem not in left_out:
                 sweeps[axis] = read_record(path)
                 break
+    return Run(results, tables, evidence, sweeps)
+
+
+def _read_results(path: Path) -> tuple[Mapping[str, Any], tuple[ComparisonTable, ...]]:
+    results = read_json(path)
+    missing = [name for name in _NEEDED if name not in results]
+    if missing:
+        raise InputError(f"{path}: not the results of a run: it has no {', '.join(missing)}")
     try:
-        run = Run(results, evidence, sweeps)
-        run.tables  # noqa: B018  # a malformed file is found here, not half-way through a page
+        return results, tuple(_table(data) for data in results["tables"])
     except (KeyError, TypeError, InputError) as error:
-        raise InputError(f"{folder / RESULTS}: not the results of a run: {error!r}") from None
-    return run
+        raise InputError(f"{path}: not the results of a run: {error!r}") from None
 
 
 def _table(data: Mapping[str, Any]) -> ComparisonTable:

@@ -1,6 +1,7 @@
 """What a pilot flies on purpose: frequency sweeps and doublets on one axis."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,11 +50,14 @@ class Sweep:
 
     def on(self, vehicle: Vehicle) -> "Sweep":
         """Return the sweep with what is left open filled in by the vehicle's parameters."""
-        own = vehicle.parameters
+        return self.completed(vehicle.parameters)
+
+    def completed(self, own: Mapping[str, float]) -> "Sweep":
+        """Return the sweep with what is left open filled in by parameters of a vehicle."""
         band = self.band
         if band is None:
             band = own[f"sweep.{self.axis}_w_min"], own[f"sweep.{self.axis}_w_max"]
-        return replace(self, amplitude=_stick(self, vehicle), band=band)
+        return replace(self, amplitude=_stick(self, own), band=band)
 
     def write(self, par: NDArray[np.float64]) -> None:
         """Put the sweep, complete, into a vehicle's numbers for the force laws."""
@@ -99,7 +103,7 @@ class Doublet:
 
     def on(self, vehicle: Vehicle) -> "Doublet":
         """Return the doublet with what is left open filled in by the vehicle's parameters."""
-        return replace(self, amplitude=_stick(self, vehicle))
+        return replace(self, amplitude=_stick(self, vehicle.parameters))
 
     def write(self, par: NDArray[np.float64]) -> None:
         """Put the doublet, complete, into a vehicle's numbers for the force laws."""
@@ -128,10 +132,10 @@ def _check(axis: str, duration: float, trim_time: float) -> None:
         )
 
 
-def _stick(excitation: Excitation, vehicle: Vehicle) -> float:
+def _stick(excitation: Excitation, own: Mapping[str, float]) -> float:
     if excitation.amplitude is not None:
         return excitation.amplitude
-    return vehicle.parameters[f"sweep.{excitation.axis}_amplitude"]
+    return own[f"sweep.{excitation.axis}_amplitude"]
 
 
 def _check_amplitude(amplitude: float | None) -> None:

@@ -1,0 +1,65 @@
+"""The report of one identified model, from anyone's records."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from helisim.ident import Fit, Verification
+from helisim.output import html
+from helisim.output.drawings import bode_drawings, verification_drawings
+from helisim.output.evidence import Evidence
+from helisim.output.plots import draw_flight
+from helisim.output.report import as_json, left_out
+from helisim.output.report_tables import fit_table, verification_table
+from helisim.record import FlightRecord
+from helisim.storage import atomic_write
+
+
+def write_fit_report(
+    path: str | Path,
+    fit: Fit,
+    *,
+    records: Mapping[str, FlightRecord] | None = None,
+    verification: Verification | None = None,
+) -> Path:
+    """Write a report of one identified model, from anyone's records, and return its path.
+
+    Args:
+        path: of the HTML file.
+        fit: the model.
+        records: by name; their inputs and outputs are shown.
+        verification: of flights that the fit has not seen.
+
+    Raises StorageError.
+    """
+    item = Evidence(fit.structure.name, fit, verification=verification)
+    signals = (*fit.structure.inputs, *fit.structure.outputs)
+    flights = [
+        draw_flight(f"flight_{k}", name, record, signals)
+        for k, (name, record) in enumerate((records or {}).items())
+    ]
+    low, high = fit.band
+    lead = (
+        f"{'; '.join(item.fit.data.pairs)} from {len(fit.data.sources)} record(s), "
+        f"{low:.3g} to {high:.3g} rad/s, {fit.method} method; average cost {fit.cost:.3g}."
+    )
+    sections = [
+        ("parameters", "Parameters", fit_table(fit)),
+        ("bode", "Frequency responses", html.figures(bode_drawings(item))),
+        ("time", "Verification in the time domain", _verified(item)),
+        ("flights", "Records", html.figures(flights)),
+        ("omitted", "What was left out, and warnings", html.bullets(left_out(fit))),
+        ("provenance", "Provenance", html.folded("the fit", as_json(fit.provenance))),
+    ]
+    text = html.page(f"Identified model: {fit.structure.name}", sections, html.paragraph(lead))
+    path = Path(path)
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def _verified(item: Evidence) -> str:
+    if item.verification is None:
+        return ""
+    return verification_table(item.name, item.verification) + html.figures(
+        verification_drawings(item)
+    )

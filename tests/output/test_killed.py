@@ -1,0 +1,70 @@
+"""What a program leaves that is killed while it writes: a complete file, or the one before."""
+
+import subprocess
+import sys
+
+import pytest
+from made_run import write_run
+
+from helisim.cli import main
+
+HOLDING = """
+import os, sys, time
+from helisim.cli import main
+
+put_in_place = os.replace
+
+def hold(source, target):
+    if str(target).endswith(sys.argv[1]):
+        print("holding", flush=True)
+        time.sleep(600)
+    put_in_place(source, target)
+
+os.replace = hold
+sys.exit(main(sys.argv[2:]))
+"""
+"""Runs a command, and stops for good when a file of a certain name is about to be complete."""
+
+
+def kill_at(ending: str, *arguments: str) -> None:
+    """Run a command and kill it, without a chance to tidy up, when it is at that file."""
+    command = [sys.executable, "-c", HOLDING, ending, *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        process.kill()
+    assert line == "holding\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("run")
+    write_run(made)
+    return made
+
+
+def test_a_killed_recording_leaves_the_file_before(folder):
+    """There is no half recording; the next one is not disturbed by what was left."""
+    target = folder / "run.rrd"
+    target.write_text("what was there")
+    kill_at("run.rrd", "record", str(folder), "--out", str(target))
+    assert target.read_text() == "what was there"
+    # as a run that was killed among its flights leaves one
+    (folder / "flights" / ".lat_03.0123abcd.tmp.parquet").write_bytes(b"PAR1 and no more")
+    assert main(["record", str(folder), "--out", str(target), "--quiet"]) == 0
+    assert target.read_bytes().startswith(b"RRF2")
+
+
+def test_a_killed_report_leaves_whole_figures_and_the_page_before(folder):
+    """Each figure that is there is whole; the page is the one before; then it works again."""
+    page = folder / "report.html"
+    page.write_text("what was there")
+    kill_at("bode_rollpitch_in1_p_lon.png", "report", str(folder))
+    assert page.read_text() == "what was there"
+    pictures = {path.name: path for path in (folder / "figures").glob("[!.]*.png")}
+    assert "bode_rollpitch_in1_p_lat.png" in pictures  # it came before
+    assert "bode_rollpitch_in1_p_lon.png" not in pictures
+    end = b"IEND\xaeB`\x82"  # of every complete PNG (its specification, 11.2.5)
+    assert all(path.read_bytes().endswith(end) for path in pictures.values())
+    assert main(["report", str(folder), "--quiet"]) == 0
+    assert page.read_text().endswith("</html>\n")
