@@ -87,7 +87,6 @@ def reproduce(
     recorder = Recorder.of(vehicle, rotor=rotor)
     if reuse and out is not None:
         kept, doublets, excluded = read_flights(vehicle, seed, out)
-        flights = min(map(len, kept.values()))
     else:
         kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, out, tell)
         doublets = fly_doublets(vehicle, seed, recorder, out)
