@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from helisim.comparison import ComparisonTable, ParameterRow, Results, paper_tolerance
+from helisim.comparison import ComparisonTable, GivenValue, ParameterRow, Results
 from helisim.errors import InputError, UnknownNameError
 
 
@@ -90,10 +90,29 @@ def test_a_miss_says_which_by_how_much_and_why():
     assert make_results(make_row()).misses == ()
 
 
-def test_the_paper_tolerance_is_its_own_bound():
-    """Where the paper gives a Cramér-Rao bound it is the tolerance, else 5 %."""
-    assert paper_tolerance(13.9) == (13.9, "the paper's Cramér-Rao bound")
-    assert paper_tolerance(None) == (5.0, "the paper gives no bound")
+def test_what_a_fit_was_given_and_what_else_was_found_are_in_the_json():
+    """A given value carries its source; findings stand beside the tables, by name."""
+
+    class Found:
+        def to_dict(self):
+            return {"gain_db": 0.1}
+
+    given = GivenValue(name="k_I", unit="1/s", value=17.7, source="bench")
+    table = ComparisonTable(
+        name="yaw_gyro", input="IN2", cost=1.0, band_rad_s=(1, 9), parameters=(), given=(given,)
+    )
+    results = Results(
+        tables=(table,),
+        seed=1,
+        versions={},
+        further={"eq_8": Found(), "verification": {"rollpitch_in1": Found()}},
+    )
+    data = json.loads(json.dumps(results.to_dict(), allow_nan=False))
+    assert data["tables"][0]["given"] == [
+        {"name": "k_I", "unit": "1/s", "value": 17.7, "source": "bench"}
+    ]
+    assert data["eq_8"] == {"gain_db": 0.1}
+    assert data["verification"] == {"rollpitch_in1": {"gain_db": 0.1}}
 
 
 def test_the_json_has_the_shape_of_issue_2():

@@ -128,6 +128,11 @@ def test_the_turntable_gives_the_rate_gain(tests):
     assert percent(found["k_a by k_p"]) < 2.0  # 0.1 to 0.5 %; with the bench's error of k_p
     # the lead changes the gain by 7 % at the upper edge, of which 1 % of noise is seen
     assert percent(found["lead"]) < 5.0
+    # its phase and the recorder's latency look alike: together they are seen ten times as well
+    assert found["tau_r"].truth == 0.0405  # parameters.toml, recorder_latency.r
+    assert found["tau_r"].error == pytest.approx(0.0, abs=3e-4)
+    both = found["tau_r"].error + found["lead"].error
+    assert both == pytest.approx(0.0, abs=2e-4)  # 0.03 to 0.13 ms over seeds 1 to 5
 
 
 def test_bench_and_turntable_agree(tests):
@@ -318,7 +323,7 @@ def test_bench_prints_all_three(capsys):
     found = json.loads(capsys.readouterr().out)
     assert [test["rig"] for test in found] == ["bench", "turntable", "suspension"]
     named = {f["name"]: f for test in found for f in test["findings"]}
-    assert {"k_p", "k_I", "k_a", "cg_x", "imu_z"} <= set(named)
+    assert {"k_p", "k_I", "k_a", "lead", "tau_r", "cg_x", "imu_z"} <= set(named)
     assert named["k_a"]["error"] == pytest.approx(named["k_a"]["value"] - named["k_a"]["truth"])
     assert main(["bench"]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -40,9 +40,9 @@ def render_before_after(found: BeforeAfter) -> str:
 
 
 def _change(one: Change) -> tuple[str, ...]:
-    values = [one.paper_before, one.paper_after, one.paper_ratio]
-    values += [one.before, one.after, one.ratio]
-    return (one.name, one.unit, *(f"{value:.4g}" for value in values))
+    paper = (f"{one.paper_before:.4g}", f"{one.paper_after:.4g}", f"{one.paper_ratio:.3f}")
+    found = (f"{one.before:.4g}", f"{one.after:.4g}", f"{one.ratio:.3f}")
+    return (one.name, one.unit, *paper, *found)
 
 
 def render_overall(found: OverallCheck) -> str:
