@@ -52,6 +52,7 @@ def reproduce(
     timestep: float | None = None,
     rotor: bool = False,
     reuse: bool = False,
+    with_report: bool = True,
     on_progress: Callable[[str], None] | None = None,
 ) -> tuple[Results, Flights]:
     """Test on the ground, fly sweeps on all four axes, identify the models, compare with truth.
@@ -66,6 +67,7 @@ def reproduce(
         timestep: s, of the simulation; the model's own if None.
         rotor: True records the rotor's true tilt and loads too, to look at.
         reuse: True takes the flights that an earlier run left in `out`, and flies none.
+        with_report: False leaves `report.html` and `figures/` out.
         on_progress: called with a word after each flight, each model and the report.
 
     Returns:
@@ -131,8 +133,9 @@ def reproduce(
     if out is not None:
         write_json(results.to_dict(), out / "results.json", indent=2)
         write_evidence(out / "fits.json", evidence)
-        report(out)
-        tell("report")
+        if with_report:
+            report(out)
+            tell("report")
     return results, kept
 
 

@@ -5,7 +5,6 @@ import platform
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from types import MappingProxyType
 from typing import Any
 
 from helisim.errors import RecordError
@@ -21,23 +20,24 @@ def made_by(what: str, **facts: Any) -> dict[str, Any]:
         facts: plain data that the result depends on: configuration, seed, model.
     """
     known = versions()
-    return {"made_by": f"helisim {known['helisim']}, {what}", "versions": dict(known), **facts}
+    return {"made_by": f"helisim {known['helisim']}, {what}", "versions": known, **facts}
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of all that numbers depend on, Python and the machine's kind too."""
+    return dict(_versions())
 
 
 @cache
-def versions() -> Mapping[str, str]:
-    """Return the versions of all that numbers depend on, Python and the machine's kind too."""
-    found = {"python": platform.python_version(), "machine": f"{platform.system()} {_machine()}"}
+def _versions() -> Mapping[str, str]:
+    kind = f"{platform.system()} {platform.machine()}".strip()
+    found = {"python": platform.python_version(), "machine": kind}
     for program in _PROGRAMS:
         try:
             found[program] = version(program)
         except PackageNotFoundError:  # identification alone needs no simulator
             found[program] = "none"
-    return MappingProxyType(found)
-
-
-def _machine() -> str:
-    return platform.machine() or "unknown"
+    return found
 
 
 def plain(provenance: Mapping[str, Any]) -> dict[str, Any]:

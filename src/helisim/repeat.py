@@ -115,7 +115,13 @@ def repeat(
         raise InputError(f"{out} is the run that shall be repeated; give another folder")
     with tempfile.TemporaryDirectory(prefix="helisim-") as temporary:
         again = out or Path(temporary)
-        pipeline.reproduce(out=again, jobs=jobs, on_progress=on_progress, **arguments)
+        pipeline.reproduce(
+            out=again,
+            jobs=jobs,
+            with_report=out is not None,
+            on_progress=on_progress,
+            **arguments,
+        )
         return compare(folder, again)
 
 

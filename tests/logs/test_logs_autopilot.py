@@ -141,3 +141,12 @@ def test_a_missing_reader_says_what_to_install(tmp_path, monkeypatch):
     path.write_bytes(ulog(10))
     with pytest.raises(StorageError, match=r"pip install helisim\[logs\]"):
         read_log(path, channels={"p": Column("gyro.xyz[0]", "rad/s")})
+
+
+@pytest.mark.parametrize("tail", [b"\xff" * 104, b"\xff" * 3, b"\x00\x01X" * 5 + b"\xff\xffX"])
+def test_a_ulog_that_leads_in_circles_ends(tmp_path, tail):
+    """A cut message among the definitions sends pyulog back to the start, for ever."""
+    path = tmp_path / "circles.ulg"
+    path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8) + tail)
+    with pytest.raises(StorageError, match=r"circles\.ulg: (not ULog, truncated|no messages)"):
+        read_log(path)

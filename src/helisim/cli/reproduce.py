@@ -76,7 +76,7 @@ def _repeat(options: argparse.Namespace) -> int:
             f"--from repeats a run with its own options: leave out {', '.join(set_here)}"
         )
     flights = arguments_of(options.run_folder)["flights"]
-    steps = flights_in_all(flights) + len(MODELS) + 1
+    steps = flights_in_all(flights) + len(MODELS) + (options.out is not None)
     with Progress(steps, options.quiet) as advance:
         found = repeat(options.run_folder, out=options.out, jobs=options.jobs, on_progress=advance)
     print(json.dumps(found.to_dict(), indent=2) if options.json else found)
