@@ -9,7 +9,6 @@ replicate, its point and seed, what varied by key, such as "recorder.noise", and
 from collections.abc import Sequence
 from dataclasses import fields
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_type_hints
@@ -21,7 +20,7 @@ from helisim.campaign.plan import Campaign, Replicate
 from helisim.campaign.replicate import Estimate
 from helisim.campaign.variation import Levels, Variation
 from helisim.errors import InputError, StorageError
-from helisim.provenance import difference, plain
+from helisim.provenance import difference, made_by, plain
 from helisim.storage import atomic_write, make_folder
 from helisim.storage.files import parse_object, read_bytes
 from helisim.storage.header import one_line
@@ -66,7 +65,7 @@ class Dataset:
     @cached_property
     def provenance(self) -> dict[str, Any]:
         """The plan and the versions that compute its numbers."""
-        return plain({"campaign": self.campaign.to_dict(), "versions": versions()})
+        return plain(made_by("campaign", campaign=self.campaign.to_dict()))
 
     def prepare(self) -> None:
         """Make the folder. Raises StorageError."""
@@ -116,11 +115,6 @@ class Dataset:
                 f"{path} is of another campaign: {change}; choose another folder, or remove it"
             )
         return True
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of what computes a campaign's numbers."""
-    return {name: version(name) for name in ("helisim", "mujoco", "numpy", "scipy", "numba")}
 
 
 def read_dataset(path: str | Path) -> tuple[pa.Table, dict[str, Any]]:

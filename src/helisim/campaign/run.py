@@ -6,12 +6,12 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from helisim.campaign.dataset import Dataset, versions
+from helisim.campaign.dataset import Dataset
 from helisim.campaign.executors import ONE_THREAD, Executor, local
 from helisim.campaign.plan import Campaign, Replicate
 from helisim.campaign.replicate import Estimate, fly_and_identify
 from helisim.errors import WorkerError
-from helisim.provenance import difference
+from helisim.provenance import difference, versions
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def run_campaign(
         tell()
     if missing:
         dataset.prepare()
-        tasks = [_Task(campaign, one, versions()) for one in missing]
+        tasks = [_Task(campaign, one, dict(versions())) for one in missing]
         with closing((executor or local())(_work, tasks)) as finished:  # stops what still runs
             for number, rows in finished:
                 dataset.add(number, rows)
