@@ -69,19 +69,22 @@ def test_settings_reach_what_flies(jr700):
     assert recorder.noise["p"] == 0.002
     assert recorder.noise["w"] == 4 * 0.02
     assert recorder.latency["r"] == jr700.parameters["recorder_latency.r"]
-    assert settings.sweep("lat").amplitude == 0.05
-    assert settings.sweep("ped").amplitude == 0.01
-    assert {settings.sweep(axis).duration for axis in ("col", "lat")} == {60}
+    assert settings.sweep("lat", jr700.parameters).amplitude == 0.05
+    assert settings.sweep("ped", jr700.parameters).amplitude == 0.01
+    assert {settings.sweep(axis, jr700.parameters).duration for axis in ("col", "lat")} == {60}
 
 
-def test_a_factor_multiplies_what_the_axis_has_of_its_own():
+def test_a_factor_multiplies_what_the_axis_has_of_its_own(jr700):
     """The sweep's own amplitude and band are there to be multiplied, though not given."""
     campaign = plan("[vary.sweep]\namplitude = { values = [0.5, 2.0], relative = true }")
-    sticks = [one.settings.sweep("lat").amplitude for one in campaign]
+    sticks = [one.settings.sweep("lat", jr700.parameters).amplitude for one in campaign]
     assert sticks == [0.035, 0.14]
     campaign = plan("[vary.sweep]\nlat.band = [[1.0, 40.0], [2.0, 30.0]]")
-    assert [one.settings.sweep("lat").band for one in campaign] == [(1.0, 40.0), (2.0, 30.0)]
-    assert campaign.replicate(0).settings.sweep("ped").band == (0.3, 30.0)
+    assert [one.settings.sweep("lat", jr700.parameters).band for one in campaign] == [
+        (1.0, 40.0),
+        (2.0, 30.0),
+    ]
+    assert campaign.replicate(0).settings.sweep("ped", jr700.parameters).band == (0.3, 30.0)
 
 
 def test_a_vehicle_is_loaded_with_its_parameters():
@@ -147,7 +150,7 @@ def test_a_plan_is_plain_data():
         ("[campaign]\nreplicates = true", "True"),
         ('[campaign]\nseed = "a"', "seed must be"),
         ('[campaign]\ndesign = "sobol"', "available: grid, latin hypercube, monte carlo"),
-        ('[campaign]\nvehicle = "jr800"', "available: jr700"),
+        ('[campaign]\nvehicle = "jr800"', "unknown vehicle 'jr800'; available: "),
         ('[campaign]\nmodels = ["yaw"]', "available: yaw_base"),
         ('[campaign]\nmodels = "heave"', "models must be a list"),
         ("[campaign]\nmodels = []", "models must be a list"),

@@ -10,12 +10,12 @@ import pytest
 import helisim as hs
 from helisim import pipeline
 from helisim.campaign import campaign_from, read_dataset, run_campaign
-from helisim.campaign.dataset import versions
 from helisim.campaign.executors import ONE_THREAD
 from helisim.cli import main
 from helisim.errors import InputError, StorageError, WorkerError
 from helisim.exact import true_values
 from helisim.experiment import HEAVE
+from helisim.provenance import versions
 from helisim.sim import Recorder
 
 PLAN = """

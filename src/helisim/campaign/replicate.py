@@ -123,7 +123,7 @@ def _flights(
     try:
         return fly(
             vehicle,
-            one.settings.sweep(axis),
+            one.settings.sweep(axis, vehicle.parameters),
             count=campaign.flights,
             seed=one.seed * len(AXES) + AXES.index(axis),
             pilot=one.settings.pilot(),

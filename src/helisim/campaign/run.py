@@ -57,7 +57,7 @@ def run_campaign(
         tell()
     if missing:
         dataset.prepare()
-        tasks = [_Task(campaign, one, versions()) for one in missing]
+        tasks = [_Task(campaign, one, dict(versions())) for one in missing]
         with closing((executor or local())(_work, tasks)) as finished:  # stops what still runs
             for number, rows in finished:
                 dataset.add(number, rows)

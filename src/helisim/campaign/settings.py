@@ -60,9 +60,12 @@ class Settings:
             changed[name] = _changed(f"vehicle.{name}", old, change)
         return changed
 
-    def sweep(self, axis: str) -> Sweep:
-        """Return the sweep of one axis; a setting such as "lat.amplitude" is of that axis only."""
-        own = Sweep(axis=axis).completed(_standard(self.vehicle))
+    def sweep(self, axis: str, parameters: Mapping[str, float]) -> Sweep:
+        """Return the sweep of one axis; a setting such as "lat.amplitude" is of that axis only.
+
+        What isn't set is the vehicle's own, of these parameters.
+        """
+        own = Sweep(axis=axis).completed(parameters)
         general = {n: c for n, c in self._of("sweep").items() if n.partition(".")[0] not in AXES}
         special = {
             name.removeprefix(f"{axis}."): change
@@ -81,9 +84,9 @@ class Settings:
 
     def check(self, axes: Iterable[str]) -> None:
         """Raise InputError if a name, type or value can't be, before anything is flown."""
-        self.parameters()
+        parameters = {**_standard(self.vehicle), **self.parameters()}
         for axis in (*axes, *AXES):  # those that are flown first, for the clearest message
-            self.sweep(axis)
+            self.sweep(axis, parameters)
         self.pilot()
         applied("recorder", Recorder(), self._of("recorder"))
 
