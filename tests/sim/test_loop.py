@@ -22,10 +22,12 @@ from helisim.vehicle.trim import place
     ("axis", "motion"),
     [("lat", "p"), ("lon", "q"), ("ped", "r"), ("lat", "q"), ("lon", "p")],
 )
-@pytest.mark.parametrize("timestep", [0.002, 0.001])
-def test_the_sampled_linear_model_is_what_flies(axis, motion, timestep):
+@pytest.mark.parametrize(
+    ("timestep", "integrator"), [(0.002, "RK4"), (0.001, "RK4"), (0.002, "Euler")]
+)
+def test_the_sampled_linear_model_is_what_flies(axis, motion, timestep, integrator):
     """Driven by the recorded sticks, the exact linear model moves as the nonlinear flight does."""
-    vehicle = load(timestep=timestep)
+    vehicle = load(timestep=timestep, integrator=integrator)
     excitation = Sweep(
         axis=axis, duration=30.0, amplitude=0.002, leakage=0.0, unsteadiness=0.0, trim_time=2.0
     )
@@ -121,6 +123,37 @@ def test_integration_with_the_pilot_is_fourth_order():
     """The pilot's sticks are held between ticks, so they cost no order: 2^4 and more."""
     ratio = convergence((0.001, 0.0005, 0.00025), pilot=True)
     assert 14.0 < ratio < 26.0  # as without the pilot
+
+
+SWEPT = ("sticks", "servo_commands", "servo_positions", "flapping", "rotor", "rates")
+SWEPT += ("attitudes", "velocities", "specific_forces", "positions")
+
+
+def swept(axis, timestep, integrator):
+    """Return what truly happens in a short sweep, at the gyro's ticks, by name."""
+    vehicle = load(timestep=timestep, integrator=integrator)
+    sweep = Sweep(axis=axis, duration=25.0, trim_time=2.0)
+    truth = next(simulate(vehicle, sweep, seed=4, jobs=1)).at_ticks()
+    return {name: getattr(truth, name) for name in SWEPT}
+
+
+@pytest.mark.parametrize("axis", ["lat", "ped"])
+def test_one_evaluation_a_step_flies_as_four(axis):
+    """With Euler's staggered steps every signal of a sweep converges to that of fine RK4 steps.
+
+    Of first order is left half a step of the airframe's own damping, of about 1/s, and of the
+    pilot's attitude, held at about 1 rad/s: 0.1 % each at 2 ms, which may add up. Steps that
+    are not staggered would damp roll and pitch by 2 to 4 % less.
+    """
+    fine = swept(axis, 0.0005, "RK4")
+    errors = []
+    for step, most in ((0.002, 0.002), (0.001, 0.001)):
+        coarse = swept(axis, step, "Euler")
+        error = {name: np.std(coarse[name] - fine[name], axis=0) for name in SWEPT}
+        for name in SWEPT:
+            assert error[name].max() < most * np.std(fine[name], axis=0).max(), name
+        errors.append(np.linalg.norm(error["rates"]))
+    assert 1.9 < errors[0] / errors[1] < 4.0
 
 
 def test_remnant_is_what_was_asked(jr700):
