@@ -58,8 +58,8 @@ class Settings:
 
     def sweep(self, axis: str) -> Sweep:
         """Return the sweep of one axis; a setting such as "lat.amplitude" is of that axis only."""
-        plain = Sweep(axis=axis)
-        own = replace(plain, amplitude=plain.stick, band=plain.omega)
+        parameters = standard_parameters(self.vehicle).replace(self.parameters())
+        own = Sweep(axis=axis).on(parameters)
         general = {n: c for n, c in self._of("sweep").items() if n.partition(".")[0] not in AXES}
         special = {
             name.removeprefix(f"{axis}."): change

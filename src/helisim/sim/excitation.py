@@ -1,6 +1,7 @@
 """What a pilot flies on purpose: frequency sweeps and doublets on one axis."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 from helisim.channels import AXES
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import DOUBLET, PARAM, SWEEP
-from helisim.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,18 +47,19 @@ class Sweep:
                 f"{self.unsteadiness}"
             )
 
-    def on(self, vehicle: Vehicle) -> "Sweep":
-        """Return the sweep with what is left open filled in by the vehicle's parameters."""
-        own = vehicle.parameters
+    def on(self, own: Mapping[str, float]) -> "Sweep":
+        """Return the sweep with what is left open filled in by a vehicle's own parameters."""
         band = self.band
         if band is None:
             band = own[f"sweep.{self.axis}_w_min"], own[f"sweep.{self.axis}_w_max"]
-        return replace(self, amplitude=_stick(self, vehicle), band=band)
+        return replace(self, amplitude=_stick(self, own), band=band)
 
     def write(self, par: NDArray[np.float64]) -> None:
         """Put the sweep, complete, into a vehicle's numbers for the force laws."""
         if self.amplitude is None or self.band is None:
-            raise InputError("the sweep lacks its amplitude or band; complete it with on(vehicle)")
+            raise InputError(
+                "an open sweep can't fly; complete it with on(vehicle.parameters)"
+            )
         par[PARAM.excitation] = SWEEP
         par[PARAM.excitation_start] = self.trim_time
         par[PARAM.excitation_duration] = self.duration - 2.0 * self.trim_time
@@ -97,14 +98,16 @@ class Doublet:
             )
         _check_amplitude(self.amplitude)
 
-    def on(self, vehicle: Vehicle) -> "Doublet":
-        """Return the doublet with what is left open filled in by the vehicle's parameters."""
-        return replace(self, amplitude=_stick(self, vehicle))
+    def on(self, own: Mapping[str, float]) -> "Doublet":
+        """Return the doublet with what is left open filled in by a vehicle's own parameters."""
+        return replace(self, amplitude=_stick(self, own))
 
     def write(self, par: NDArray[np.float64]) -> None:
         """Put the doublet, complete, into a vehicle's numbers for the force laws."""
         if self.amplitude is None:
-            raise InputError("the doublet lacks its amplitude; complete it with on(vehicle)")
+            raise InputError(
+                "an open doublet can't fly; complete it with on(vehicle.parameters)"
+            )
         par[PARAM.excitation] = DOUBLET
         par[PARAM.excitation_start] = self.trim_time
         par[PARAM.excitation_duration] = self.width
@@ -128,10 +131,10 @@ def _check(axis: str, duration: float, trim_time: float) -> None:
         )
 
 
-def _stick(excitation: Excitation, vehicle: Vehicle) -> float:
+def _stick(excitation: Excitation, own: Mapping[str, float]) -> float:
     if excitation.amplitude is not None:
         return excitation.amplitude
-    return vehicle.parameters[f"sweep.{excitation.axis}_amplitude"]
+    return own[f"sweep.{excitation.axis}_amplitude"]
 
 
 def _check_amplitude(amplitude: float | None) -> None:
