@@ -69,19 +69,19 @@ def test_settings_reach_what_flies(jr700):
     assert recorder.noise["p"] == 0.002
     assert recorder.noise["w"] == 4 * 0.02
     assert recorder.latency["r"] == jr700.parameters["recorder_latency.r"]
-    assert settings.sweep("lat").stick == 0.05
-    assert settings.sweep("ped").stick == 0.01
+    assert settings.sweep("lat").amplitude == 0.05
+    assert settings.sweep("ped").amplitude == 0.01
     assert {settings.sweep(axis).duration for axis in ("col", "lat")} == {60}
 
 
 def test_a_factor_multiplies_what_the_axis_has_of_its_own():
     """The sweep's own amplitude and band are there to be multiplied, though not given."""
     campaign = plan("[vary.sweep]\namplitude = { values = [0.5, 2.0], relative = true }")
-    sticks = [one.settings.sweep("lat").stick for one in campaign]
+    sticks = [one.settings.sweep("lat").amplitude for one in campaign]
     assert sticks == [0.035, 0.14]
     campaign = plan("[vary.sweep]\nlat.band = [[1.0, 40.0], [2.0, 30.0]]")
-    assert [one.settings.sweep("lat").omega for one in campaign] == [(1.0, 40.0), (2.0, 30.0)]
-    assert campaign.replicate(0).settings.sweep("ped").omega == (0.3, 30.0)
+    assert [one.settings.sweep("lat").band for one in campaign] == [(1.0, 40.0), (2.0, 30.0)]
+    assert campaign.replicate(0).settings.sweep("ped").band == (0.3, 30.0)
 
 
 def test_a_vehicle_is_loaded_with_its_parameters():
