@@ -147,7 +147,7 @@ def test_a_plan_is_plain_data():
         ("[campaign]\nreplicates = true", "True"),
         ('[campaign]\nseed = "a"', "seed must be"),
         ('[campaign]\ndesign = "sobol"', "available: grid, latin hypercube, monte carlo"),
-        ('[campaign]\nvehicle = "jr800"', "available: jr700"),
+        ('[campaign]\nvehicle = "jr800"', "available: blade360, jr700"),
         ('[campaign]\nmodels = ["yaw"]', "available: yaw_base"),
         ('[campaign]\nmodels = "heave"', "models must be a list"),
         ("[campaign]\nmodels = []", "models must be a list"),
