@@ -96,17 +96,17 @@ def test_doublet_is_written_as_asked(par):
 @pytest.mark.parametrize("kind", [Sweep, Doublet])
 def test_what_is_left_open_is_the_vehicles(jr700, kind):
     """Amplitude and band that nobody gave are the vehicle's own; what is given stays."""
-    complete = kind(axis="lat").on(jr700)
+    complete = kind(axis="lat").on(jr700.parameters)
     assert complete.amplitude == jr700.parameters["sweep.lat_amplitude"]
-    assert kind(axis="lat", amplitude=0.02).on(jr700).amplitude == 0.02
+    assert kind(axis="lat", amplitude=0.02).on(jr700.parameters).amplitude == 0.02
     if kind is Sweep:
         own = (jr700.parameters["sweep.lat_w_min"], jr700.parameters["sweep.lat_w_max"])
         assert complete.band == own
-        assert Sweep(axis="lat", band=(1.0, 2.0)).on(jr700).band == (1.0, 2.0)
+        assert Sweep(axis="lat", band=(1.0, 2.0)).on(jr700.parameters).band == (1.0, 2.0)
 
 
 @pytest.mark.parametrize("kind", [Sweep, Doublet])
 def test_what_is_left_open_never_reaches_the_sticks(par, kind):
     """Without a vehicle, an open amplitude is refused, not guessed."""
-    with pytest.raises(InputError, match=r"on\(vehicle\)"):
+    with pytest.raises(InputError, match=r"on\(vehicle.parameters\)"):
         kind(axis="lat").write(par)

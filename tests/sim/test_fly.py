@@ -158,7 +158,7 @@ def test_doublet_turns_its_axis_first_one_way(jr700, axis, rate):
     stick = record[axis.upper()]
     first = (record.time > 2.1) & (record.time < 2.5)
     second = (record.time > 2.6) & (record.time < 3.0)
-    amplitude = Doublet(axis=axis).on(jr700).amplitude
+    amplitude = Doublet(axis=axis).on(jr700.parameters).amplitude
     # the pilot, who holds the attitude at about 1 rad/s, works against it meanwhile
     assert stick[first] == pytest.approx(amplitude, abs=0.5 * amplitude)
     assert stick[second] == pytest.approx(-amplitude, abs=0.7 * amplitude)
@@ -175,7 +175,7 @@ def test_collective_doublet_climbs_first(jr700):
 def test_sweep_is_the_formula_at_the_stick(jr700):
     """With a still, unhurried hand the stick is hold plus amplitude times the sweep's formula."""
     excitation = Sweep(axis="ped", duration=12.0, trim_time=1.0, unsteadiness=0.0, leakage=0.0)
-    excitation = excitation.on(jr700)
+    excitation = excitation.on(jr700.parameters)
     ends = []
     for timestep in (0.002, 0.001):
         truth = next(

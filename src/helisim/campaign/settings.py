@@ -65,7 +65,7 @@ class Settings:
 
         What isn't set is the vehicle's own, of these parameters.
         """
-        own = Sweep(axis=axis).completed(parameters)
+        own = Sweep(axis=axis).on(parameters)
         general = {n: c for n, c in self._of("sweep").items() if n.partition(".")[0] not in AXES}
         special = {
             name.removeprefix(f"{axis}."): change

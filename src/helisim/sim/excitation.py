@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from helisim.channels import AXES
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import DOUBLET, PARAM, SWEEP
-from helisim.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,12 +47,8 @@ class Sweep:
                 f"{self.unsteadiness}"
             )
 
-    def on(self, vehicle: Vehicle) -> "Sweep":
-        """Return the sweep with what is left open filled in by the vehicle's parameters."""
-        return self.completed(vehicle.parameters)
-
-    def completed(self, own: Mapping[str, float]) -> "Sweep":
-        """Return the sweep with what is left open filled in by parameters of a vehicle."""
+    def on(self, own: Mapping[str, float]) -> "Sweep":
+        """Return the sweep with what is left open filled in by a vehicle's own parameters."""
         band = self.band
         if band is None:
             band = own[f"sweep.{self.axis}_w_min"], own[f"sweep.{self.axis}_w_max"]
@@ -62,7 +57,7 @@ class Sweep:
     def write(self, par: NDArray[np.float64]) -> None:
         """Put the sweep, complete, into a vehicle's numbers for the force laws."""
         if self.amplitude is None or self.band is None:
-            raise InputError("the sweep lacks its amplitude or band; complete it with on(vehicle)")
+            raise InputError("an open sweep can't fly; complete it with on(vehicle.parameters)")
         par[PARAM.excitation] = SWEEP
         par[PARAM.excitation_start] = self.trim_time
         par[PARAM.excitation_duration] = self.duration - 2.0 * self.trim_time
@@ -101,14 +96,14 @@ class Doublet:
             )
         _check_amplitude(self.amplitude)
 
-    def on(self, vehicle: Vehicle) -> "Doublet":
-        """Return the doublet with what is left open filled in by the vehicle's parameters."""
-        return replace(self, amplitude=_stick(self, vehicle.parameters))
+    def on(self, own: Mapping[str, float]) -> "Doublet":
+        """Return the doublet with what is left open filled in by a vehicle's own parameters."""
+        return replace(self, amplitude=_stick(self, own))
 
     def write(self, par: NDArray[np.float64]) -> None:
         """Put the doublet, complete, into a vehicle's numbers for the force laws."""
         if self.amplitude is None:
-            raise InputError("the doublet lacks its amplitude; complete it with on(vehicle)")
+            raise InputError("an open doublet can't fly; complete it with on(vehicle.parameters)")
         par[PARAM.excitation] = DOUBLET
         par[PARAM.excitation_start] = self.trim_time
         par[PARAM.excitation_duration] = self.width

@@ -182,7 +182,7 @@ def prepare(
     par = model.actuator_user[addresses(model).rotor]
     hand = int(_generator(seed, number, "pilot").integers(2**31))
     pilot.write(par, vehicle, seed=hand, height=_HEIGHT)
-    excitation.on(vehicle).write(par)
+    excitation.on(vehicle.parameters).write(par)
     return model
 
 
@@ -200,7 +200,7 @@ def flight_provenance(
     recorder: Recorder,
 ) -> dict[str, Any]:
     """Return what a record says of its origin: enough to fly it again."""
-    excitation = excitation.on(vehicle)
+    excitation = excitation.on(vehicle.parameters)
     plain = {key: getattr(excitation, key) for key in excitation.__dataclass_fields__}
     return made_by(
         "simulation",
