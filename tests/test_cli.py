@@ -137,7 +137,7 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_flight(capsys):
 
 
 def test_the_module_runs_as_a_program():
-    """`python -m helisim.cli --version` prints the version."""
-    command = [sys.executable, "-m", "helisim.cli", "--version"]
+    """`python -m helisim --version` prints the version."""
+    command = [sys.executable, "-m", "helisim", "--version"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.startswith("helisim ")

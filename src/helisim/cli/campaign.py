@@ -43,7 +43,6 @@ def add(commands: Any) -> None:
         "write one Parquet dataset of parameters, truth, estimates and bounds, and print how "
         "well the truth was found and the bounds hold.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument(
         "file", type=Path, metavar="FILE", help="campaign file, .toml; or the folder of a dataset"

@@ -1,6 +1,7 @@
 """What several commands share: the parser, options, the progress bar."""
 
 import argparse
+import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -9,12 +10,21 @@ from tqdm import tqdm
 
 from helisim.errors import InputError
 
+_WIDTH = 80
+
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, and exits with status 2."""
+    """Wraps its description and keeps the lines of its epilog; says what is wrong in one line."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        options["description"] = wrapped(options.get("description") or "")
+        if "\n" not in (epilog := options.get("epilog") or ""):
+            options["epilog"] = wrapped(epilog)
+        super().__init__(*arguments, **options)
 
     def error(self, message: str) -> NoReturn:
-        """Exit with a message."""
+        """Exit with a message and status 2."""
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
@@ -42,7 +52,9 @@ def add_integrator(command: argparse.ArgumentParser) -> None:
 
 def add_quiet(command: argparse.ArgumentParser) -> None:
     """Add --quiet."""
-    command.add_argument("--quiet", action="store_true", help="no progress bar")
+    command.add_argument(
+        "--quiet", action="store_true", help="no progress bar, and no word of what is written"
+    )
 
 
 def add_vehicle(command: argparse.ArgumentParser) -> None:
@@ -92,6 +104,12 @@ def names(text: str | None) -> tuple[str, ...]:
     return tuple(name.strip() for name in (text or "").split(",") if name.strip())
 
 
+def tell_written(options: argparse.Namespace, text: str) -> None:
+    """Say what was written where, unless --quiet."""
+    if not options.quiet:
+        print(f"Written: {text}")
+
+
 def write_recording(
     path: Path, records: Any, *, vehicle: str = "jr700", run: Any = None, quiet: bool = False
 ) -> None:
@@ -102,6 +120,20 @@ def write_recording(
     write_recording(path, records, model=load(vehicle).visual_model(), run=run)
     if not quiet:
         print(f"Written: {path}; open it with: rerun {path}")
+
+
+def wrapped(text: str, *, indent: int = 0) -> str:
+    """Return each line of a text within 80 columns, continued at an indent; paths stay whole."""
+    return "\n".join(
+        textwrap.fill(
+            line,
+            _WIDTH,
+            subsequent_indent=" " * indent,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        for line in text.splitlines()
+    )
 
 
 class Progress:

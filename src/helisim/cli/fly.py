@@ -11,6 +11,7 @@ from helisim.cli.common import (
     add_integrator,
     add_vehicle,
     parameters,
+    tell_written,
     write_recording,
 )
 from helisim.errors import InputError
@@ -22,7 +23,6 @@ def add(commands: Any) -> None:
         "fly",
         help="fly sweeps and record them",
         description="Fly one frequency sweep, or many, and write what the flight computer records.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="examples:\n"
         "  helisim fly --axis lat --duration 90 --seed 1 --out lat.parquet\n"
         "  helisim fly --axis lat --count 40 --out flights",
@@ -100,12 +100,14 @@ def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -
             on_flight=lambda: advance("flight"),
         )
     write_record(record, options.out)
-    print(
-        f"Written: {options.out} ({record.duration:.2f} s, {len(record)} samples, "
-        f"{len(record.names)} channels)"
+    tell_written(
+        options,
+        f"{options.out} ({record.duration:.2f} s, {len(record)} samples, "
+        f"{len(record.names)} channels)",
     )
     if options.rerun is not None:
-        write_recording(options.rerun, {options.axis: record}, vehicle=vehicle.name)
+        flown, quiet = {options.axis: record}, options.quiet
+        write_recording(options.rerun, flown, vehicle=vehicle.name, quiet=quiet)
 
 
 def _many(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -> None:
@@ -123,4 +125,6 @@ def _many(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) 
             on_flight=lambda: advance("flight"),
         )
     there = f", {flown.found} of them there before" if flown.found else ""
-    print(f"Written: {options.out} ({len(flown.paths)} flights of {options.duration:g} s{there})")
+    tell_written(
+        options, f"{options.out} ({len(flown.paths)} flights of {options.duration:g} s{there})"
+    )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from helisim.cli.common import Progress, add_quiet
+from helisim.cli.common import Progress, add_quiet, tell_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, reports
 from helisim.cli.responses import Signals, add_responses, estimate
 
@@ -19,7 +19,8 @@ FORMAT = "helisim frequency response, version 1"
 
 _EPILOG = f"""\
 example:
-  helisim frf lat.csv --map heli.toml --inputs lat --outputs p,q --conditioning lon --csv p.csv
+  helisim frf lat.csv --map heli.toml --inputs lat --outputs p,q \\
+      --conditioning lon --csv p.csv
 
 {MAP_HELP}"""
 
@@ -32,7 +33,6 @@ def add(commands: Any) -> None:
         description="Estimate frequency responses with coherence and random error from flight "
         "logs, by anyone: composite windows, other inputs' effects removed.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_log_options(command)
     add_responses(command, required=True)
@@ -63,10 +63,10 @@ def _run(options: argparse.Namespace) -> int:
             "provenance": provenance,
         }
         write_json(data, options.json)
-        print(f"Written: {options.json}")
+        tell_written(options, str(options.json))
     if options.csv is not None:
         _write_csv(frf, provenance, options.csv)
-        print(f"Written: {options.csv}")
+        tell_written(options, str(options.csv))
     return 0
 
 

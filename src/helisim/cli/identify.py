@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from helisim.cli.common import Progress, add_quiet, named_numbers, names
+from helisim.cli.common import Progress, add_quiet, named_numbers, names, tell_written, wrapped
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, reports
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
 from helisim.cli.structures import find_structure
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 _EPILOG = f"""\
 example:
-  helisim identify lat.csv lon.csv --structure rollpitch --map heli.toml --resample 100 \\
-      --band 1 40 --json model.json
-  helisim identify yaw.parquet --structure tf:1/2 --inputs PED --outputs r --json yaw.json
+  helisim identify lat.csv lon.csv --structure rollpitch --map heli.toml \\
+      --resample 100 --band 1 40 --json model.json
+  helisim identify yaw.parquet --structure tf:1/2 --inputs PED --outputs r
 
-The model in --json is what `helisim verify` reads. Exit status 1: the search didn't converge
-or the fit's cost is beyond the guidelines.
+The model in --json is what `helisim verify` reads. Exit status 1: the search
+didn't converge or the fit's cost is beyond the guidelines.
 
 {MAP_HELP}"""
 
@@ -33,7 +33,6 @@ def add(commands: Any) -> None:
         description="Estimate frequency responses from flight logs, by anyone, fit a structure's "
         "parameters to them, and print values with Cramér-Rao bounds and insensitivities.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_log_options(command)
     command.add_argument(
@@ -98,8 +97,8 @@ def _run(options: argparse.Namespace) -> int:
     print(describe(estimated.logs))
     print(f"band {low:.4g} to {high:.4g} rad/s, {fit.method}\n")
     if reduction is not None:
-        print(reduction)
-    print(fit)
+        print(wrapped(str(reduction), indent=2))
+    print(wrapped(str(fit), indent=2))
     _write(options, estimated, fit, reduction)
     return 0 if fit.converged and fit.acceptable else 1
 
@@ -157,7 +156,7 @@ def _write(
         write_fit_report(options.report, fit, records=shown)
     for path in (options.json, options.latex, options.matlab, options.report):
         if path is not None:
-            print(f"Written: {path}")
+            tell_written(options, str(path))
 
 
 def _renames(text: str) -> dict[str, str]:

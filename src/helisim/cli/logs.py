@@ -8,7 +8,7 @@ from pathlib import Path
 from textwrap import indent
 from typing import Any, NamedTuple
 
-from helisim.cli.common import names
+from helisim.cli.common import names, wrapped
 from helisim.errors import HelisimError, IdentificationError, InputError
 from helisim.logs import REPAIRS, Clock, Column, Log, Map, read_log
 from helisim.logs.mapping import EXAMPLE
@@ -142,7 +142,7 @@ def located(logs: Sequence[Log]) -> Iterator[None]:
 
 def describe(logs: Sequence[Log]) -> str:
     """Return how the logs were read."""
-    return "\n".join(str(log.report) for log in logs)
+    return "\n".join(wrapped(str(log.report), indent=2) for log in logs)
 
 
 def reports(logs: Sequence[Log]) -> list[dict[str, Any]]:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import write_recording
+from helisim.cli.common import add_quiet, write_recording
 
 
 def add(commands: Any) -> None:
@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help="recording to write, .rrd"
     )
-    command.add_argument("--quiet", action="store_true", help="print nothing")
+    add_quiet(command)
     command.set_defaults(run=_run)
 
 

@@ -5,6 +5,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from helisim.cli.common import add_quiet, tell_written
+
 
 def add(commands: Any) -> None:
     """Add the command to the parser."""
@@ -16,7 +18,7 @@ def add(commands: Any) -> None:
         epilog="example: helisim report reproduction",
     )
     command.add_argument("folder", type=Path, metavar="DIR", help="folder of a run")
-    command.add_argument("--quiet", action="store_true", help="print nothing")
+    add_quiet(command)
     command.add_argument("--json", action="store_true", help="print the paths as JSON")
     command.set_defaults(run=_run)
 
@@ -28,6 +30,6 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         figures = sorted(str(item) for item in (path.parent / "figures").iterdir())
         print(json.dumps({"report": str(path), "figures": figures}, indent=2))
-    elif not options.quiet:
-        print(f"Written: {path}, figures in {path.parent / 'figures'}")
+    else:
+        tell_written(options, f"{path}, figures in {path.parent / 'figures'}")
     return 0

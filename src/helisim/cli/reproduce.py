@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import Progress, add_common, parameters, write_recording
+from helisim.cli.common import Progress, add_common, parameters, tell_written, write_recording
 from helisim.errors import InputError
 
 _FLIGHTS = 10
@@ -24,7 +24,6 @@ def add(commands: Any) -> None:
         "  helisim reproduce --out reproduction --flights 10 --seed 1\n"
         "  helisim reproduce --from reproduction       is every number the same again?\n\n"
         "Exit status 1: a tolerance is missed; with --from, a number differs.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument(
         "--from",
@@ -116,9 +115,10 @@ def _reproduce(options: argparse.Namespace) -> int:
         print(json.dumps(results.to_dict(), indent=2, allow_nan=False))
     else:
         print(render_results(results, color=wants_color(sys.stdout)))
-        print(f"\nWritten: {out / 'results.json'}, records in {out / 'flights'}")
-        print(f"Report: {out / 'report.html'}")
+        tell_written(options, f"{out / 'results.json'}, records in {out / 'flights'}")
+        tell_written(options, f"{out / 'report.html'}")
     if options.rerun is not None:
         records = named_records(flights)
-        write_recording(options.rerun, records, run=read_run(out), quiet=options.json)
+        quiet = options.quiet or options.json
+        write_recording(options.rerun, records, run=read_run(out), quiet=quiet)
     return 1 if results.misses else 0

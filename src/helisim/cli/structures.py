@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from helisim.cli.common import wrapped
 from helisim.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -83,5 +84,5 @@ def _run(options: argparse.Namespace) -> int:
     rows += list(_GENERIC.items())
     width = max(len(name) for name, _ in rows)
     for name, meaning in rows:
-        print(f"{name:<{width}}  {meaning}")
+        print(wrapped(f"{name:<{width}}  {meaning}", indent=width + 2))
     return 0

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import Progress, add_quiet
+from helisim.cli.common import Progress, add_quiet, tell_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, read_logs, reports
 
 _EPILOG = f"""\
@@ -25,7 +25,6 @@ def add(commands: Any) -> None:
         "was not fitted to, estimating only bias and trim, and print J_rms and Theil's "
         "inequality coefficient.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument("model", type=Path, metavar="MODEL", help="model of identify, .json")
     add_log_options(command)
@@ -62,5 +61,5 @@ def _run(options: argparse.Namespace) -> int:
             "provenance": made_by("verification", fit=fit.provenance),
         }
         write_json(data, options.json)
-        print(f"Written: {options.json}")
+        tell_written(options, str(options.json))
     return 0 if verification.acceptable else 1

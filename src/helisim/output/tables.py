@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Mapping
 from typing import TextIO
 
+from helisim.channels import IN1
 from helisim.comparison import ComparisonTable, ParameterRow, Results, Verdict
 from helisim.output.findings import render_further
 from helisim.vehicle import Linearization
@@ -169,9 +170,10 @@ def _paint(text: str, code: str, color: bool) -> str:
 def render_derivatives(linear: Linearization, derivatives: Mapping[str, float]) -> str:
     """Return a hover, its derivatives and its eigenvalues as lines of at most 80 columns."""
     trim = linear.trim
+    controls = {name: getattr(trim, name) for name in IN1}
     lines = [
-        f"Hover: phi {trim.phi:.5f} rad, theta {trim.theta:.5f} rad, controls "
-        f"col {trim.col:.4f}, lon {trim.lon:.4f}, lat {trim.lat:.4f}, ped {trim.ped:.4f}",
+        f"Hover: phi {_tidy(trim.phi, 5)} rad, theta {_tidy(trim.theta, 5)} rad",
+        "  controls " + ", ".join(f"{name} {_tidy(x, 4)}" for name, x in controls.items()),
         "",
         "Derivatives of the base helicopter (SI, per unit of servo position)",
     ]
@@ -183,5 +185,10 @@ def render_derivatives(linear: Linearization, derivatives: Mapping[str, float]) 
             lines.append(f"  {pole.real:.5g}{pair}")
     if linear.delays:
         waits = ", ".join(f"{name} {delay:.4g} s" for name, delay in linear.delays.items())
-        lines += ["", f"Delays before the inputs act, not in the matrices: {waits}"]
+        lines += ["", "Delays before the inputs act, not in the matrices", f"  {waits}"]
     return "\n".join(lines)
+
+
+def _tidy(value: float, decimals: int) -> str:
+    """Return a number without the sign of a zero."""
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"

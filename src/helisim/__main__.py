@@ -1,4 +1,4 @@
-"""`python -m helisim.cli`."""
+"""`python -m helisim`."""
 
 import sys
 
