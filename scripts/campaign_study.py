@@ -76,7 +76,6 @@ def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
 
 def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
     """Return in words the least flights from which on enough replicates are within a limit."""
-    model, parameter = key
     rows = [r for r in rows if (r["model"], r["parameter"], r["method"]) == (*key, "designed")]
     enough = None
     for flights in reversed(levels(rows, "flights")):
@@ -85,7 +84,7 @@ def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
         if within.sum() < SHARE * len(some):
             break
         enough = max(row["flight_time"] for row in some if row["flight_time"] is not None)
-    return f"  {parameter} " + (f"{enough:5.0f} s" if enough is not None else "  never")
+    return f"  {key[1]} " + (f"{enough:5.0f} s" if enough is not None else "  never")
 
 
 def bound(model: str, parameter: str) -> float:
