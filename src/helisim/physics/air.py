@@ -1,0 +1,104 @@
+"""The air where a vehicle is: steady wind, gust and turbulence, and the ground below.
+
+The steady wind is MuJoCo's own `opt.wind`; gust and turbulence are the vehicle's, set in its
+parameters, and turbulence has its states among the vehicle's activations.
+"""
+
+import math
+
+from helisim.physics import frames, rotor, weather
+from helisim.physics.addresses import REPORTS, body_of, reports, state_of
+from helisim.physics.body import rates, rotation, velocity
+from helisim.physics.kernel import kernel
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.memory import double, doubles, doubles_at, doubles_from
+from helisim.physics.ticks import tick_number
+
+_DEEPEST = 0.4
+"""Limit of (R / 4z)^2, reached within half a radius of the ground, where no rotor gets."""
+_CORE = 0.625
+"""Up to this part of the limit, at z = R/2, Cheeseman and Bennett's formula holds exactly."""
+
+
+@kernel()
+def motion(m, d, offsets, rotor_id, par, body):
+    """Return the air's velocity (m/s) and rotation (rad/s) at a body, body axes."""
+    matrix = rotation(d, offsets, body)
+    wind = doubles_at(m + offsets.wind)
+    x, y, z = wind[0], wind[1], wind[2]
+    p, q, r = 0.0, 0.0, 0.0
+    if par[PARAM.gust_rise] > 0.0:
+        since = double(d, offsets.time) - par[PARAM.gust_start]
+        share = weather.one_minus_cosine(since, par[PARAM.gust_rise], par[PARAM.gust_hold])
+        x += share * par[PARAM.gust_north]
+        y -= share * par[PARAM.gust_east]
+        z -= share * par[PARAM.gust_down]
+    if par[PARAM.turbulence_speed] > 0.0:
+        k = state_of(m, offsets, rotor_id) + STATE.air_u
+        s = doubles_from(d, offsets.act, k)
+        span = par[PARAM.turbulence_span]
+        u, v, w, p, q, r = weather.turbulence(s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], span)
+        dx, dy, dz = along_path(par, u, v, w)
+        x, y, z = x + dx, y + dy, z + dz
+        p, q, r = frames.to_body(matrix, *along_path(par, p, q, r))
+    u, v, w = frames.to_body(matrix, x, y, z)
+    return u, v, w, p, q, r
+
+
+@kernel()
+def along_path(par, x, y, z):
+    """Turn a vector from the turbulence's axes to the world, north-west-up."""
+    cosine, sine = par[PARAM.turbulence_cosine], par[PARAM.turbulence_sine]
+    return frames.flip(cosine * x - sine * y, sine * x + cosine * y, z)
+
+
+@kernel()
+def relative_motion(m, d, offsets, rotor_id, par, body):
+    """Return a body's velocity (m/s) and rotation (rad/s) through the air, body axes."""
+    u, v, w = frames.to_body(rotation(d, offsets, body), *velocity(m, d, offsets, body))
+    p, q, r = rates(d, offsets, body)
+    air = motion(m, d, offsets, rotor_id, par, body)
+    return u - air[0], v - air[1], w - air[2], p - air[3], q - air[4], r - air[5]
+
+
+@kernel()
+def ground_nearness(d, offsets, par, body):
+    """Return (R / 4z)^2 of the hub above the ground (z = 0), kept finite at any height."""
+    if par[PARAM.ground_effect] == 0.0:
+        return 0.0
+    matrix = rotation(d, offsets, body)
+    _, _, rise = frames.to_world(matrix, par[PARAM.hub_x], 0.0, par[PARAM.hub_z])
+    height = doubles(d, offsets.xpos)[3 * body + 2] + rise
+    ratio = par[PARAM.main_radius] / (4.0 * height)
+    return rotor.soft_limit(par[PARAM.ground_effect] * ratio**2, _DEEPEST, _CORE)
+
+
+@kernel()
+def air_derivatives(m, d, offsets, rotor_id, par, first):
+    """Write the derivatives of the turbulence's states; the noise is that of the last tick."""
+    seen = reports(m, offsets, body_of(m, offsets, rotor_id))
+    if par[PARAM.turbulence_speed] == 0.0 or seen < 0:
+        return
+    clock = doubles(d, offsets.sensordata)[seen + REPORTS]
+    period, seed = par[PARAM.gyro_period], par[PARAM.turbulence_seed]
+    tick = tick_number(par, clock)
+    speed, span = par[PARAM.turbulence_speed], par[PARAM.turbulence_span]
+    along = par[PARAM.turbulence_length_u] / speed
+    across = par[PARAM.turbulence_length_v] / speed
+    down = par[PARAM.turbulence_length_w] / speed
+    roll, _ = weather.span_lags(speed, span)
+    half = math.sqrt(0.5)  # two lags with a lead of sqrt(3) let twice the power of one through
+    noise = (
+        weather.white(par[PARAM.turbulence_u], along, period, seed, 0, tick),
+        weather.white(half * par[PARAM.turbulence_v], across, period, seed, 1, tick),
+        weather.white(half * par[PARAM.turbulence_w], down, period, seed, 2, tick),
+        weather.white(par[PARAM.turbulence_p], roll, period, seed, 3, tick),
+    )
+    s = doubles_from(d, offsets.act, first + STATE.air_u)
+    out = doubles_from(d, offsets.act_dot, first + STATE.air_u)
+    lags = (along, across, down)
+    rate = weather.turbulence_rates(
+        s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], noise, lags, speed, span
+    )
+    for k in range(8):
+        out[k] = rate[k]
