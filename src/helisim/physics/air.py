@@ -4,8 +4,6 @@ The steady wind is MuJoCo's own `opt.wind`; gust and turbulence are the vehicle'
 parameters, and turbulence has its states among the vehicle's activations.
 """
 
-import math
-
 from helisim.physics import frames, rotor, weather
 from helisim.physics.addresses import REPORTS, body_of, reports, state_of
 from helisim.physics.body import rates, rotation, velocity
@@ -33,11 +31,9 @@ def motion(m, d, offsets, rotor_id, par, body):
         x += share * par[PARAM.gust_north]
         y -= share * par[PARAM.gust_east]
         z -= share * par[PARAM.gust_down]
-    if par[PARAM.turbulence_speed] > 0.0:
-        k = state_of(m, offsets, rotor_id) + STATE.air_u
-        s = doubles_from(d, offsets.act, k)
-        span = par[PARAM.turbulence_span]
-        u, v, w, p, q, r = weather.turbulence(s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], span)
+    if par[PARAM.turbulence_on] != 0.0:
+        state = doubles_from(d, offsets.act, state_of(m, offsets, rotor_id) + STATE.air_u)
+        u, v, w, p, q, r = weather.turbulence(state, par[PARAM.turbulence_span])
         dx, dy, dz = along_path(par, u, v, w)
         x, y, z = x + dx, y + dy, z + dz
         p, q, r = frames.to_body(matrix, *along_path(par, p, q, r))
@@ -53,11 +49,10 @@ def along_path(par, x, y, z):
 
 
 @kernel()
-def relative_motion(m, d, offsets, rotor_id, par, body):
-    """Return a body's velocity (m/s) and rotation (rad/s) through the air, body axes."""
+def relative_motion(m, d, offsets, body, air):
+    """Return a body's velocity (m/s) and rotation (rad/s) through moving air, body axes."""
     u, v, w = frames.to_body(rotation(d, offsets, body), *velocity(m, d, offsets, body))
     p, q, r = rates(d, offsets, body)
-    air = motion(m, d, offsets, rotor_id, par, body)
     return u - air[0], v - air[1], w - air[2], p - air[3], q - air[4], r - air[5]
 
 
@@ -77,28 +72,23 @@ def ground_nearness(d, offsets, par, body):
 def air_derivatives(m, d, offsets, rotor_id, par, first):
     """Write the derivatives of the turbulence's states; the noise is that of the last tick."""
     seen = reports(m, offsets, body_of(m, offsets, rotor_id))
-    if par[PARAM.turbulence_speed] == 0.0 or seen < 0:
+    if par[PARAM.turbulence_on] == 0.0 or seen < 0:
         return
-    clock = doubles(d, offsets.sensordata)[seen + REPORTS]
-    period, seed = par[PARAM.gyro_period], par[PARAM.turbulence_seed]
-    tick = tick_number(par, clock)
-    speed, span = par[PARAM.turbulence_speed], par[PARAM.turbulence_span]
-    along = par[PARAM.turbulence_length_u] / speed
-    across = par[PARAM.turbulence_length_v] / speed
-    down = par[PARAM.turbulence_length_w] / speed
-    roll, _ = weather.span_lags(speed, span)
-    half = math.sqrt(0.5)  # two lags with a lead of sqrt(3) let twice the power of one through
-    noise = (
-        weather.white(par[PARAM.turbulence_u], along, period, seed, 0, tick),
-        weather.white(half * par[PARAM.turbulence_v], across, period, seed, 1, tick),
-        weather.white(half * par[PARAM.turbulence_w], down, period, seed, 2, tick),
-        weather.white(par[PARAM.turbulence_p], roll, period, seed, 3, tick),
+    tick = tick_number(par, doubles(d, offsets.sensordata)[seen + REPORTS])
+    rate = doubles_from(d, offsets.act_dot, first + STATE.air_u)
+    for channel in range(4):
+        level, lag = par[PARAM.turbulence_u + channel], par[PARAM.turbulence_lag_u + channel]
+        rate[channel] = weather.white(
+            level, lag, par[PARAM.gyro_period], par[PARAM.turbulence_seed], channel, tick
+        )
+    weather.turbulence_rates(
+        doubles_from(d, offsets.act, first + STATE.air_u),
+        rate,
+        (
+            par[PARAM.turbulence_lag_u],
+            par[PARAM.turbulence_lag_v],
+            par[PARAM.turbulence_lag_w],
+            par[PARAM.turbulence_lag_p],
+        ),
+        rate,
     )
-    s = doubles_from(d, offsets.act, first + STATE.air_u)
-    out = doubles_from(d, offsets.act_dot, first + STATE.air_u)
-    lags = (along, across, down)
-    rate = weather.turbulence_rates(
-        s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], noise, lags, speed, span
-    )
-    for k in range(8):
-        out[k] = rate[k]

@@ -50,10 +50,10 @@ class StateIndex(NamedTuple):
     flap_b: int
     air_u: int
     air_v_lag: int
-    air_v: int
     air_w_lag: int
-    air_w: int
     air_p: int
+    air_v: int
+    air_w: int
     air_q_lag: int
     air_r_lag: int
 
@@ -189,8 +189,8 @@ class ParamIndex(NamedTuple):
     gust_rise: int
     gust_hold: int
     # turbulence, along the path through the air
+    turbulence_on: int
     turbulence_seed: int
-    turbulence_speed: int
     turbulence_cosine: int
     turbulence_sine: int
     turbulence_span: int
@@ -198,9 +198,10 @@ class ParamIndex(NamedTuple):
     turbulence_v: int
     turbulence_w: int
     turbulence_p: int
-    turbulence_length_u: int
-    turbulence_length_v: int
-    turbulence_length_w: int
+    turbulence_lag_u: int
+    turbulence_lag_v: int
+    turbulence_lag_w: int
+    turbulence_lag_p: int
 
 
 PARAM = ParamIndex(*range(len(ParamIndex._fields)))

@@ -7,7 +7,6 @@ gyro's tick, held for the tick, so it depends neither on threads nor on the time
 
 import math
 
-from helisim.physics.gyro import filter_rate
 from helisim.physics.kernel import kernel
 from helisim.physics.pilot import hashed_noise
 
@@ -42,67 +41,41 @@ def white(level, lag, period, seed, channel, tick):
 
 
 @kernel()
-def lead_lag(slow, fast):
-    """Return (1 + sqrt(3) T s) / (1 + T s)^2 of a signal, from the states of its two lags."""
-    return fast + _ROOT_3 * (slow - fast)
-
-
-@kernel()
-def span_lags(speed, span):
-    """Return the lags (s) that a span puts on the rates in pitch and roll, and in yaw."""
-    return 4.0 * span / (math.pi * speed), 3.0 * span / (math.pi * speed)
-
-
-@kernel()
-def turbulence(u, v_lag, v, w_lag, w, p, q_lag, r_lag, span):
-    """Return velocity (m/s) and rotation (rad/s) of turbulent air from the filters' states.
+def turbulence(state, span):
+    """Return velocity (m/s) and rotation (rad/s) of turbulent air from its eight states.
 
     A field that drifts past unchanged has d/dx = (1/V) d/dt along the path. Air that sinks
     the faster the further ahead turns nose down: q = -dw/dx, r = dv/dx, p = dw/dy.
 
     Args:
-        u: m/s, the lagged noise along the path.
-        v_lag: m/s, the first lag across the path.
-        v: m/s, the second.
-        w_lag: m/s, the first lag down.
-        w: m/s, the second.
-        p: rad/s, the lagged noise in roll.
-        q_lag: m/s, w smoothed over the span.
-        r_lag: m/s, v smoothed over the span.
-        span: m, rotor diameter in place of the wing's span.
+        state: u, lags of v and w, p; then v, w, and what they are over the span, m/s and rad/s.
+        span: m, the rotor's diameter in place of the wing's span.
     """
-    across, down = lead_lag(v_lag, v), lead_lag(w_lag, w)
-    q = -math.pi / (4.0 * span) * (down - q_lag)
-    r = math.pi / (3.0 * span) * (across - r_lag)
-    return u, across, down, p, q, r
+    v = state[4] + _ROOT_3 * (state[1] - state[4])
+    w = state[5] + _ROOT_3 * (state[2] - state[5])
+    q = -math.pi / (4.0 * span) * (w - state[6])
+    r = math.pi / (3.0 * span) * (v - state[7])
+    return state[0], v, w, state[3], q, r
 
 
 @kernel()
-def turbulence_rates(u, v_lag, v, w_lag, w, p, q_lag, r_lag, noise, lags, speed, span):
-    """Return the derivatives of the filters' eight states.
+def turbulence_rates(state, noise, lags, rate):
+    """Write the derivatives of the eight states.
+
+    Along the path, and in roll, the spectrum is that of one lag; across and down it is that of
+    (1 + sqrt(3) T s) / (1 + T s)^2.
 
     Args:
-        u: and the next seven, the states as in `turbulence`.
-        v_lag: m/s.
-        v: m/s.
-        w_lag: m/s.
-        w: m/s.
-        p: rad/s.
-        q_lag: m/s.
-        r_lag: m/s.
-        noise: of this tick, for u, v, w and p.
-        lags: s, scale lengths over speed, of u, v and w.
-        speed: m/s, at which the field drifts past.
-        span: m.
+        state: as in `turbulence`.
+        noise: four, of this tick, in place of u, v, w and p; `rate` may hold them.
+        lags: four, s, of u, v, w (scale length over speed) and p (4 b / (pi V)).
+        rate: written.
     """
-    pitch_lag, yaw_lag = span_lags(speed, span)
-    return (
-        filter_rate(u, noise[0], lags[0]),
-        filter_rate(v_lag, noise[1], lags[1]),
-        filter_rate(v, v_lag, lags[1]),
-        filter_rate(w_lag, noise[2], lags[2]),
-        filter_rate(w, w_lag, lags[2]),
-        filter_rate(p, noise[3], pitch_lag),
-        filter_rate(q_lag, lead_lag(w_lag, w), pitch_lag),
-        filter_rate(r_lag, lead_lag(v_lag, v), yaw_lag),
-    )
+    for k in range(4):
+        rate[k] = (noise[k] - state[k]) / lags[k]
+    rate[4] = (state[1] - state[4]) / lags[1]
+    rate[5] = (state[2] - state[5]) / lags[2]
+    v = state[4] + _ROOT_3 * (state[1] - state[4])
+    w = state[5] + _ROOT_3 * (state[2] - state[5])
+    rate[6] = (w - state[6]) / lags[3]
+    rate[7] = (v - state[7]) / (0.75 * lags[3])
