@@ -9,7 +9,7 @@ from helisim.physics.addresses import REPORTS, body_of, reports, state_of
 from helisim.physics.body import rates, rotation, velocity
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.memory import double, doubles, doubles_at, doubles_from
+from helisim.physics.memory import double, doubles, doubles_at, doubles_from, room
 from helisim.physics.ticks import tick_number
 
 _DEEPEST = 0.4
@@ -69,26 +69,34 @@ def ground_nearness(d, offsets, par, body):
 
 
 @kernel()
-def air_derivatives(m, d, offsets, rotor_id, par, first):
-    """Write the derivatives of the turbulence's states; the noise is that of the last tick."""
+def turbulence_rates(m, d, offsets, rotor_id, par, step):
+    """Write the derivatives of the turbulence's states; the noise is that of the last tick.
+
+    Over a `step` (s) that an evaluation is held for, their mean: the Taylor series of the
+    exponential to fourth order, as Runge-Kutta's. At 0 the derivatives now.
+    """
     seen = reports(m, offsets, body_of(m, offsets, rotor_id))
     if par[PARAM.turbulence_on] == 0.0 or seen < 0:
         return
     tick = tick_number(par, doubles(d, offsets.sensordata)[seen + REPORTS])
-    rate = doubles_from(d, offsets.act_dot, first + STATE.air_u)
+    noise, stage = room(4), room(8)
     for channel in range(4):
         level, lag = par[PARAM.turbulence_u + channel], par[PARAM.turbulence_lag_u + channel]
-        rate[channel] = weather.white(
+        noise[channel] = weather.white(
             level, lag, par[PARAM.gyro_period], par[PARAM.turbulence_seed], channel, tick
         )
-    weather.turbulence_rates(
-        doubles_from(d, offsets.act, first + STATE.air_u),
-        rate,
-        (
-            par[PARAM.turbulence_lag_u],
-            par[PARAM.turbulence_lag_v],
-            par[PARAM.turbulence_lag_w],
-            par[PARAM.turbulence_lag_p],
-        ),
-        rate,
+    lags = (
+        par[PARAM.turbulence_lag_u],
+        par[PARAM.turbulence_lag_v],
+        par[PARAM.turbulence_lag_w],
+        par[PARAM.turbulence_lag_p],
     )
+    first = state_of(m, offsets, rotor_id) + STATE.air_u
+    state = doubles_from(d, offsets.act, first)
+    rate = doubles_from(d, offsets.act_dot, first)
+    weather.turbulence_rates(state, noise, lags, rate)
+    if step > 0.0:
+        for divisor in (4.0, 3.0, 2.0):
+            for k in range(8):
+                stage[k] = state[k] + step / divisor * rate[k]
+            weather.turbulence_rates(stage, noise, lags, rate)

@@ -67,7 +67,7 @@ def turbulence_rates(state, noise, lags, rate):
 
     Args:
         state: as in `turbulence`.
-        noise: four, of this tick, in place of u, v, w and p; `rate` may hold them.
+        noise: four, of this tick, in place of u, v, w and p.
         lags: four, s, of u, v, w (scale length over speed) and p (4 b / (pi V)).
         rate: written.
     """

@@ -88,8 +88,8 @@ class Dryden:
         half = math.sqrt(0.5)
         return np.array([along, half * across, half * down, down * math.sqrt(power)])
 
-    def covariance(self, span: float) -> NDArray[np.float64]:
-        """Return the stationary covariance of the filters' states, (8, 8)."""
+    def filters(self, span: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return A (8, 8) and B (8, 4) of x' = A x + B n for white noise n of unit intensity."""
         lags = self.lags(span)
 
         def rates(state: NDArray, noise: NDArray) -> NDArray[np.float64]:
@@ -100,8 +100,16 @@ class Dryden:
         calm, still = np.zeros(_STATES), np.zeros(4)
         a = np.column_stack([rates(unit, still) for unit in np.eye(_STATES)])
         b = np.column_stack([rates(calm, unit) for unit in np.eye(4)])
-        b *= self.levels(span) * np.sqrt(2.0 * lags)
-        return solve_continuous_lyapunov(a, -b @ b.T)
+        return a, b * self.levels(span) * np.sqrt(2.0 * lags)
+
+    def start(self, span: float, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Return states drawn from the filters' stationary distribution, (8,).
+
+        So the air is as rough in a flight's first second as in its last.
+        """
+        a, b = self.filters(span)
+        covariance = solve_continuous_lyapunov(a, -b @ b.T)
+        return np.linalg.cholesky(covariance) @ rng.standard_normal(_STATES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +152,8 @@ class Weather:
                 "turbulence must be a positive wind at 20 ft in m/s, or one of "
                 f"{', '.join(LEVELS)}, got {self.turbulence!r}"
             )
-        if self.rms is not None and not all(0.0 < level < math.inf for level in self.rms):
+        rms = (1.0, 1.0, 1.0) if self.rms is None else self.rms
+        if len(rms) != 3 or not all(0.0 < level < math.inf for level in rms):
             raise InputError(f"rms needs three positive numbers in m/s, got {self.rms}")
         if self.rms is not None and self.turbulence is not None:
             raise InputError("turbulence and rms exclude each other: give one of them")
@@ -216,14 +225,10 @@ class Weather:
         par[PARAM.turbulence_lag_u : PARAM.turbulence_lag_p + 1] = dryden.lags(span)
 
     def start(self, vehicle: Vehicle, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Return states of the turbulence drawn from their stationary distribution, (8,).
-
-        So the air is as rough in a flight's first second as in its last.
-        """
+        """Return states in which the turbulence may be when a flight starts, (8,)."""
         if self.dryden is None:
             return np.zeros(_STATES)
-        span = 2.0 * vehicle.parameters["main_rotor.radius"]
-        return np.linalg.cholesky(self.dryden.covariance(span)) @ rng.standard_normal(_STATES)
+        return self.dryden.start(2.0 * vehicle.parameters["main_rotor.radius"], rng)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the weather as plain data, for provenance, with what follows from it."""
