@@ -32,7 +32,7 @@ def resting() -> float:
 def step_costs(integrator: Integrator, rounds: int = ROUNDS) -> dict[str, float]:
     """Return CPU seconds a step of "helisim", "stock" and "stock, timers at rest"."""
     vehicle = hs.load("jr700", integrator=integrator)
-    model = prepare(vehicle, hs.Sweep(axis="lat"), hs.Pilot(), seed=1, number=0)
+    model = prepare(vehicle, hs.Sweep(axis="lat"), hs.Pilot(), hs.Weather(), seed=1, number=0)
     rows: dict[str, list[float]] = {"helisim": [], "stock": [], "stock, timers at rest": []}
     for _ in range(rounds):
         with installed():

@@ -26,9 +26,19 @@ if TYPE_CHECKING:
     from helisim.physics.native import installed
     from helisim.pipeline import reproduce
     from helisim.record import FlightRecord
-    from helisim.sim import Doublet, Pilot, Recorder, Sweep, fly, fly_each, fly_to
+    from helisim.sim import (
+        Doublet,
+        Gust,
+        Pilot,
+        Recorder,
+        Sweep,
+        Weather,
+        fly,
+        fly_each,
+        fly_to,
+    )
     from helisim.storage import read_record, write_record
-    from helisim.vehicle import GyroSettings, Vehicle, load
+    from helisim.vehicle import GyroSettings, Vehicle, isa_density, load
 
 __version__ = "0.1.0"
 
@@ -37,6 +47,7 @@ _HOMES = {
     "Fit": "helisim.ident",
     "FlightRecord": "helisim.record",
     "FrequencyResponse": "helisim.ident",
+    "Gust": "helisim.sim",
     "GyroSettings": "helisim.vehicle",
     "Pilot": "helisim.sim",
     "Recorder": "helisim.sim",
@@ -44,6 +55,7 @@ _HOMES = {
     "Sweep": "helisim.sim",
     "Vehicle": "helisim.vehicle",
     "Verification": "helisim.ident",
+    "Weather": "helisim.sim",
     "load_fit": "helisim.ident",
     "read_log": "helisim.logs",
     "reduce": "helisim.ident",
@@ -53,6 +65,7 @@ _HOMES = {
     "frequency_response": "helisim.ident",
     "identify": "helisim.ident",
     "installed": "helisim.physics.native",
+    "isa_density": "helisim.vehicle",
     "load": "helisim.vehicle",
     "read_record": "helisim.storage",
     "reproduce": "helisim.pipeline",
@@ -67,6 +80,7 @@ __all__ = [
     "Fit",
     "FlightRecord",
     "FrequencyResponse",
+    "Gust",
     "GyroSettings",
     "Pilot",
     "Recorder",
@@ -74,12 +88,14 @@ __all__ = [
     "Sweep",
     "Vehicle",
     "Verification",
+    "Weather",
     "fly",
     "fly_each",
     "fly_to",
     "frequency_response",
     "identify",
     "installed",
+    "isa_density",
     "load",
     "load_fit",
     "read_log",

@@ -32,6 +32,7 @@ VELOCITIES = ("u", "v", "w")
 ACCELERATIONS = ("ax", "ay", "az")
 POSITIONS = ("north", "east", "down")
 ROTOR = ("a", "b", "thrust", "torque", "tail_thrust")
+AIR = ("air_u", "air_v", "air_w", "air_p", "air_q", "air_r")
 """What only a simulation knows; a recorder writes it on request, and no fit may use it."""
 OUT = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS + POSITIONS
 
@@ -71,6 +72,12 @@ _STANDARD = (
     Channel("thrust", "N", "OTHER", "true main rotor thrust"),
     Channel("torque", "N m", "OTHER", "true main rotor torque"),
     Channel("tail_thrust", "N", "OTHER", "true tail rotor thrust, positive nose right"),
+    Channel("air_u", "m/s", "OTHER", "true forward velocity of the air itself, wind and gusts"),
+    Channel("air_v", "m/s", "OTHER", "true right velocity of the air itself"),
+    Channel("air_w", "m/s", "OTHER", "true down velocity of the air itself"),
+    Channel("air_p", "rad/s", "OTHER", "true roll rate of the air itself, from its gradients"),
+    Channel("air_q", "rad/s", "OTHER", "true pitch rate of the air itself"),
+    Channel("air_r", "rad/s", "OTHER", "true yaw rate of the air itself"),
 )
 
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}

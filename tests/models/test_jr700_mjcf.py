@@ -16,7 +16,7 @@ SCENE = FOLDER / "scene.xml"
 STICKS = ["COL", "LON", "LAT", "PED"]
 SERVOS = ["servo_front", "servo_left", "servo_right", "servo_tail"]
 # The rigid body's state lives in qpos and qvel; these are the states of the callbacks' laws.
-STATES = {"COL": 0, "LON": 3, "LAT": 3, "PED": 2} | dict.fromkeys([*SERVOS, "rotor"], 2)
+STATES = {"COL": 0, "LON": 3, "LAT": 3, "PED": 2} | dict.fromkeys(SERVOS, 2) | {"rotor": 10}
 SENSORS = {
     "imu_gyro": 3,
     "imu_accelerometer": 3,
@@ -29,6 +29,7 @@ SENSORS = {
     "servo_position": 4,
     "flapping": 2,
     "rotor": 4,
+    "air": 6,
     "clock": 1,
 }
 SAFETY_BARS = ["safety_bar_1", "safety_bar_2"]
@@ -241,7 +242,7 @@ def test_sensors(model):
     assert names == SENSORS
     assert list(names) == list(SENSORS)
     users = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_USER)
-    assert [model.sensor(i).name for i in users] == list(SENSORS)[6:11]
+    assert [model.sensor(i).name for i in users] == list(SENSORS)[6:12]
     assert np.all(model.sensor_needstage[users] == mujoco.mjtStage.mjSTAGE_ACC)
 
 

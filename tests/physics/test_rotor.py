@@ -25,8 +25,8 @@ climbs = st.floats(-0.3, 0.3)
 advances = st.floats(0.0, 0.4)
 
 
-def solve(pitch, climb=0.0, advance=0.0, *, stall=STALL, floor=FLOOR):
-    return rotor.inflow_and_thrust(pitch, climb, advance, SOLIDITY, SLOPE, stall, floor)
+def solve(pitch, climb=0.0, advance=0.0, *, stall=STALL, floor=FLOOR, nearness=0.0):
+    return rotor.inflow_and_thrust(pitch, climb, advance, SOLIDITY, SLOPE, stall, floor, nearness)
 
 
 def loading(pitch, inflow, advance, stall=STALL):

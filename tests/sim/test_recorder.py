@@ -54,6 +54,7 @@ def artificial(**changes):
         servo_positions=wave(4),
         flapping=wave(2),
         rotor=wave(4),
+        air=wave(6),
         rates=wave(3),
         attitudes=wave(3),
         velocities=wave(3),

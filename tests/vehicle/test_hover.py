@@ -9,12 +9,12 @@ import pytest
 from helisim.errors import TrimError
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.vehicle import find_hover, load
+from helisim.vehicle import find_trim, load
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 
 SOLVER = 1e-9
-"""What find_hover promises to leave, m/s^2 and rad/s^2."""
+"""What find_trim promises to leave, m/s^2 and rad/s^2."""
 
 
 def test_nothing_accelerates(jr700):
@@ -99,7 +99,7 @@ def test_place_resets_the_clock(jr700, height):
 def test_no_hover_without_lift(altered):
     """A rotor that can't carry the weight is one clear line."""
     with pytest.raises(TrimError, match=r"no hover|outside"):
-        find_hover(altered(main_lift_slope=1.0))
+        find_trim(altered(main_lift_slope=1.0))
     with pytest.raises(TrimError):
         load(parameters={"tail_rotor.speed": 100.0})
 
@@ -107,7 +107,7 @@ def test_no_hover_without_lift(altered):
 def test_trim_leaves_the_model_alone(jr700):
     """Looking for the hover changes nothing of the model."""
     before = jr700.model.actuator_user[addresses(jr700.model).rotor].copy()
-    find_hover(jr700.model)
+    find_trim(jr700.model)
     after = jr700.model.actuator_user[addresses(jr700.model).rotor]
     assert np.array_equal(before, after)
     assert after[PARAM.gyro_on] == 1.0

@@ -8,7 +8,7 @@ from helisim.physics.memory import doubles, doubles_from, ints, long
 
 _USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
-REPORTS = 18
+REPORTS = 24
 """Numbers in a vehicle's own sensors."""
 
 

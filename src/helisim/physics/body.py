@@ -1,8 +1,8 @@
-"""How a body moves, through space and through the air, and a wrench that acts on it."""
+"""How a body moves through space, and a wrench that acts on it."""
 
 from helisim.physics import frames
 from helisim.physics.kernel import kernel
-from helisim.physics.memory import doubles, doubles_at, doubles_from, ints
+from helisim.physics.memory import doubles, doubles_from, ints
 
 
 @kernel()
@@ -43,14 +43,6 @@ def velocity(m, d, offsets, body):
         cvel[k + 4] + cvel[k + 2] * x - cvel[k] * z,
         cvel[k + 5] + cvel[k] * y - cvel[k + 1] * x,
     )
-
-
-@kernel()
-def air_velocity(m, d, offsets, body):
-    """Return the body's velocity through the air in body axes u, v, w, m/s."""
-    x, y, z = velocity(m, d, offsets, body)
-    wind = doubles_at(m + offsets.wind)
-    return frames.to_body(rotation(d, offsets, body), x - wind[0], y - wind[1], z - wind[2])
 
 
 @kernel()

@@ -6,7 +6,7 @@ read and write nothing but those two, so any number of threads and vehicles can 
 
 import mujoco
 
-from helisim.physics import flapping, servo
+from helisim.physics import air, flapping, servo
 from helisim.physics.addresses import (
     REPORTS,
     body_of,
@@ -18,7 +18,7 @@ from helisim.physics.addresses import (
     state_of,
     vehicles,
 )
-from helisim.physics.body import air_velocity, apply_wrench, rates
+from helisim.physics.body import apply_wrench
 from helisim.physics.commanded import (
     commanded_rates,
     mean_commanded_rates,
@@ -46,13 +46,13 @@ def passive(m, d, offsets):
         body = body_of(m, offsets, rotor_id)
         act = doubles_from(d, offsets.act, state_of(m, offsets, rotor_id))
         step = held_for(m, offsets)
-        air = flow(m, d, offsets, rotor_id, par, act, 0.5 * step)
+        past = flow(m, d, offsets, rotor_id, par, act, 0.5 * step)
         a, b = act[STATE.flap_a], act[STATE.flap_b]
         if step > 0.0:
-            a_rate, b_rate = tilt_rates(par, act, air, step)
+            a_rate, b_rate = tilt_rates(par, act, past, step)
             a, b = a + step * a_rate, b + step * b_rate
         pedal = position_ahead(par, act, STATE.tail_position, 0.5 * step)
-        u, v, w, p, q, r, speed, main = air
+        u, v, w, p, q, r, speed, main, _ = past
         force = wrench(par, pedal, a, b, u, v, w, p, q, r, speed, main[0], main[1])
         apply_wrench(m, d, offsets, body, *force)
 
@@ -61,18 +61,20 @@ def passive(m, d, offsets):
 def flow(m, d, offsets, rotor_id, par, act, ahead):
     """Return u, v, w, p, q, r through the air, the rotor's speed ratio and its `main_rotor`.
 
-    The collective is that of a time `ahead` (s).
+    Last stands how the air itself moves. The collective is that of a time `ahead` (s).
     """
     body = body_of(m, offsets, rotor_id)
-    u, v, w = air_velocity(m, d, offsets, body)
-    p, q, r = rates(d, offsets, body)
+    moving = air.motion(m, d, offsets, rotor_id, par, body)
+    u, v, w, p, q, r = air.relative_motion(m, d, offsets, body, moving)
     speed = speed_ratio(m, d, offsets, rotor_id, par)
     collective, _, _ = servo.unmix(
         position_ahead(par, act, STATE.front_position, ahead),
         position_ahead(par, act, STATE.left_position, ahead),
         position_ahead(par, act, STATE.right_position, ahead),
     )
-    return u, v, w, p, q, r, speed, main_rotor(par, u, v, w, p, q, speed, collective)
+    nearness = air.ground_nearness(d, offsets, par, body)
+    main = main_rotor(par, u, v, w, p, q, speed, collective, nearness)
+    return u, v, w, p, q, r, speed, main, moving
 
 
 @kernel()
@@ -124,15 +126,16 @@ def activation_rates(m, d, offsets, actuator):
         mean_commanded_rates(par, held, act, rate, step)
     else:
         commanded_rates(par, held, act, rate)
-    air = flow(m, d, offsets, actuator, par, act, 0.5 * step)
-    rate[STATE.flap_a], rate[STATE.flap_b] = tilt_rates(par, act, air, step)
+    past = flow(m, d, offsets, actuator, par, act, 0.5 * step)
+    rate[STATE.flap_a], rate[STATE.flap_b] = tilt_rates(par, act, past, step)
+    air.turbulence_rates(m, d, offsets, actuator, par, step)
     return 0.0
 
 
 @kernel()
-def tilt_rates(par, act, air, step):
+def tilt_rates(par, act, past, step):
     """Return the mean da/dt and db/dt of the tip-path plane over a time step (s), or now at 0."""
-    u, v, _, p, q, _, speed, main = air
+    u, v, _, p, q, _, speed, main, moving = past
     _, _, inflow, tip_speed, pitch = main
     _, lon, lat = servo.unmix(
         act[STATE.front_position], act[STATE.left_position], act[STATE.right_position]
@@ -142,6 +145,11 @@ def tilt_rates(par, act, air, step):
     if speed >= STOPPED:
         a_target += par[PARAM.flap_back] * flapping.flap_back(pitch, inflow, u / tip_speed)
         b_target -= par[PARAM.flap_back] * flapping.flap_back(pitch, inflow, v / tip_speed)
+        a_turn, b_turn = flapping.cyclic_of_turning_air(
+            moving[3], moving[4], speed * par[PARAM.main_speed]
+        )
+        a_target, b_target = a_target + a_turn, b_target + b_turn
+    p, q = p + moving[3], q + moving[4]  # the blades' inertia knows no air
     a, b = act[STATE.flap_a], act[STATE.flap_b]
     tau_f, a_b, b_a = par[PARAM.tau_f], par[PARAM.a_b], par[PARAM.b_a]
     a_rate, b_rate = 0.0, 0.0
@@ -174,7 +182,7 @@ def sensor(m, d, offsets, stage):
 
 @kernel()
 def report(m, d, offsets, rotor_id, body, address):
-    """Write a vehicle's eighteen user-sensor numbers; they are consecutive."""
+    """Write the numbers of a vehicle's own sensors; they are consecutive."""
     par = parameters(m, offsets, rotor_id)
     first = state_of(m, offsets, rotor_id)
     act = doubles_from(d, offsets.act, first)
@@ -188,6 +196,8 @@ def report(m, d, offsets, rotor_id, body, address):
     since = 0.5 * held_for(m, offsets)  # by which the tilt is kept early
     for k in range(2):
         out[12 + k] = act[STATE.flap_a + k] + since * rate[STATE.flap_a + k]
-    _, v, _, p, _, r, speed, main = flow(m, d, offsets, rotor_id, par, act, 0.0)
+    _, v, _, p, _, r, speed, main, moving = flow(m, d, offsets, rotor_id, par, act, 0.0)
     out[14], out[15], out[16] = main[0], main[1], main[2]
     out[17] = tail_rotor(par, v, p, r, speed, out[11])
+    for k in range(6):
+        out[18 + k] = moving[k]

@@ -18,6 +18,22 @@ def flap_back(pitch, inflow, advance):
 
 
 @kernel()
+def cyclic_of_turning_air(p, q, speed):
+    """Return the tilts a and b (rad) that turning air calls for.
+
+    Air that turns gives the blades a cyclic pitch of its rate over the rotor's, which the tilt
+    follows a quarter of a revolution later (Bramwell, Helicopter Dynamics, ch. 3): for blades
+    that turn clockwise a roll of the air tilts the disc rearwards, a pitch tilts it left.
+
+    Args:
+        p: the air's roll rate, rad/s.
+        q: its pitch rate, rad/s.
+        speed: of the rotor, rad/s.
+    """
+    return p / speed, -q / speed
+
+
+@kernel()
 def flapping_rates(a, b, p, q, a_target, b_target, tau_f, a_b, b_a):
     """Return da/dt and db/dt, rad/s.
 

@@ -48,6 +48,14 @@ class StateIndex(NamedTuple):
     tail_rate: int
     flap_a: int
     flap_b: int
+    air_u: int
+    air_v_lag: int
+    air_w_lag: int
+    air_p: int
+    air_v: int
+    air_w: int
+    air_q_lag: int
+    air_r_lag: int
 
 
 STATE = StateIndex(*range(len(StateIndex._fields)))
@@ -59,6 +67,7 @@ class ParamIndex(NamedTuple):
     magic: int
     ordinal: int
     air_density: int
+    ground_effect: int
     # main rotor
     main_radius: int
     main_speed: int
@@ -172,6 +181,27 @@ class ParamIndex(NamedTuple):
     sweep_w_max: int
     sweep_fade: int
     sweep_unsteadiness: int
+    # a gust, north-east-down
+    gust_north: int
+    gust_east: int
+    gust_down: int
+    gust_start: int
+    gust_rise: int
+    gust_hold: int
+    # turbulence, along the path through the air
+    turbulence_on: int
+    turbulence_seed: int
+    turbulence_cosine: int
+    turbulence_sine: int
+    turbulence_span: int
+    turbulence_u: int
+    turbulence_v: int
+    turbulence_w: int
+    turbulence_p: int
+    turbulence_lag_u: int
+    turbulence_lag_v: int
+    turbulence_lag_w: int
+    turbulence_lag_p: int
 
 
 PARAM = ParamIndex(*range(len(ParamIndex._fields)))

@@ -11,8 +11,20 @@ STOPPED = 0.05
 
 
 @kernel()
-def main_rotor(par, u, v, w, p, q, speed_ratio, collective):
-    """Return thrust (N), torque (N m), inflow ratio, tip speed (m/s) and pitch (rad)."""
+def main_rotor(par, u, v, w, p, q, speed_ratio, collective, nearness=0.0):
+    """Return thrust (N), torque (N m), inflow ratio, tip speed (m/s) and pitch (rad).
+
+    Args:
+        par: parameters.
+        u: and the next four, motion through the air, m/s and rad/s, body axes.
+        v: m/s.
+        w: m/s.
+        p: rad/s.
+        q: rad/s.
+        speed_ratio: rotor speed over the nominal one.
+        collective: unitised.
+        nearness: (R / 4z)^2 of the ground, 0 far from it.
+    """
     tip_speed = par[PARAM.main_speed] * speed_ratio * par[PARAM.main_radius]
     pitch = par[PARAM.main_pitch_trim] + par[PARAM.main_pitch_range] * collective
     if speed_ratio < STOPPED:
@@ -29,6 +41,7 @@ def main_rotor(par, u, v, w, p, q, speed_ratio, collective):
         par[PARAM.main_lift_slope],
         par[PARAM.main_stall],
         par[PARAM.main_inflow_floor],
+        nearness,
     )
     cp = rotor.power(
         ct,
@@ -60,6 +73,7 @@ def tail_rotor(par, v, p, r, speed_ratio, pedal):
         par[PARAM.tail_lift_slope],
         par[PARAM.tail_stall],
         par[PARAM.tail_inflow_floor],
+        0.0,
     )
     return par[PARAM.air_density] * math.pi * par[PARAM.tail_radius] ** 2 * tip_speed**2 * ct
 

@@ -77,8 +77,30 @@ def axial_inflow(pitch, climb, solidity, lift_slope):
 
 
 @kernel()
-def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, floor):
+def ground_share(nearness, induced, advance):
+    """Return the share of thrust that drives the inflow near the ground, and its derivative.
+
+    Cheeseman and Bennett (R&M 3021): at one induced power the thrust is T_inf / k with
+    k = 1 - (R / 4z)^2 / (1 + (mu / lambda_i)^2). Momentum theory has T lambda_i and
+    lambda_i^2 proportional to share x T, so the share is k^3.
+
+    Args:
+        nearness: (R / 4z)^2.
+        induced: lambda_i.
+        advance: mu.
+    """
+    square = induced**2 + advance**2
+    if nearness == 0.0 or square == 0.0:
+        return (1.0 - nearness) ** 3, 0.0
+    k = 1.0 - nearness * induced**2 / square
+    return k**3, -6.0 * k**2 * nearness * induced * (advance / square) ** 2
+
+
+@kernel()
+def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, floor, nearness=0.0):
     """Solve Glauert's momentum balance: 2 (lambda - climb) sqrt(mu^2 + lambda^2) = CT.
+
+    Near the ground only a share of CT stands on the right.
 
     Newton's method inside a bracket that always holds the root, to rounding.
 
@@ -90,6 +112,7 @@ def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, floor)
         lift_slope: 1/rad.
         stall: greatest |CT| / sigma that the blades carry.
         floor: inflow ratio below which the mass flow is rounded off.
+        nearness: (R / 4z)^2 of the ground, 0 far from it.
 
     Returns:
         Total inflow ratio lambda, and CT.
@@ -106,9 +129,10 @@ def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, floor)
         fade = 1.0
         if abs(linear) > edge:
             fade = 1.0 - ((abs(thrust) - edge) / (limit - edge)) ** 2
-        residual = 2.0 * (inflow - climb) * flow - thrust
+        share, share_slope = ground_share(nearness, inflow - climb, advance)
+        residual = 2.0 * (inflow - climb) * flow - share * thrust
         slope = 2.0 * flow + 2.0 * (inflow - climb) * flow_slope
-        slope += 0.25 * lift_slope * solidity * fade
+        slope += share * 0.25 * lift_slope * solidity * fade - share_slope * thrust
         if residual > 0.0:
             high = inflow
         else:

@@ -23,10 +23,15 @@ def is_tick(m, d, offsets, par, clock):
 
 
 @kernel()
+def tick_number(par, clock):
+    """Return how many times the gyro has acted since time 0."""
+    return math.floor(clock / par[PARAM.gyro_period] + 1e-6)
+
+
+@kernel()
 def last_tick(par, clock):
     """Return the time at which the gyro last acted, s."""
-    period = par[PARAM.gyro_period]
-    return period * math.floor(clock / period + 1e-6)
+    return par[PARAM.gyro_period] * tick_number(par, clock)
 
 
 @kernel()

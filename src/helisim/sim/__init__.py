@@ -6,14 +6,17 @@ from helisim.sim.folder import fly_to
 from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
 from helisim.sim.truth import Truth, read_truth
+from helisim.sim.weather import Gust, Weather
 
 __all__ = [
     "Doublet",
     "Excitation",
+    "Gust",
     "Pilot",
     "Recorder",
     "Sweep",
     "Truth",
+    "Weather",
     "fly",
     "fly_each",
     "fly_to",

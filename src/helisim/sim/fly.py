@@ -11,6 +11,7 @@ from mujoco import rollout
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
+from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.provenance import made_by
 from helisim.record import FlightRecord
@@ -18,12 +19,10 @@ from helisim.sim.excitation import Excitation
 from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
 from helisim.sim.truth import Truth, read_truth
+from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
-
-_HEIGHT = 20.0
-"""m above the ground: out of its effect, with room for a heave sweep."""
 
 
 def fly(
@@ -34,6 +33,7 @@ def fly(
     seed: int = 0,
     pilot: Pilot | None = None,
     recorder: Recorder | None = None,
+    weather: Weather | None = None,
     jobs: int | None = None,
     on_flight: Callable[[], None] | None = None,
 ) -> list[FlightRecord]:
@@ -49,6 +49,7 @@ def fly(
         seed: of pilots and sensors; flight k of a seed is always the same.
         pilot: the default `Pilot` if None.
         recorder: the vehicle's own if None.
+        weather: calm if None; each flight has its own turbulence.
         jobs: threads; all processors if None.
         on_flight: called after each flight, for progress.
 
@@ -57,6 +58,7 @@ def fly(
 
     Raises:
         InputError: count, seed or jobs is out of range.
+        TrimError: the vehicle can't hover in the wind.
         DivergedError: a flight left the validity of the model.
     """
     records = []
@@ -67,6 +69,7 @@ def fly(
         seed=seed,
         pilot=pilot,
         recorder=recorder,
+        weather=weather,
         jobs=jobs,
     ):
         records.append(record)
@@ -83,6 +86,7 @@ def fly_each(
     seed: int = 0,
     pilot: Pilot | None = None,
     recorder: Recorder | None = None,
+    weather: Weather | None = None,
     jobs: int | None = None,
 ) -> Iterator[FlightRecord]:
     """Fly the flights of these numbers and yield each record; the rest is as for `fly`.
@@ -91,13 +95,22 @@ def fly_each(
     flights as threads are in memory at a time.
     """
     pilot, recorder = pilot or Pilot(), recorder or Recorder.of(vehicle)
-    truths = _simulated(vehicle, excitation, numbers, seed=seed, pilot=pilot, jobs=jobs)
+    weather = weather or Weather()
+    truths = _simulated(
+        vehicle, excitation, numbers, seed=seed, pilot=pilot, weather=weather, jobs=jobs
+    )
     return (
         recorder.record(
             truth,
             _generator(seed, number, "sensors"),
             flight_provenance(
-                vehicle, excitation, number, seed=seed, pilot=pilot, recorder=recorder
+                vehicle,
+                excitation,
+                number,
+                seed=seed,
+                pilot=pilot,
+                recorder=recorder,
+                weather=weather,
             ),
         )
         for number, truth in zip(numbers, truths)
@@ -111,6 +124,7 @@ def simulate(
     count: int = 1,
     seed: int = 0,
     pilot: Pilot | None = None,
+    weather: Weather | None = None,
     jobs: int | None = None,
 ) -> Iterator[Truth]:
     """Yield what truly happens in each flight; arguments and errors as for `fly`.
@@ -118,7 +132,10 @@ def simulate(
     Only as many flights as threads are in memory at a time.
     """
     numbers = flight_numbers(count)
-    return _simulated(vehicle, excitation, numbers, seed=seed, pilot=pilot or Pilot(), jobs=jobs)
+    pilot, weather = pilot or Pilot(), weather or Weather()
+    return _simulated(
+        vehicle, excitation, numbers, seed=seed, pilot=pilot, weather=weather, jobs=jobs
+    )
 
 
 def flight_numbers(count: int) -> range:
@@ -135,55 +152,78 @@ def _simulated(
     *,
     seed: int,
     pilot: Pilot,
+    weather: Weather,
     jobs: int | None,
 ) -> Iterator[Truth]:
     threads = (os.cpu_count() or 1) if jobs is None else jobs
     for name, number, least in (("jobs", threads, 1), ("seed", seed, 0)):
         if not isinstance(number, int) or number < least:
             raise InputError(f"{name} must be an integer of {least} or more, got {number}")
+    vehicle = weather.trimmed(vehicle)
     batches = (numbers[k : k + threads] for k in range(0, len(numbers), threads))
     return (
         read_truth(vehicle, sensordata)
         for batch in batches
         for sensordata in _run(
-            vehicle,
-            [prepare(vehicle, excitation, pilot, seed=seed, number=k) for k in batch],
+            [prepare(vehicle, excitation, pilot, weather, seed=seed, number=k) for k in batch],
+            [_start(vehicle, weather, seed=seed, number=k) for k in batch],
             excitation.duration,
         )
     )
 
 
 def _run(
-    vehicle: Vehicle, models: Sequence[mujoco.MjModel], duration: float
+    models: Sequence[mujoco.MjModel], starts: Sequence[NDArray[np.float64]], duration: float
 ) -> NDArray[np.float64]:
-    model = vehicle.model
-    steps = round(duration / model.opt.timestep) + 1
-    start = mujoco.MjData(model)
-    place(model, start, vehicle.trim, height=_HEIGHT)
-    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    state = np.empty(size)
-    mujoco.mj_getState(model, start, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    workers = [mujoco.MjData(model) for _ in models]
+    steps = round(duration / models[0].opt.timestep) + 1
+    workers = [mujoco.MjData(model) for model in models]
     with installed():
         _, sensordata = rollout.rollout(
-            list(models),
-            workers,
-            initial_state=np.tile(state, (len(models), 1)),
-            nstep=steps,
+            list(models), workers, initial_state=np.stack(starts), nstep=steps
         )
     return sensordata
 
 
 def prepare(
-    vehicle: Vehicle, excitation: Excitation, pilot: Pilot, *, seed: int, number: int
+    vehicle: Vehicle,
+    excitation: Excitation,
+    pilot: Pilot,
+    weather: Weather,
+    *,
+    seed: int,
+    number: int,
 ) -> mujoco.MjModel:
-    """Return a copy of the vehicle's model with pilot and manoeuvre of one flight in place."""
+    """Return a copy of the vehicle's model with pilot, manoeuvre and weather of one flight.
+
+    Args:
+        vehicle: trimmed for the weather's steady wind.
+        excitation: sweep or doublet.
+        pilot: who flies.
+        weather: of the flight.
+        seed: of pilot and turbulence.
+        number: of the flight.
+    """
     model = copy.copy(vehicle.model)
     par = model.actuator_user[addresses(model).rotor]
-    hand = int(_generator(seed, number, "pilot").integers(2**31))
-    pilot.write(par, vehicle, seed=hand, height=_HEIGHT)
+    hand, air = (
+        int(_generator(seed, number, purpose).integers(2**31)) for purpose in ("pilot", "air")
+    )
+    pilot.write(par, vehicle, seed=hand, height=weather.height)
     excitation.on(vehicle.parameters).write(par)
+    weather.write(par, vehicle, seed=air)
     return model
+
+
+def _start(vehicle: Vehicle, weather: Weather, *, seed: int, number: int) -> NDArray[np.float64]:
+    """Return the full state in which a flight starts."""
+    data = mujoco.MjData(vehicle.model)
+    place(vehicle.model, data, vehicle.trim, height=weather.height)
+    first = addresses(vehicle.model).state
+    rough = weather.start(vehicle, _generator(seed, number, "first air"))
+    data.act[first + STATE.air_u : first + len(STATE)] = rough
+    state = np.empty(mujoco.mj_stateSize(vehicle.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    mujoco.mj_getState(vehicle.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    return state
 
 
 def _generator(seed: int, number: int, purpose: str) -> np.random.Generator:
@@ -198,6 +238,7 @@ def flight_provenance(
     seed: int,
     pilot: Pilot,
     recorder: Recorder,
+    weather: Weather,
 ) -> dict[str, Any]:
     """Return what a record says of its origin: enough to fly it again."""
     excitation = excitation.on(vehicle.parameters)
@@ -208,6 +249,7 @@ def flight_provenance(
         excitation={"kind": type(excitation).__name__, **plain},
         pilot={key: getattr(pilot, key) for key in pilot.__dataclass_fields__},
         recorder=recorder.as_dict(),
+        weather=weather.as_dict(),
         seed=seed,
         flight=number,
     )

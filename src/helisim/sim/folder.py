@@ -11,6 +11,7 @@ from helisim.sim.excitation import Excitation
 from helisim.sim.fly import flight_numbers, flight_provenance, fly_each
 from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
+from helisim.sim.weather import Weather
 from helisim.storage import make_folder, read_record, write_record
 from helisim.vehicle import Vehicle
 
@@ -37,6 +38,7 @@ def fly_to(
     seed: int = 0,
     pilot: Pilot | None = None,
     recorder: Recorder | None = None,
+    weather: Weather | None = None,
     jobs: int | None = None,
     on_flight: Callable[[], None] | None = None,
 ) -> Flown:
@@ -54,6 +56,7 @@ def fly_to(
         seed: of pilots and sensors.
         pilot: the default `Pilot` if None.
         recorder: the vehicle's own if None.
+        weather: calm if None.
         jobs: threads; all processors if None.
         on_flight: called once for each flight that the folder holds, for progress.
 
@@ -63,18 +66,32 @@ def fly_to(
         StorageError: the folder can't be made or written.
     """
     pilot, recorder = pilot or Pilot(), recorder or Recorder.of(vehicle)
+    weather = weather or Weather()
     paths = [folder / f"{excitation.axis}_{k + 1:04d}.parquet" for k in flight_numbers(count)]
     missing = []
     for number, path in enumerate(paths):
         expected = flight_provenance(
-            vehicle, excitation, number, seed=seed, pilot=pilot, recorder=recorder
+            vehicle,
+            excitation,
+            number,
+            seed=seed,
+            pilot=pilot,
+            recorder=recorder,
+            weather=weather,
         )
         if not _holds(path, plain(expected)):
             missing.append(number)
         elif on_flight is not None:
             on_flight()
     records = fly_each(
-        vehicle, excitation, missing, seed=seed, pilot=pilot, recorder=recorder, jobs=jobs
+        vehicle,
+        excitation,
+        missing,
+        seed=seed,
+        pilot=pilot,
+        recorder=recorder,
+        weather=weather,
+        jobs=jobs,
     )
     make_folder(folder)
     for number, record in zip(missing, records):

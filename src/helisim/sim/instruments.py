@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.channels import (
     ACCELERATIONS,
+    AIR,
     ATTITUDES,
     CHANNELS,
     IN1,
@@ -58,8 +59,8 @@ class Recorder:
         noise: standard deviation by channel name, in the channel's unit.
         resolution: step by channel name; 0 where none is given.
         lever_arm_corrected: False leaves velocity and force as they are at the IMU.
-        rotor: True adds the rotor's true tilt, thrusts and torque, to look at; no flight
-            computer measures them.
+        rotor: True adds the rotor's true tilt, thrusts and torque and the air's own motion, to
+            look at; no flight computer measures them.
     """
 
     rate_hz: float = 100.0
@@ -190,10 +191,10 @@ class _Sampling:
         }
 
     def rotor(self) -> dict[str, NDArray[np.float64]]:
-        """Return the rotor's true tilt and loads by name, filtered and sampled like the rest."""
+        """Return tilt, loads and the air's motion by name, filtered and sampled like the rest."""
         thrust, torque, _, tail_thrust = self.truth.rotor.T
-        true = (*self.truth.flapping.T, thrust, torque, tail_thrust)
-        return {name: self._sampled(signal, name) for name, signal in zip(ROTOR, true)}
+        true = (*self.truth.flapping.T, thrust, torque, tail_thrust, *self.truth.air.T)
+        return {name: self._sampled(signal, name) for name, signal in zip((*ROTOR, *AIR), true)}
 
     def _lever_arm(
         self, rates: NDArray[np.float64], attitudes: NDArray[np.float64]

@@ -29,6 +29,7 @@ class Truth:
         servo_positions: (n, 4).
         flapping: (n, 2) a, b in rad.
         rotor: (n, 4) thrust N, torque N m, inflow ratio, tail thrust N.
+        air: (n, 6) velocity in m/s and rotation in rad/s of the air itself, body axes.
         rates: (n, 3) p, q, r in rad/s.
         attitudes: (n, 3) phi, theta, psi in rad, psi unwrapped.
         velocities: (n, 3) u, v, w in m/s at the IMU.
@@ -45,6 +46,7 @@ class Truth:
     servo_positions: NDArray[np.float64]
     flapping: NDArray[np.float64]
     rotor: NDArray[np.float64]
+    air: NDArray[np.float64]
     rates: NDArray[np.float64]
     attitudes: NDArray[np.float64]
     velocities: NDArray[np.float64]
@@ -102,6 +104,7 @@ def read_truth(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Truth:
         servo_positions=seen("servo_position"),
         flapping=seen("flapping"),
         rotor=seen("rotor"),
+        air=seen("air"),
         rates=rates,
         attitudes=attitudes,
         velocities=velocities,

@@ -1,10 +1,11 @@
 """The vehicle: MJCF and parameters to a model that is trimmed and can be linearised."""
 
+from helisim.vehicle.atmosphere import isa_density
 from helisim.vehicle.calibrate import calibrate
 from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
 from helisim.vehicle.parameters import Parameter, Parameters, read_parameters
 from helisim.vehicle.settings import GyroSettings
-from helisim.vehicle.trim import Trim, find_hover
+from helisim.vehicle.trim import Trim, find_trim
 from helisim.vehicle.vehicle import Vehicle, load, standard_parameters
 
 __all__ = [
@@ -15,7 +16,8 @@ __all__ = [
     "Trim",
     "Vehicle",
     "calibrate",
-    "find_hover",
+    "find_trim",
+    "isa_density",
     "linearize",
     "load",
     "read_parameters",

@@ -25,6 +25,7 @@ USER_SENSORS = (
     "servo_position",
     "flapping",
     "rotor",
+    "air",
     "clock",
 )
 """The vehicle's own sensors, consecutive, after what the gyro sees and before the clock."""
@@ -226,7 +227,7 @@ def check_interface(model: mujoco.MjModel, root: str) -> None:
     _require_run(actuators, ACTUATORS, "actuators")
     _require_run(sensors, USER_SENSORS, "user sensors")
     rotor = model.actuator("rotor").id
-    states = model.actuator_actadr[rotor] + 2 - model.actuator_actadr[rotor - ROTOR + 1]
+    states = int(np.sum(model.actuator_actnum[rotor - ROTOR : rotor + 1]))
     if states != len(STATE):
         raise ModelError(f"the vehicle needs {len(STATE)} activations, the MJCF has {states}")
     if model.nuser_actuator < len(PARAM):

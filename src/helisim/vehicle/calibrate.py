@@ -11,7 +11,7 @@ from helisim.vehicle.assembly import assemble, mass_and_gravity
 from helisim.vehicle.first_guess import first_guess
 from helisim.vehicle.linearize import linearize, stability_derivatives
 from helisim.vehicle.parameters import Parameter, Parameters, untuned
-from helisim.vehicle.trim import find_hover
+from helisim.vehicle.trim import find_trim
 
 DIRECT = ("tau_f", "A_b", "B_a", "A_lat", "A_lon", "B_lat", "B_lon")
 """Derivatives that are parameters of the tip-path-plane equations themselves."""
@@ -97,7 +97,7 @@ def _unit(derivative: str) -> str:
 
 def _miss(name: str, parameters: Parameters, targets: Mapping[str, float]) -> NDArray[np.float64]:
     model = assemble(name, parameters, delays=False)
-    trim = find_hover(model)
+    trim = find_trim(model)
     found = stability_derivatives(linearize(model, trim, inputs="IN1"))
     errors = [found[key] / targets[key] - 1.0 for key in SOLVED]
     return np.array([trim.col, trim.ped, *errors])

@@ -1,7 +1,7 @@
-"""The exact linearisation of a vehicle at its hover: the truth that identification must find."""
+"""The exact linearisation of a vehicle at its trim: the truth that identification must find."""
 
 import copy
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, astuple, dataclass, fields
 from typing import Any, Literal
 
 import control
@@ -22,18 +22,19 @@ Inputs = Literal["IN1", "IN2"]
 MOTION = tuple(field.name for field in fields(Motion))
 OUTPUTS = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS
 _GYRO = STATE.gyro_r_integral + 1
+_AIR = STATE.air_u
 _STEP = 1e-5
 """Central difference: truncation of order 1e-10 beside rounding of order 1e-11, in SI."""
 
 
 @dataclass(frozen=True, eq=False)
 class Linearization:
-    """A linear model x' = A x + B u, y = C x + D u about a hover, without its delays.
+    """A linear model x' = A x + B u, y = C x + D u about a steady flight, without its delays.
 
     Attributes:
         system: python-control StateSpace with named states, inputs and outputs.
         delays: s, by input name, where one acts before the input does.
-        trim: the hover it belongs to.
+        trim: the flight it belongs to.
     """
 
     system: control.StateSpace
@@ -48,7 +49,7 @@ class Linearization:
         return float(np.asarray(self.system.B)[row, self.system.input_labels.index(cause)])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data: matrices, names, delays and the hover."""
+        """Return plain JSON data: matrices, names, delays and the trim."""
         system = self.system
         matrices = {name: np.asarray(getattr(system, name)).tolist() for name in "ABCD"}
         return {
@@ -76,7 +77,7 @@ def linearize(model: mujoco.MjModel, trim: Trim, *, inputs: Inputs = "IN1") -> L
 
     Args:
         model: compiled without delays.
-        trim: its hover.
+        trim: its steady flight, usually the hover.
         inputs: "IN1" for the base helicopter (gyro off), "IN2" for sticks to motion.
 
     Raises:
@@ -116,16 +117,13 @@ class _Dynamics:
         self.model.actuator_user[self.where.rotor, PARAM.pilot_on] = 0.0
         self.first = _GYRO if inputs == "IN1" else 0
         self.inputs = IN1 if inputs == "IN1" else IN2
-        self.states = (*MOTION, *StateIndex._fields[self.first :])
+        self.states = (*MOTION, *StateIndex._fields[self.first : _AIR])
         self.size = len(self.states) + len(self.inputs)
         self.data = mujoco.MjData(self.model)
         place(self.model, self.data, trim)
         self.act = self.data.act.copy()
         self.ctrl = self.data.ctrl.copy()
-        self.motion = np.array(
-            [getattr(trim, name, 0.0) if name in ("phi", "theta") else 0.0 for name in MOTION]
-        )
-        self.motion[MOTION.index("down")] = -10.0
+        self.motion = np.array(astuple(trim.motion))
 
     def __call__(self, deviation: NDArray[np.float64]) -> NDArray[np.float64]:
         n_motion, n = len(MOTION), len(self.states)

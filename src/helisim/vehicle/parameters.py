@@ -143,6 +143,7 @@ def _read(path: Path) -> dict[str, Parameter]:
 
 _DIRECT = {
     "air_density": "air.density",
+    "ground_effect": "air.ground_effect",
     "main_radius": "main_rotor.radius",
     "main_speed": "main_rotor.speed",
     "main_lift_slope": "main_rotor.lift_slope",
@@ -247,6 +248,7 @@ _POSITIVE = (
 
 
 _NOT_NEGATIVE = (
+    "air.ground_effect",
     "airframe.drag_area_x",
     "airframe.drag_area_y",
     "airframe.drag_area_z",

@@ -1,6 +1,6 @@
 """The steady state in the air: attitude and controls at which nothing accelerates."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -11,15 +11,31 @@ from helisim.errors import TrimError
 from helisim.physics import gyro, servo
 from helisim.physics.layout import PARAM, ROTOR, STATE
 from helisim.physics.native import installed
-from helisim.vehicle.motion import Motion, addresses, write_motion
+from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
 
 _RESIDUAL = 1e-9
 """Greatest acceleration left, m/s^2 and rad/s^2: far below any sensor, above rounding."""
+HEIGHT = 10.0
+"""m above the ground, where nothing else is said."""
+_UNKNOWNS = ("phi", "theta", "col", "lon", "lat", "ped", "a", "b")
 
 
 @dataclass(frozen=True)
 class Trim:
-    """A hover: attitude (rad), controls of the base helicopter (unitised), tilt (rad)."""
+    """A steady flight: attitude (rad), controls of the base helicopter (unitised), tilt (rad).
+
+    Attributes:
+        phi: roll angle, rad.
+        theta: pitch angle, rad.
+        col: collective at the swashplate, unitised.
+        lon: longitudinal cyclic.
+        lat: lateral cyclic.
+        ped: tail rotor collective.
+        a: rearward tilt, rad.
+        b: right tilt, rad.
+        speed: m/s over the ground, level, in the direction of the heading.
+        height: m above the ground.
+    """
 
     phi: float
     theta: float
@@ -29,60 +45,90 @@ class Trim:
     ped: float
     a: float
     b: float
+    speed: float = 0.0
+    height: float = HEIGHT
+
+    @property
+    def motion(self) -> Motion:
+        """The vehicle's motion, its position above the origin."""
+        level = rotation_matrix(self.phi, self.theta, 0.0)
+        u, v, w = (float(part) for part in level.T @ [self.speed, 0.0, 0.0])
+        return Motion(u=u, v=v, w=w, phi=self.phi, theta=self.theta, down=-self.height)
 
 
-def find_hover(model: mujoco.MjModel) -> Trim:
-    """Solve for the hover of a model by root finding on the nonlinear force laws.
+def find_trim(
+    model: mujoco.MjModel, *, speed: float = 0.0, height: float = HEIGHT, near: Trim | None = None
+) -> Trim:
+    """Solve for level flight at a speed, hover by default, on the nonlinear force laws.
+
+    The heading is the direction of flight; the wind is the model's own, `opt.wind`, so hovering
+    in a wind from ahead is flying at its speed.
+
+    Args:
+        model: of the vehicle.
+        speed: m/s over the ground.
+        height: m above the ground.
+        near: where the search starts; needed far from the hover.
 
     Raises:
         TrimError: no equilibrium within the controls' range.
     """
     data = mujoco.MjData(model)
+    unknowns = [getattr(near, name) if near else 0.0 for name in _UNKNOWNS]
+
+    def steady(near_one: NDArray[np.float64]) -> Trim:
+        return Trim(*(float(value) for value in near_one - 1.0), speed=speed, height=height)
+
+    def imbalance(near_one: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _imbalance(steady(near_one), model, data)
+
     with installed():
         # about one, because the solver's differences are relative to the unknowns
-        solution = root(
-            lambda near_one: _imbalance(near_one - 1.0, model, data), np.ones(8), tol=1e-14
-        )
-    trim = Trim(*(float(value) for value in solution.x - 1.0))
+        solution = root(imbalance, 1.0 + np.array(unknowns), tol=1e-14)
+    trim = steady(solution.x)
     worst = float(np.max(np.abs(solution.fun)))
     if not worst < _RESIDUAL:
         raise TrimError(
-            f"no hover found: {worst:.3g} m/s^2 or rad/s^2 is left with {trim}; "
-            "check mass, rotor speed and lift slope"
+            f"no {_named(speed)} found: {worst:.3g} m/s^2 or rad/s^2 is left with {trim}; "
+            "check mass, rotor speed, lift slope and wind"
         )
     controls = {"col": trim.col, "lon": trim.lon, "lat": trim.lat, "ped": trim.ped}
     controls["COL"] = collective_stick(model, trim)
     for name, value in controls.items():
         if abs(value) > 0.5:
             raise TrimError(
-                f"the hover needs {name} = {value:.3f}, outside [-0.5, 0.5]; "
-                "change pitch_trim, pitch_range or gyro.pitch_rate"
+                f"the {_named(speed)} needs {name} = {value:.3f}, outside [-0.5, 0.5]; "
+                "change pitch_trim, pitch_range or gyro.pitch_rate, or fly slower"
             )
     return trim
 
 
-def _imbalance(
-    unknown: NDArray[np.float64], model: mujoco.MjModel, data: mujoco.MjData
-) -> NDArray[np.float64]:
-    place(model, data, Trim(*unknown))
+def _named(speed: float) -> str:
+    return "hover" if speed == 0.0 else f"level flight at {speed:g} m/s"
+
+
+def _imbalance(trim: Trim, model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
+    place(model, data, trim)
     mujoco.mj_forward(model, data)
     first = addresses(model).state
     tilt = data.act_dot[first + STATE.flap_a : first + STATE.flap_b + 1]
     return np.concatenate([data.qacc[:6], tilt])
 
 
-def place(model: mujoco.MjModel, data: mujoco.MjData, trim: Trim, *, height: float = 10.0) -> None:
-    """Set a vehicle's state and controls to a hover, its gyro settled, all sticks centred.
+def place(
+    model: mujoco.MjModel, data: mujoco.MjData, trim: Trim, *, height: float | None = None
+) -> None:
+    """Set a vehicle's state and controls to a trim, its gyro settled, all sticks centred.
 
     Args:
         model: of the vehicle.
         data: written; time and histories are reset.
-        trim: the hover.
-        height: m above the ground.
+        trim: the steady flight.
+        height: m above the ground; the trim's own if None.
     """
     mujoco.mj_resetData(model, data)
     where = addresses(model)
-    motion = Motion(phi=trim.phi, theta=trim.theta, down=-height)
+    motion = trim.motion if height is None else replace(trim.motion, down=-height)
     write_motion(model, data, motion)
     swash = servo.mix.py_func(trim.col, trim.lon, trim.lat)
     act = data.act[where.state : where.state + len(STATE)]

@@ -2,6 +2,7 @@
 
 import copy
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,9 @@ import numpy as np
 
 from helisim.channels import IN1
 from helisim.errors import InputError
+from helisim.physics.frames import flip
 from helisim.physics.layout import PARAM
+from helisim.physics.native import installed
 from helisim.physics.servo import equivalent_delay
 from helisim.vehicle.assembly import Integrator, assemble, model_folder
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
@@ -26,7 +29,7 @@ from helisim.vehicle.parameters import (
     untuned,
 )
 from helisim.vehicle.settings import GyroSettings
-from helisim.vehicle.trim import Trim, find_hover, place
+from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
 
 _SETTABLE = ("gyro", "gyro_tuned", "recorder_latency")
 """Sections of the parameters that leave the hover as it is."""
@@ -34,13 +37,13 @@ _SETTABLE = ("gyro", "gyro_tuned", "recorder_latency")
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A helicopter with parameters in place and its hover found.
+    """A helicopter with parameters in place and its trim found.
 
     Attributes:
         name: of the model folder.
         parameters: every physical parameter, with unit and source.
         model: the compiled MuJoCo model, gyro on, pilot off. Copy it before changing it.
-        trim: the hover.
+        trim: the steady flight that it flies, and is linearised about: the hover when loaded.
     """
 
     name: str
@@ -48,14 +51,53 @@ class Vehicle:
     model: mujoco.MjModel
     trim: Trim
 
+    def trimmed(
+        self,
+        *,
+        speed: float = 0.0,
+        height: float = HEIGHT,
+        wind: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> "Vehicle":
+        """Return the same vehicle in another steady flight, level and heading north.
+
+        Args:
+            speed: m/s over the ground.
+            height: m above the ground, which matters in its effect.
+            wind: m/s towards north, east and down.
+
+        Raises:
+            InputError: a number is not finite, or the height not positive.
+            TrimError: no equilibrium within the controls' range.
+        """
+        if not (all(map(math.isfinite, (speed, height, *wind))) and height > 0.0):
+            raise InputError(
+                "a flight needs a finite speed and wind in m/s and a height above 0 m, got "
+                f"speed {speed}, wind {wind}, height {height}"
+            )
+        model = copy.copy(self.model)
+        model.opt.wind[:] = flip.py_func(*wind)
+        trim = find_trim(model, speed=speed, height=height, near=self.trim)
+        changed = Vehicle(self.name, self.parameters, model, trim)
+        changed.__dict__.update(_unsampled=self._unsampled)
+        return changed
+
+    @property
+    def power(self) -> float:
+        """Power that the main rotor's shaft takes in this flight, W."""
+        data = self.hovering()
+        with installed():
+            mujoco.mj_forward(self.model, data)
+        torque = data.sensor("rotor").data[1]
+        return float(torque * self.parameters["main_rotor.speed"])
+
     def hovering(self) -> mujoco.MjData:
-        """Return fresh simulation data in the hover."""
+        """Return fresh simulation data in the trim, the hover by default."""
         data = mujoco.MjData(self.model)
         place(self.model, data, self.trim)
         return data
 
     def linearize(self, inputs: Inputs = "IN1") -> Linearization:
-        """Return the exact linearisation at the hover, its delays beside it.
+        """Return the exact linearisation at the trim, its delays beside it.
 
         Args:
             inputs: "IN1" for servo commands to motion, continuous; "IN2" for sticks to motion,
@@ -142,6 +184,7 @@ class Vehicle:
         model = copy.copy(self._unsampled)
         user = self.model.actuator_user[addresses(self.model).rotor]
         model.actuator_user[addresses(model).rotor] = user
+        model.opt.wind[:] = self.model.opt.wind
         return linearize(model, self.trim, inputs=inputs)
 
     @cached_property
@@ -198,7 +241,7 @@ def load(
     """
     values = standard_parameters(name, tuned=tuned).replace(parameters or {})
     model = assemble(name, values, timestep=timestep, integrator=integrator)
-    return Vehicle(name, values, model, find_hover(model))
+    return Vehicle(name, values, model, find_trim(model))
 
 
 def standard_parameters(name: str = "jr700", *, tuned: bool = True) -> Parameters:

@@ -1,0 +1,235 @@
+"""The weather of a flight: steady wind, Dryden turbulence after MIL-F-8785C, and a gust."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_continuous_lyapunov
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.physics import weather as law
+from helisim.physics.layout import PARAM
+from helisim.vehicle import Vehicle
+
+KNOT = 1852.0 / 3600.0
+_FOOT = 0.3048
+LEVELS = {"light": 15.0 * KNOT, "moderate": 30.0 * KNOT, "severe": 45.0 * KNOT}
+"""Turbulence by name: wind at 20 ft above the ground, m/s (MIL-F-8785C, section 3.7.3)."""
+_LOWEST, _HIGHEST = 10.0 * _FOOT, 1000.0 * _FOOT
+"""m, of the low-altitude model."""
+_STATES = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gust:
+    """A discrete "1 - cosine" gust (MIL-F-8785C, section 3.7.1.3).
+
+    The air's velocity grows from nothing in `rise` seconds, stays, and goes as it came. The
+    standard gives the rise as a length: it is that length over the airspeed.
+
+    Attributes:
+        north: m/s at full strength, towards north.
+        east: m/s towards east.
+        down: m/s downwards.
+        start: s.
+        rise: s.
+        hold: s; in the standard it stays for good: give more than the flight lasts.
+    """
+
+    north: float = 0.0
+    east: float = 0.0
+    down: float = 0.0
+    start: float = 5.0
+    rise: float = 1.0
+    hold: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, (self.north, self.east, self.down, self.start))):
+            raise InputError(f"a gust needs finite velocities (m/s) and start (s), got {self}")
+        if not (0.0 < self.rise < math.inf and 0.0 <= self.hold < math.inf):
+            raise InputError(
+                f"a gust needs a positive rise and a hold of 0 or more, in seconds, got {self}"
+            )
+
+
+@dataclass(frozen=True)
+class Dryden:
+    """What MIL-F-8785C's Dryden model takes: rms, scale lengths, and a speed.
+
+    Low-altitude model. MIL-HDBK-1797's differs by name only here: its L_v and L_w are half as
+    long, and its formulas have 2 L_v and 2 L_w.
+
+    Attributes:
+        rms: m/s, along the path, across it and down.
+        lengths: m, likewise.
+        speed: m/s, at which the frozen field drifts past.
+        heading: rad, of the path through the air.
+    """
+
+    rms: tuple[float, float, float]
+    lengths: tuple[float, float, float]
+    speed: float
+    heading: float
+
+    def lags(self, span: float) -> NDArray[np.float64]:
+        """Return the filters' lags in u, v, w and p, s, (4,)."""
+        return np.array([*self.lengths, 4.0 * span / math.pi]) / self.speed
+
+    def levels(self, span: float) -> NDArray[np.float64]:
+        """Return the rms, (4,), that the noise of u, v, w, p would give a single lag.
+
+        Two lags with their lead let twice the power of one through.
+        """
+        along, across, down = self.rms
+        length = self.lengths[2]
+        power = 0.1 * math.pi**2 / (span * length) * (0.25 * math.pi * length / span) ** (1 / 3)
+        half = math.sqrt(0.5)
+        return np.array([along, half * across, half * down, down * math.sqrt(power)])
+
+    def filters(self, span: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return A (8, 8) and B (8, 4) of x' = A x + B n for white noise n of unit intensity."""
+        lags = self.lags(span)
+
+        def rates(state: NDArray, noise: NDArray) -> NDArray[np.float64]:
+            written = np.empty(_STATES)
+            law.turbulence_rates.py_func(state, noise, lags, written)
+            return written
+
+        calm, still = np.zeros(_STATES), np.zeros(4)
+        a = np.column_stack([rates(unit, still) for unit in np.eye(_STATES)])
+        b = np.column_stack([rates(calm, unit) for unit in np.eye(4)])
+        return a, b * self.levels(span) * np.sqrt(2.0 * lags)
+
+    def start(self, span: float, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Return states drawn from the filters' stationary distribution, (8,).
+
+        So the air is as rough in a flight's first second as in its last.
+        """
+        a, b = self.filters(span)
+        covariance = solve_continuous_lyapunov(a, -b @ b.T)
+        return np.linalg.cholesky(covariance) @ rng.standard_normal(_STATES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weather:
+    """Wind, turbulence and a gust, steady wind everywhere the same.
+
+    Attributes:
+        wind: m/s, steady and level.
+        wind_from: rad, heading that the wind comes from; flights head north, so 0 is a
+            headwind and pi/2 comes from the right.
+        turbulence: "light", "moderate" or "severe", or the wind at 20 ft above the ground that
+            makes it, m/s; none if None.
+        rms: m/s, along the path, across and down, in place of the standard's for `turbulence`.
+        drift: m/s, at which the frozen field drifts past the vehicle. If None it is the speed
+            through the air, but not below the wind at 20 ft that makes the turbulence: what a
+            hovering vehicle meets in that wind, whether or not `wind` has it blow.
+        gust: a discrete gust.
+        height: m above the ground, where the flight is and the turbulence is as given; 20 m are
+            out of the ground's effect, with room for a heave sweep.
+    """
+
+    wind: float = 0.0
+    wind_from: float = 0.0
+    turbulence: str | float | None = None
+    rms: tuple[float, float, float] | None = None
+    drift: float | None = None
+    gust: Gust | None = None
+    height: float = 20.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.wind) and self.wind >= 0.0 and math.isfinite(self.wind_from)):
+            raise InputError(
+                f"wind must be 0 m/s or more and wind_from a heading in rad, got {self.wind}, "
+                f"{self.wind_from}"
+            )
+        if isinstance(self.turbulence, str) and self.turbulence not in LEVELS:
+            raise UnknownNameError("turbulence", self.turbulence, LEVELS)
+        if not (self.turbulence is None or 0.0 < self.low_wind < math.inf):
+            raise InputError(
+                "turbulence must be a positive wind at 20 ft in m/s, or one of "
+                f"{', '.join(LEVELS)}, got {self.turbulence!r}"
+            )
+        rms = (1.0, 1.0, 1.0) if self.rms is None else self.rms
+        if len(rms) != 3 or not all(0.0 < level < math.inf for level in rms):
+            raise InputError(f"rms needs three positive numbers in m/s, got {self.rms}")
+        if self.rms is not None and self.turbulence is not None:
+            raise InputError("turbulence and rms exclude each other: give one of them")
+        if self.drift is not None and not 0.0 < self.drift < math.inf:
+            raise InputError(f"drift must be a positive speed in m/s, got {self.drift}")
+        if not 0.0 < self.height < math.inf:
+            raise InputError(f"height must be above 0 m, got {self.height}")
+        if self.low_wind > 0.0 and not _LOWEST <= self.height <= _HIGHEST:
+            raise InputError(
+                f"the low-altitude turbulence of MIL-F-8785C holds from {_LOWEST:.2f} to "
+                f"{_HIGHEST:.0f} m above the ground, got a height of {self.height:g} m"
+            )
+
+    @property
+    def wind_to(self) -> tuple[float, float, float]:
+        """Velocity of the steady wind towards north, east and down, m/s."""
+        return -self.wind * math.cos(self.wind_from), -self.wind * math.sin(self.wind_from), 0.0
+
+    @property
+    def low_wind(self) -> float:
+        """Wind at 20 ft that makes the turbulence, m/s; 0 without turbulence."""
+        if self.rms is not None:
+            return self.rms[2] / 0.1
+        if isinstance(self.turbulence, str):
+            return LEVELS[self.turbulence]
+        return 0.0 if self.turbulence is None else float(self.turbulence)
+
+    @property
+    def dryden(self) -> Dryden | None:
+        """The turbulence of a hover over the ground; None if calm."""
+        if self.low_wind == 0.0:
+            return None
+        shape = 0.177 + 0.000823 * self.height / _FOOT
+        down = 0.1 * self.low_wind
+        level = down / shape**0.4
+        long = self.height / shape**1.2
+        return Dryden(
+            rms=self.rms or (level, level, down),
+            lengths=(long, long, self.height),
+            speed=max(self.wind, self.low_wind) if self.drift is None else self.drift,
+            heading=self.wind_from if self.wind > 0.0 else 0.0,
+        )
+
+    def trimmed(self, vehicle: Vehicle) -> Vehicle:
+        """Return a vehicle trimmed for the steady wind, and for the ground if it is felt.
+
+        Raises:
+            TrimError: it can't hover in this wind.
+        """
+        if self.wind == 0.0 and vehicle.parameters["air.ground_effect"] == 0.0:
+            return vehicle
+        return vehicle.trimmed(height=self.height, wind=self.wind_to)
+
+    def write(self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int) -> None:
+        """Put gust and turbulence into a vehicle's numbers; the steady wind is the model's."""
+        if self.gust is not None:
+            gust = self.gust
+            par[PARAM.gust_north : PARAM.gust_down + 1] = gust.north, gust.east, gust.down
+            par[PARAM.gust_start : PARAM.gust_hold + 1] = gust.start, gust.rise, gust.hold
+        dryden = self.dryden
+        if dryden is None:
+            return
+        span = 2.0 * vehicle.parameters["main_rotor.radius"]
+        par[PARAM.turbulence_on], par[PARAM.turbulence_seed] = 1.0, seed
+        par[PARAM.turbulence_cosine] = math.cos(dryden.heading)
+        par[PARAM.turbulence_sine] = math.sin(dryden.heading)
+        par[PARAM.turbulence_span] = span
+        par[PARAM.turbulence_u : PARAM.turbulence_p + 1] = dryden.levels(span)
+        par[PARAM.turbulence_lag_u : PARAM.turbulence_lag_p + 1] = dryden.lags(span)
+
+    def start(self, vehicle: Vehicle, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Return states in which the turbulence may be when a flight starts, (8,)."""
+        if self.dryden is None:
+            return np.zeros(_STATES)
+        return self.dryden.start(2.0 * vehicle.parameters["main_rotor.radius"], rng)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the weather as plain data, for provenance, with what follows from it."""
+        return {**asdict(self), "dryden": None if self.dryden is None else asdict(self.dryden)}

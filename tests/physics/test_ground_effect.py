@@ -1,0 +1,104 @@
+"""The rotor near the ground: Cheeseman and Bennett's thrust, finite at any height."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from helisim.physics import rotor
+from helisim.physics.native import installed
+from helisim.vehicle import load
+
+SOLIDITY = 2 * 0.065 / (math.pi * 0.767)
+SLOPE, NEVER, UNROUNDED = 6.0, 1e3, 1e-6
+
+
+def solve(pitch, nearness, advance=0.0):
+    return rotor.inflow_and_thrust(pitch, 0.0, advance, SOLIDITY, SLOPE, NEVER, UNROUNDED, nearness)
+
+
+@given(pitch=st.floats(0.03, 0.25), height=st.floats(0.5, 20.0))
+def test_thrust_at_equal_power_is_cheeseman_and_bennetts(pitch, height):
+    """In hover T / T_inf = 1 / (1 - (R / 4z)^2) at one induced power (R&M 3021, eq. 1)."""
+    nearness = (1.0 / (4.0 * height)) ** 2
+    inflow, thrust = solve(pitch, nearness)
+    # far from the ground CP_i = CT^1.5 / sqrt 2, so the same power lifts
+    far = (math.sqrt(2.0) * thrust * inflow) ** (2.0 / 3.0)
+    assert thrust / far == pytest.approx(1.0 / (1.0 - nearness), rel=1e-12)  # rounding
+
+
+@given(pitch=st.floats(0.05, 0.25), height=st.floats(0.5, 4.0), advance=st.floats(0.001, 0.2))
+def test_ground_effect_fades_with_speed(pitch, height, advance):
+    """Forward, (R / 4z)^2 is divided by 1 + (mu / lambda_i)^2 (R&M 3021, eq. 5)."""
+    nearness = (1.0 / (4.0 * height)) ** 2
+    inflow, thrust = solve(pitch, nearness, advance)
+    k = 1.0 - nearness / (1.0 + (advance / inflow) ** 2)
+    flow = math.hypot(advance, inflow)
+    # Glauert's balance with a share k^3 of the thrust
+    assert 2.0 * inflow * flow == pytest.approx(k**3 * thrust, rel=1e-11)  # rounding
+
+
+@given(
+    nearness=st.floats(0.0, 0.4),
+    induced=st.floats(-0.1, 0.1).filter(lambda x: abs(x) > 1e-3),
+    advance=st.floats(0.0, 0.2),
+)
+def test_slope_of_the_share_is_its_derivative(nearness, induced, advance):
+    """What Newton's method is told is what central differences find."""
+    step = 1e-6 * abs(induced)
+    after, _ = rotor.ground_share(nearness, induced + step, advance)
+    before, _ = rotor.ground_share(nearness, induced - step, advance)
+    _, slope = rotor.ground_share(nearness, induced, advance)
+    # rounding of 1e-16 over a step of at least 1e-9; truncation is 1e-12 of the curvature
+    assert (after - before) / (2.0 * step) == pytest.approx(slope, rel=1e-6, abs=1e-6)
+
+
+@pytest.fixture(scope="module")
+def near_ground():
+    return load(parameters={"air.ground_effect": 1.0})
+
+
+def thrust_at(vehicle, height):
+    data = vehicle.hovering()
+    data.qpos[2] = height
+    with installed():
+        mujoco.mj_forward(vehicle.model, data)
+    return float(data.sensor("rotor").data[0])
+
+
+def test_thrust_is_smooth_and_finite_at_all_heights(near_ground):
+    """From under the ground to far above it: no jump, never falling with nearness above it."""
+    hub = 0.28
+    heights = np.linspace(-2.0, 8.0, 1001)
+    thrust = np.array([thrust_at(near_ground, height) for height in heights])
+    assert np.isfinite(thrust).all()
+    above = heights > -hub
+    assert (np.diff(thrust[above]) < 1e-12).all()
+    # steepest near z = R/2: d(CT)/dz < 5 T_inf / R, and 10 mm from one to the next
+    assert np.abs(np.diff(thrust)).max() < 5.0 * thrust.min() / 0.767 * 0.01
+
+
+@pytest.mark.parametrize("height", [0.6, 1.0, 3.0])
+def test_hover_needs_less_inflow_near_the_ground(jr700, near_ground, height):
+    """At one weight the inflow falls by k^1.5, with the hub 0.28 m above the vehicle."""
+    inflow = []
+    for vehicle in (jr700, near_ground.trimmed(height=height)):
+        data = vehicle.hovering()
+        with installed():
+            mujoco.mj_forward(vehicle.model, data)
+        inflow.append(data.sensor("rotor").data[2])
+    k = 1.0 - (0.767 / (4.0 * (height + 0.28))) ** 2
+    # the trim's roll of 0.067 rad lowers the hub by 0.6 mm, and the attitude's change moves
+    # the thrust by 1e-4
+    assert inflow[1] / inflow[0] == pytest.approx(k**1.5, rel=3e-4)
+
+
+def test_height_of_the_experiment_is_out_of_it(near_ground):
+    """At 20 m, where the sweeps are flown, the formula leaves 0.01 % of thrust."""
+    far = thrust_at(near_ground, 1e6)
+    nearness = (0.767 / (4.0 * 20.28)) ** 2
+    assert thrust_at(near_ground, 20.0) / far < 1.0 + 2.0 * nearness
+    assert nearness < 1e-4
