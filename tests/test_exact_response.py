@@ -7,7 +7,7 @@ import pytest
 
 from helisim.experiment import YAW_BASE
 from helisim.ident.evaluate import response
-from helisim.pipeline import exact_response, true_values
+from helisim.exact import exact_response, true_values
 from helisim.sim import Recorder
 
 OMEGA = np.geomspace(0.6, 6.0, 30)
