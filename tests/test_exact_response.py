@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helisim.exact import exact_response, true_values
 from helisim.experiment import YAW_BASE
 from helisim.ident.evaluate import response
-from helisim.pipeline import exact_response, true_values
 from helisim.sim import Recorder
 
 OMEGA = np.geomspace(0.6, 6.0, 30)

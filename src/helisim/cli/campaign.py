@@ -16,21 +16,24 @@ examples:
 A campaign that was interrupted goes on where it stopped. Its file, TOML:
 
   [campaign]
-  design = "grid"              # or "latin hypercube", "monte carlo" with points = N
+  design = "grid"              # "latin hypercube", "monte carlo": points = N
   replicates = 10              # of each point
   seed = 1
   models = ["yaw_base", "rollpitch_in1"]
   flights = 10                 # on each axis
   identified_after = [2, 10]   # of them
 
-  [set.sweep]                  # the same in all: sweep, pilot, recorder, vehicle
+  [set.sweep]                  # same in all: sweep, pilot, recorder, vehicle
   duration = 60
 
   [vary.recorder]              # a list, { low, high }, or { mean, std }
   noise = { values = [1, 4], relative = true }
 
-  [vary.vehicle]
-  "main_rotor.hub_stiffness" = { low = 0.8, high = 1.2, count = 3, relative = true }
+  [vary.vehicle."main_rotor.hub_stiffness"]
+  low = 0.8
+  high = 1.2
+  count = 3
+  relative = true
 """
 
 
