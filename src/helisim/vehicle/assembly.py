@@ -30,6 +30,9 @@ USER_SENSORS = (
 )
 """The vehicle's own sensors, consecutive, after what the gyro sees and before the clock."""
 
+_LONGEST = 10.0
+"""s, of the gyro's period and latencies: MuJoCo keeps what happened in all that time."""
+
 
 def models_folder() -> Path:
     """Return the folder of the vehicle models: in the package, or beside it in a checkout."""
@@ -96,6 +99,10 @@ def assemble(
     if integrator not in (None, *_INTEGRATORS):
         raise InputError(f"integrator must be 'RK4' or 'Euler', got {integrator!r}")
     path = _mjcf(name, visual=visual, rig=rig)
+    block = force_law_block(parameters)
+    for timing in ("gyro.period", "gyro.latency", "gyro.ped_latency"):
+        if not parameters[timing] <= _LONGEST:
+            raise ModelError(f"{timing} is {parameters[timing]:g} s, at most {_LONGEST:g} s")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         if timestep is not None:
@@ -106,7 +113,7 @@ def assemble(
             spec, parameters["gyro.ped_latency"] if delays else 0.0, parameters["gyro.period"]
         )
         _set_gyro_rate(spec, parameters["gyro.period"], parameters["gyro.latency"], delays)
-        _set_force_laws(spec, force_law_block(parameters))
+        _set_force_laws(spec, block)
         spec.compiler.discardvisual = not visual
         if rig is None and not visual:  # alone in the air there is nothing to touch
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -116,7 +123,8 @@ def assemble(
         spec.compiler.fusestatic = not visual
         model = spec.compile()
     except (ValueError, KeyError) as error:
-        raise ModelError(f"{path}: {error}{_advice(str(error))}") from None
+        told = " ".join(str(error).split())  # MuJoCo's run over several lines
+        raise ModelError(f"{path}: {told}{_advice(told)}") from None
     check_interface(model, name)
     return model
 

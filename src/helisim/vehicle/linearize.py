@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
-from helisim.errors import InputError
+from helisim.errors import InputError, ModelError
 from helisim.physics import servo
 from helisim.physics.layout import PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
@@ -82,6 +82,7 @@ def linearize(model: mujoco.MjModel, trim: Trim, *, inputs: Inputs = "IN1") -> L
 
     Raises:
         InputError: no such set of inputs.
+        ModelError: the derivatives aren't finite.
     """
     if inputs not in ("IN1", "IN2"):
         raise InputError(f"inputs must be 'IN1' or 'IN2', got {inputs!r}")
@@ -93,6 +94,11 @@ def linearize(model: mujoco.MjModel, trim: Trim, *, inputs: Inputs = "IN1") -> L
             for unit in np.eye(dynamics.size)
         ]
     jacobian = np.column_stack(columns)
+    if not np.all(np.isfinite(jacobian)):
+        raise ModelError(
+            "the linearisation isn't finite: a parameter, such as a servo's frequency, is out of "
+            "all proportion"
+        )
     n = len(dynamics.states)
     system = control.StateSpace(
         jacobian[:n, :n],

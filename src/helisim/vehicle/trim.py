@@ -80,7 +80,14 @@ def find_trim(
         return Trim(*(float(value) for value in near_one - 1.0), speed=speed, height=height)
 
     def imbalance(near_one: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _imbalance(steady(near_one), model, data)
+        trim = steady(near_one)
+        left = _imbalance(trim, model, data) if np.all(np.isfinite(near_one)) else near_one
+        if not np.all(np.isfinite(left)):
+            raise TrimError(
+                f"no {_named(speed)} found: the force laws give no finite acceleration at {trim}; "
+                "a parameter is out of all proportion"
+            )
+        return left
 
     with installed():
         # about one, because the solver's differences are relative to the unknowns
