@@ -18,7 +18,7 @@ from distributed import Client, LocalCluster
 from helisim.campaign import campaign_from, local, on_dask, run_campaign
 
 CAMPAIGN = {
-    "campaign": {"replicates": 3, "models": ["yaw_base", "heave"], "flights": 1},
+    "campaign": {"replicates": 3, "models": ["heave"], "flights": 1},
     "set": {"sweep": {"duration": 40}},
     "vary": {"recorder": {"noise": {"values": [1, 4], "relative": True}}},
 }
