@@ -130,3 +130,9 @@ def test_bad_time_step_is_refused(timestep):
     """The time step must be a positive number."""
     with pytest.raises(InputError, match="timestep"):
         load(timestep=timestep)
+
+
+def test_a_name_can_be_asked_for(jr700):
+    """Whether a parameter exists is a question, not an error."""
+    assert "main_rotor.radius" in jr700.parameters
+    assert "main_rotor.radios" not in jr700.parameters

@@ -44,6 +44,9 @@ class Parameters(Mapping[str, float]):
     def __len__(self) -> int:
         return len(self._entries)
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries
+
     def entry(self, name: str) -> Parameter:
         """Return value, unit and source of one parameter."""
         try:
