@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         structures,
         verify,
     )
-    from helisim.logs import read_log
+    from helisim.logs import read_log, screen
     from helisim.physics.native import installed
     from helisim.pipeline import reproduce
     from helisim.record import FlightRecord
@@ -87,6 +87,7 @@ _HOMES = {
     "read_record": "helisim.storage",
     "reduce": "helisim.ident",
     "reproduce": "helisim.pipeline",
+    "screen": "helisim.logs",
     "structures": "helisim.ident",
     "verify": "helisim.ident",
     "write_record": "helisim.storage",
@@ -129,6 +130,7 @@ __all__ = [
     "read_record",
     "reduce",
     "reproduce",
+    "screen",
     "structures",
     "verify",
     "write_record",
