@@ -48,6 +48,17 @@ def test_a_flight_is_the_same_for_the_same_seed(tmp_path):
     assert first != other
 
 
+def test_a_flight_has_the_faults_asked_for(tmp_path):
+    """`fly --fault` puts faults into the flight and into its provenance."""
+    path = tmp_path / "faulty.parquet"
+    faults = ["--fault", "servo_tail:stuck@8", "--fault", "recorder:gap@5,lasts=0.5"]
+    assert main(["fly", "--axis", "ped", "--duration", "13", *faults, "--out", str(path)]) == 0
+    record = read_record(path)
+    kinds = [fault["kind"] for fault in record.provenance["faults"]]
+    assert kinds == ["ServoStuck", "RecordGap"]
+    assert len(record) == 1301 - 50
+
+
 def test_a_recording_is_written(tmp_path):
     """`fly --rerun` writes a Rerun recording beside the record."""
     out, recording = tmp_path / "a.csv", tmp_path / "a.rrd"
@@ -105,6 +116,9 @@ def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
         (["--axis", "lat", "--out", "a.csv", "--amplitude", "0.5"], "at "),
         (["--axis", "lat", "--out", "a.csv", "--amplitude", "7"], "(0, 0.5]"),
         (["--axis", "lat"], "--out"),
+        (["--axis", "lat", "--out", "a.csv", "--fault", "servo_rear:stuck@3"], "servo_front"),
+        (["--axis", "lat", "--out", "a.csv", "--fault", "gyro:restart@300"], "over at 90 s"),
+        (["--axis", "lat", "--out", "a.csv", "--set", "gyro.flight_mode=5"], "one of 1, 2, 3"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(tmp_path, monkeypatch, capsys, arguments, says):

@@ -83,7 +83,8 @@ class FlightRecord:
         if abs(steps[worst] - mean) > _JITTER * mean:
             raise RecordError(
                 f"samples are not uniform: the step after row {worst} is {steps[worst]:.6g} s, "
-                f"the mean is {mean:.6g} s; resample the record first"
+                f"the mean is {mean:.6g} s; resample the record first, with "
+                "helisim.screen(record, resample_hz=...)"
             )
         return mean
 

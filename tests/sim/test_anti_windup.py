@@ -78,4 +78,5 @@ def test_recovery_does_not_depend_on_how_long_the_cyclic_was_saturated(jr700, st
     # the attitude meanwhile differs by more than a radian, and with it gravity: 5 %
     assert swept[True, 0.5] == pytest.approx(swept[True, 0.2], rel=0.05)
     assert swept[False, 0.5] > 1.3 * swept[False, 0.2]
-    assert swept[True, 0.5] < 0.5 * swept[False, 0.5]
+    # and after the longer time it is still less than without after the shorter
+    assert swept[True, 0.5] < swept[False, 0.2]

@@ -16,6 +16,23 @@ from helisim.cli.common import (
 )
 from helisim.errors import InputError
 
+_EPILOG = """\
+examples:
+  helisim fly --axis lat --duration 90 --seed 1 --out lat.parquet
+  helisim fly --axis lat --count 40 --out flights
+
+a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
+  servo_front:stuck@30                   where it is; with position=P, at P
+  servo_tail:weak@30,rate_limit=1        slow; with travel=T, short
+  gyro:restart@30,lasts=0.3              output=neutral or held meanwhile
+  gyro:dropout@30,lasts=0.2,rates=p+q    reads=zero or held
+  p:spikes,size=5,per_minute=6           of any recorded channel, or several: p+q
+  r:dropout@30,lasts=0.5                 reads=held or zero
+  recorder:loss,share=0.01,burst=3
+  recorder:gap@30,lasts=0.5
+  recorder:drift,ppm=200                 with channels=p+q+r, of a second computer's clock
+"""
+
 
 def add(commands: Any) -> None:
     """Add the command to the parser."""
@@ -23,9 +40,8 @@ def add(commands: Any) -> None:
         "fly",
         help="fly sweeps and record them",
         description="Fly one frequency sweep, or many, and write what the flight computer records.",
-        epilog="examples:\n"
-        "  helisim fly --axis lat --duration 90 --seed 1 --out lat.parquet\n"
-        "  helisim fly --axis lat --count 40 --out flights",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_vehicle(command)
     command.add_argument("--axis", required=True, metavar="AXIS", help="|".join(AXES))
@@ -52,21 +68,29 @@ def add(commands: Any) -> None:
         metavar="FILE|DIR",
         help="record to write, .parquet or .csv; with --count a folder of them",
     )
+    command.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="FAULT",
+        help="of servo, gyro, sensor or recorder, see below; may be given again",
+    )
     add_integrator(command)
     add_common(command)
     command.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.sim import Recorder, Sweep
+    from helisim.sim import Recorder, Sweep, parse_fault
     from helisim.vehicle import load
 
+    faults = [parse_fault(text) for text in options.fault]
     sweep = Sweep(axis=options.axis, duration=options.duration, amplitude=options.amplitude)
     _check(options)
     vehicle = load(options.vehicle, parameters=parameters(options), integrator=options.integrator)
     recorder = Recorder.of(vehicle, rotor=options.rerun is not None)
     work = _one if options.count is None else _many
-    work(options, vehicle, sweep, recorder)
+    work(options, vehicle, sweep, recorder, faults)
     return 0
 
 
@@ -87,7 +111,9 @@ def _check(options: argparse.Namespace) -> None:
         )
 
 
-def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -> None:
+def _one(
+    options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any, faults: list[Any]
+) -> None:
     from helisim.sim import fly
     from helisim.storage import write_record
 
@@ -97,6 +123,7 @@ def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -
             sweep,
             seed=options.seed,
             recorder=recorder,
+            faults=faults,
             on_flight=lambda: advance("flight"),
         )
     write_record(record, options.out)
@@ -110,7 +137,9 @@ def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -
         write_recording(options.rerun, flown, vehicle=vehicle.name, quiet=quiet)
 
 
-def _many(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) -> None:
+def _many(
+    options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any, faults: list[Any]
+) -> None:
     from helisim.sim import fly_to
 
     with Progress(options.count, options.quiet) as advance:
@@ -121,6 +150,7 @@ def _many(options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any) 
             count=options.count,
             seed=options.seed,
             recorder=recorder,
+            faults=faults,
             jobs=options.jobs,
             on_flight=lambda: advance("flight"),
         )

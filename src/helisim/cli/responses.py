@@ -77,13 +77,13 @@ def estimate(
     Raises:
         HelisimError: a log can't be used; the message names the file.
     """
-    from helisim.ident import frequency_response
-    from helisim.ident.conditioning import CrossControlWarning
+    from helisim.ident import CrossControlWarning, DamagedRecordWarning, frequency_response
 
     inputs, outputs, conditioning, reference = signals
     wanted = tuple(dict.fromkeys((*inputs, *conditioning, *reference, *outputs)))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CrossControlWarning)  # it is among the flags
+        for told in (CrossControlWarning, DamagedRecordWarning):  # they are among the flags
+            warnings.simplefilter("ignore", told)
         logs, records = read_logs(options, wanted, advance)
         _check_moving(logs, wanted)
         with located(logs):

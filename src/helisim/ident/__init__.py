@@ -8,6 +8,7 @@ from helisim.ident.conditioning import CrossControlWarning
 from helisim.ident.fit import identify
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.frf import ClosedLoopWarning, frequency_response
+from helisim.ident.integrity import DamagedRecordWarning
 from helisim.ident.reduction import Reduction, reduce
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit, load_fit
@@ -17,6 +18,7 @@ from helisim.ident.verify import Verification, verify
 __all__ = [
     "ClosedLoopWarning",
     "CrossControlWarning",
+    "DamagedRecordWarning",
     "Fit",
     "FittedParameter",
     "FrequencyResponse",

@@ -12,6 +12,7 @@ from helisim.errors import IdentificationError, InputError
 from helisim.ident.composite import Composite, compose, composite_noise, window_lengths
 from helisim.ident.conditioning import condition, cross_control, gate
 from helisim.ident.fingerprint import fingerprint, marks
+from helisim.ident.integrity import damaged
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.scatter import Scatter, WindowWeights
 from helisim.ident.spectra import Spectra, cross_spectra
@@ -84,7 +85,7 @@ def frequency_response(
         for length in lengths
     ]
     cross = _cross_control(spectra, (*wanted, *others))
-    flags = gate(cross, (*wanted, *others), frequency)
+    flags = damaged(flights, signals) + gate(cross, (*wanted, *others), frequency)
     if reference_names:
         flags += gate(_cross_control(spectra, reference_names), reference_names, frequency)
 

@@ -35,7 +35,7 @@ class FrequencyResponse:
         conditioning: further inputs whose effect was removed.
         reference: signals that the joint input-output method used; empty for the direct one.
         windows: window lengths, s.
-        flags: warnings of the cross-control gate.
+        flags: warnings of damaged records and of the cross-control gate.
         sources: a fingerprint of each record.
         marks: of the records' outputs, so that a verification can't reuse a part of them; see
             `helisim.ident.fingerprint`.

@@ -2,12 +2,13 @@
 
 A log is read as it is. What is wrong with it (gaps, missing numbers, clocks that go back) is
 refused with the row's number, or repaired where the user asked for it, and every repair is
-in the report and in the record's provenance.
+in the report and in the record's provenance. Spikes, dead sensors, lost samples and clocks that
+go wrong are looked for in every log, and noted.
 """
 
 from helisim.logs.log import Log
 from helisim.logs.mapping import Clock, Column, Layout, Map
-from helisim.logs.read import REPAIRS, read_log
+from helisim.logs.read import REPAIRS, read_log, screen
 from helisim.logs.report import Finding, LogReport
 from helisim.logs.units import UNITS
 
@@ -22,4 +23,5 @@ __all__ = [
     "LogReport",
     "Map",
     "read_log",
+    "screen",
 ]

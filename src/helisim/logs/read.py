@@ -23,18 +23,23 @@ from helisim.logs.mapping import Clock, Column, Map, find_column, split_heading
 from helisim.logs.parts import Options, cut, tidied, unwrapped
 from helisim.logs.report import OURS, Finding, LogReport
 from helisim.logs.resample import check_rate
+from helisim.logs.screening import clocks_of, note_lost_samples, screened
 from helisim.logs.source import Source, digest, place, read_log_bytes
 from helisim.logs.text import TIME_NAMES, TextLog
 from helisim.logs.timing import Samples, within
 from helisim.provenance import made_by
+from helisim.record import FlightRecord
 from helisim.storage import read_record
 
 REPAIRS: dict[str, str] = {
     "duplicates": "average rows that have the same stamp",
+    "frozen": "leave out stretches in which measured motion stands still, and split the log there "
+    "as at gaps",
     "gaps": "split the log at its gaps",
     "missing": "interpolate cells without a number",
     "order": "sort rows by time",
     "resets": "split the log where the clock goes back",
+    "spikes": "interpolate single samples, or two, that stick out",
     "tail": "leave out an incomplete last line",
 }
 """What may be done to a log, each only on request."""
@@ -82,9 +87,9 @@ def read_log(
     options = _options(resample_hz, repair, max_gap, min_duration, (start, stop))
     data = read_log_bytes(path)
     mapped = isinstance(channels, Map | Mapping)
-    if not mapped and _is_ours(data):
-        return _from_ours(path, digest(data), options)
     map_, wanted = _as_map(channels)
+    if not mapped and _is_ours(data):
+        return _from_record(path, read_record(path), digest(data), options, wanted)
     if time is not None:
         map_ = replace(map_, time=Clock(time) if isinstance(time, str) else time)
     source = _open(path, data, map_, "tail" in options.repairs)
@@ -96,6 +101,35 @@ def read_log(
         return _from_source(source, map_, digest(data), options)
     except InputError as error:
         raise _named(path, error) from None
+
+
+def screen(
+    record: FlightRecord,
+    *,
+    channels: Sequence[str] | None = None,
+    resample_hz: float | None = None,
+    repair: Iterable[str] = (),
+    max_gap: float | None = None,
+    min_duration: float = 0.0,
+) -> Log:
+    """Look a record in memory through as `read_log` does one in a file, and repair it.
+
+    Args:
+        record: to look through; it stays as it is.
+        channels: to look at for spikes and stretches that stand still; all if None.
+        resample_hz: as for `read_log`, and so are all others.
+        repair: see `REPAIRS`.
+        max_gap: s.
+        min_duration: s.
+
+    Raises:
+        RecordError: the record can't be used without a repair that wasn't asked for.
+        InputError: an option doesn't exist.
+    """
+    options = _options(resample_hz, repair, max_gap, min_duration, (None, None))
+    fingerprint = digest(record.time.tobytes() + record.values.tobytes())
+    wanted = (channels,) if isinstance(channels, str) else channels
+    return _from_record(Path("record"), record, fingerprint, options, wanted)
 
 
 def _named(path: Path, error: HelisimError) -> HelisimError:
@@ -123,6 +157,8 @@ def _options(
         raise InputError(f"max_gap is {max_gap}, expected a time in s")
     if not 0.0 <= min_duration < np.inf:
         raise InputError(f"min_duration is {min_duration}, expected a time in s")
+    if "frozen" in names:
+        names |= {"gaps"}
     start = -np.inf if limits[0] is None else limits[0]
     stop = np.inf if limits[1] is None else limits[1]
     if not start < stop:
@@ -205,15 +241,23 @@ def _stated(source: Source) -> dict[str, Column]:
     return found
 
 
-def _from_ours(path: Path, fingerprint: str, options: Options) -> Log:
+def _from_record(
+    path: Path,
+    record: FlightRecord,
+    fingerprint: str,
+    options: Options,
+    wanted: Sequence[str] | None,
+) -> Log:
     """Read a helisim record, which needs no map."""
-    record = read_record(path)
     samples = Samples(
         path, "row", np.arange(len(record)), record.time, record.values, record.names, "time"
     )
     findings: list[Finding] = []
     samples = within(samples, record.time[0] + np.array(options.limits), findings)
+    samples = screened(samples, record.channels, options.repairs, findings, wanted=wanted)
+    note_lost_samples(samples, options.rate is not None, findings)
     made = (cut((samples,), options, findings),)
+    findings += clocks_of(made, record.names)
     report = LogReport(
         path=str(path),
         format=OURS,
@@ -230,7 +274,7 @@ def _from_ours(path: Path, fingerprint: str, options: Options) -> Log:
         parts=tuple(part for stretch in made for part in stretch.parts),
     )
     headings = {name: name for name in record.names}
-    if options.rate is None and len(report.parts) == 1 and report.parts[0].samples == len(record):
+    if options.rate is None and not report.repairs and report.parts[0].samples == len(record):
         return Log((record,), report, headings)
     return made_log(made, record.channels, report, headings, record.provenance)
 
@@ -274,7 +318,17 @@ def _from_source(source: Source, map_: Map, fingerprint: str, options: Options) 
         )
         for stretch in stretches
     )
+    stretches = tuple(
+        tuple(
+            screened(one, [channels[name] for name in columns], options.repairs, findings)
+            for one, columns in zip(stretch, groups.values())
+        )
+        for stretch in stretches
+    )
+    for one in (one for stretch in stretches for one in stretch):
+        note_lost_samples(one, options.rate is not None, findings)
     made = tuple(cut(stretch, options, findings) for stretch in stretches)
+    findings += clocks_of(made, order)
     used = {*headings.values(), *clocks}
     report = LogReport(
         path=str(source.path),

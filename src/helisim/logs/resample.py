@@ -48,8 +48,11 @@ def interpolant(time: NDArray[np.float64], values: NDArray[np.float64]) -> Inter
     """Return a function of time through samples, (n_time,) each; constant beyond the ends."""
     if time.size < 3:
         return lambda at: np.interp(at, time, values)
-    with np.errstate(all="ignore"):
-        through = Akima1DInterpolator(time, values, method="makima")
+    try:
+        with np.errstate(all="ignore"):
+            through = Akima1DInterpolator(time, values, method="makima")
+    except ValueError:  # differences beyond any number: the reader refuses what isn't finite
+        return lambda at: np.full(at.shape, np.nan)
     return lambda at: through(np.clip(at, time[0], time[-1]))
 
 

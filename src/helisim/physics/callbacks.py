@@ -6,7 +6,7 @@ read and write nothing but those two, so any number of threads and vehicles can 
 
 import mujoco
 
-from helisim.physics import air, flapping, servo
+from helisim.physics import air, faults, flapping, servo
 from helisim.physics.addresses import (
     REPORTS,
     body_of,
@@ -96,8 +96,12 @@ def control(m, d, offsets):
         if par[PARAM.pilot_on] != 0.0:
             fly(m, d, offsets, rotor_id, par, body, controls)
             controls[ROTOR] = 1.0
-        if par[PARAM.gyro_on] != 0.0:
-            _, _, r = sensed_rates(d, offsets, seen)
+        if par[PARAM.gyro_on] != 0.0 and faults.restarts(d, offsets, par, seen):
+            faults.forget(act)
+            if par[PARAM.restart_neutral] != 0.0:
+                controls[4] = controls[5] = controls[6] = controls[7] = 0.0
+        elif par[PARAM.gyro_on] != 0.0:
+            _, _, r = sensed_rates(d, offsets, par, act, seen)
             lon, lat, ped = stick_positions(m, d, offsets, rotor_id, par, seen)
             _, _, ped = yaw_law(par, act, r, ped)
             _, _, lat, lon = cyclic_law(par, act, lat, lon)
@@ -120,7 +124,9 @@ def activation_rates(m, d, offsets, actuator):
     first = state_of(m, offsets, actuator)
     act = doubles_from(d, offsets.act, first)
     rate = doubles_from(d, offsets.act_dot, first)
-    held = what_is_held(m, d, offsets, actuator, par)
+    held = what_is_held(m, d, offsets, actuator, par, act)
+    if not held[0]:
+        faults.forget(rate)
     step = held_for(m, offsets)
     if step > 0.0:
         mean_commanded_rates(par, held, act, rate, step)

@@ -4,7 +4,7 @@ All that drives them is held between the gyro's ticks; the body's motion within 
 not reach them.
 """
 
-from helisim.physics import frames, servo
+from helisim.physics import faults, frames, servo
 from helisim.physics.addresses import REPORTS, body_of, control_of, reports
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, ROTOR, STATE
@@ -17,10 +17,13 @@ _COUNT = STATE.tail_rate + 1
 
 
 @kernel()
-def sensed_rates(d, offsets, seen):
+def sensed_rates(d, offsets, par, act, seen):
     """Return p, q, r (rad/s) as the gyro saw them last; they stand before the own sensors."""
     sensordata = doubles(d, offsets.sensordata)
-    return frames.flip(sensordata[seen - 3], sensordata[seen - 2], sensordata[seen - 1])
+    p, q, r = frames.flip(sensordata[seen - 3], sensordata[seen - 2], sensordata[seen - 1])
+    if par[PARAM.faults] != 0.0:
+        return faults.rates_left(par, act, faults.now(d, offsets, par, seen), p, q, r)
+    return p, q, r
 
 
 @kernel()
@@ -35,21 +38,30 @@ def stick_positions(m, d, offsets, rotor_id, par, seen):
 
 
 @kernel()
-def what_is_held(m, d, offsets, rotor_id, par):
-    """Return what drives gyro and servos: sensed rates, sticks, and the servos' commands."""
+def what_is_held(m, d, offsets, rotor_id, par, act):
+    """Return what drives gyro and servos, and whether the gyro works at all.
+
+    Sensed rates, sticks, the servos' commands, and how fast each servo can be.
+    """
     controls = doubles_from(d, offsets.ctrl, control_of(m, offsets, rotor_id))
     commands = (controls[4], controls[5], controls[6], controls[7])
+    limit = par[PARAM.servo_rate_limit]
+    limits = (limit, limit, limit, limit)
     seen = reports(m, offsets, body_of(m, offsets, rotor_id))
-    if par[PARAM.gyro_on] == 0.0 or seen < 0:
-        return False, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), commands
-    sensed = sensed_rates(d, offsets, seen)
-    return True, sensed, stick_positions(m, d, offsets, rotor_id, par, seen), commands
+    if par[PARAM.faults] != 0.0:
+        commands, limits = faults.servos_left(
+            par, faults.now(d, offsets, par, seen), commands, limits
+        )
+    if par[PARAM.gyro_on] == 0.0 or seen < 0 or faults.restarts(d, offsets, par, seen):
+        return False, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), commands, limits
+    sensed = sensed_rates(d, offsets, par, act, seen)
+    return True, sensed, stick_positions(m, d, offsets, rotor_id, par, seen), commands, limits
 
 
 @kernel()
 def commanded_rates(par, held, act, rate):
     """Write the derivatives of the states of gyro and servos."""
-    on, sensed, sticks, commands = held
+    on, sensed, sticks, commands, limits = held
     if on:
         gyro_rates(par, act, rate, sensed, sticks)
     for k in range(4):
@@ -63,9 +75,13 @@ def commanded_rates(par, held, act, rate):
             commands[k],
             frequency,
             damping,
-            par[PARAM.servo_rate_limit],
+            limits[k],
             par[PARAM.servo_travel],
         )
+        if limits[k] < par[PARAM.servo_rate_limit]:
+            rate[position + 1] = servo.held_back(
+                act[position], act[position + 1], commands[k], frequency, damping, limits[k]
+            )
 
 
 @kernel()

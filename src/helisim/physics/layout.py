@@ -202,6 +202,32 @@ class ParamIndex(NamedTuple):
     turbulence_lag_v: int
     turbulence_lag_w: int
     turbulence_lag_p: int
+    # faults: 1 where there are any; then all that follow count
+    faults: int
+    front_fault_at: int
+    front_fault_rate_limit: int
+    front_fault_low: int
+    front_fault_high: int
+    left_fault_at: int
+    left_fault_rate_limit: int
+    left_fault_low: int
+    left_fault_high: int
+    right_fault_at: int
+    right_fault_rate_limit: int
+    right_fault_low: int
+    right_fault_high: int
+    tail_fault_at: int
+    tail_fault_rate_limit: int
+    tail_fault_low: int
+    tail_fault_high: int
+    restart_at: int
+    restart_until: int
+    restart_neutral: int
+    dropout_at: int
+    dropout_until: int
+    dropout_p: int
+    dropout_q: int
+    dropout_r: int
 
 
 PARAM = ParamIndex(*range(len(ParamIndex._fields)))
@@ -209,3 +235,8 @@ PARAM = ParamIndex(*range(len(ParamIndex._fields)))
 NO_EXCITATION = 0
 SWEEP = 1
 DOUBLET = 2
+
+READS_ZERO = 1
+READS_HELD = 2
+NEVER = 1e9
+"""s, of a fault that does not come; also a limit that none reaches."""

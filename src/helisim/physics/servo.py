@@ -52,6 +52,18 @@ def servo_rates(position, rate, command, frequency, damping, rate_limit, travel)
 
 
 @kernel()
+def held_back(position, rate, command, frequency, damping, rate_limit):
+    """Return d(rate)/dt of a servo that a fault makes slow: its rate stays within the limit.
+
+    A second-order servo's rate follows frequency / (2 damping) times the error; here it follows
+    that no further than the limit, so that it is also what the servo will do next.
+    """
+    wanted = 0.5 * frequency / damping * (command - position)
+    wanted = min(rate_limit, max(-rate_limit, wanted))
+    return 2.0 * damping * frequency * (wanted - rate)
+
+
+@kernel()
 def equivalent_delay(frequency, damping):
     """Return the delay that a second-order servo looks like at low frequency, s."""
     return 2.0 * damping / frequency

@@ -1,25 +1,45 @@
 """The simulated experiment: truth in flight, and what the flight computer records of it."""
 
 from helisim.sim.excitation import Doublet, Excitation, Sweep
+from helisim.sim.fault_notation import Fault, parse_fault
+from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak
 from helisim.sim.fly import fly, fly_each, simulate
 from helisim.sim.folder import fly_to
 from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
+from helisim.sim.recorder_faults import (
+    ClockDrift,
+    RecordGap,
+    SampleLoss,
+    SensorDropout,
+    SensorSpikes,
+)
 from helisim.sim.truth import Truth, read_truth
 from helisim.sim.weather import Gust, Weather
 
 __all__ = [
+    "ClockDrift",
     "Doublet",
     "Excitation",
+    "Fault",
     "Gust",
+    "GyroDropout",
+    "GyroRestart",
     "Pilot",
+    "RecordGap",
     "Recorder",
+    "SampleLoss",
+    "SensorDropout",
+    "SensorSpikes",
+    "ServoStuck",
+    "ServoWeak",
     "Sweep",
     "Truth",
     "Weather",
     "fly",
     "fly_each",
     "fly_to",
+    "parse_fault",
     "read_truth",
     "simulate",
 ]

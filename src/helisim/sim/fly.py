@@ -16,8 +16,11 @@ from helisim.physics.native import installed
 from helisim.provenance import made_by
 from helisim.record import FlightRecord
 from helisim.sim.excitation import Excitation
+from helisim.sim.fault_notation import Fault, check_faults, to_dict
+from helisim.sim.faults import FlightFault, write_faults
 from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
+from helisim.sim.recorder_faults import RecorderFault
 from helisim.sim.truth import Truth, read_truth
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
@@ -34,6 +37,7 @@ def fly(
     pilot: Pilot | None = None,
     recorder: Recorder | None = None,
     weather: Weather | None = None,
+    faults: Sequence[Fault] = (),
     jobs: int | None = None,
     on_flight: Callable[[], None] | None = None,
 ) -> list[FlightRecord]:
@@ -50,6 +54,7 @@ def fly(
         pilot: the default `Pilot` if None.
         recorder: the vehicle's own if None.
         weather: calm if None; each flight has its own turbulence.
+        faults: of servos, gyro and recorder, in each flight; a recorder's, in this order.
         jobs: threads; all processors if None.
         on_flight: called after each flight, for progress.
 
@@ -57,7 +62,7 @@ def fly(
         One record a flight.
 
     Raises:
-        InputError: count, seed or jobs is out of range.
+        InputError: count, seed or jobs is out of range, or a fault can't be in this flight.
         TrimError: the vehicle can't hover in the wind.
         DivergedError: a flight left the validity of the model.
     """
@@ -70,6 +75,7 @@ def fly(
         pilot=pilot,
         recorder=recorder,
         weather=weather,
+        faults=faults,
         jobs=jobs,
     ):
         records.append(record)
@@ -87,6 +93,7 @@ def fly_each(
     pilot: Pilot | None = None,
     recorder: Recorder | None = None,
     weather: Weather | None = None,
+    faults: Sequence[Fault] = (),
     jobs: int | None = None,
 ) -> Iterator[FlightRecord]:
     """Fly the flights of these numbers and yield each record; the rest is as for `fly`.
@@ -97,24 +104,34 @@ def fly_each(
     pilot, recorder = pilot or Pilot(), recorder or Recorder.of(vehicle)
     weather = weather or Weather()
     truths = _simulated(
-        vehicle, excitation, numbers, seed=seed, pilot=pilot, weather=weather, jobs=jobs
+        vehicle,
+        excitation,
+        numbers,
+        seed=seed,
+        pilot=pilot,
+        weather=weather,
+        faults=check_faults(faults, excitation.duration),
+        jobs=jobs,
     )
-    return (
-        recorder.record(
-            truth,
-            _generator(seed, number, "sensors"),
-            flight_provenance(
-                vehicle,
-                excitation,
-                number,
-                seed=seed,
-                pilot=pilot,
-                recorder=recorder,
-                weather=weather,
-            ),
+
+    def recorded(number: int, truth: Truth) -> FlightRecord:
+        provenance = flight_provenance(
+            vehicle,
+            excitation,
+            number,
+            seed=seed,
+            pilot=pilot,
+            recorder=recorder,
+            weather=weather,
+            faults=faults,
         )
-        for number, truth in zip(numbers, truths)
-    )
+        record = recorder.record(truth, _generator(seed, number, "sensors"), provenance)
+        for n, fault in enumerate(faults):
+            if isinstance(fault, RecorderFault):
+                record = fault.spoil(record, _generator(seed, number, f"fault {n}"))
+        return record
+
+    return (recorded(number, truth) for number, truth in zip(numbers, truths))
 
 
 def simulate(
@@ -125,6 +142,7 @@ def simulate(
     seed: int = 0,
     pilot: Pilot | None = None,
     weather: Weather | None = None,
+    faults: Sequence[FlightFault] = (),
     jobs: int | None = None,
 ) -> Iterator[Truth]:
     """Yield what truly happens in each flight; arguments and errors as for `fly`.
@@ -134,7 +152,14 @@ def simulate(
     numbers = flight_numbers(count)
     pilot, weather = pilot or Pilot(), weather or Weather()
     return _simulated(
-        vehicle, excitation, numbers, seed=seed, pilot=pilot, weather=weather, jobs=jobs
+        vehicle,
+        excitation,
+        numbers,
+        seed=seed,
+        pilot=pilot,
+        weather=weather,
+        faults=faults,
+        jobs=jobs,
     )
 
 
@@ -153,6 +178,7 @@ def _simulated(
     seed: int,
     pilot: Pilot,
     weather: Weather,
+    faults: Sequence[FlightFault],
     jobs: int | None,
 ) -> Iterator[Truth]:
     threads = (os.cpu_count() or 1) if jobs is None else jobs
@@ -165,7 +191,10 @@ def _simulated(
         read_truth(vehicle, sensordata)
         for batch in batches
         for sensordata in _run(
-            [prepare(vehicle, excitation, pilot, weather, seed=seed, number=k) for k in batch],
+            [
+                prepare(vehicle, excitation, pilot, weather, faults, seed=seed, number=k)
+                for k in batch
+            ],
             [_start(vehicle, weather, seed=seed, number=k) for k in batch],
             excitation.duration,
         )
@@ -189,17 +218,19 @@ def prepare(
     excitation: Excitation,
     pilot: Pilot,
     weather: Weather,
+    faults: Sequence[FlightFault] = (),
     *,
     seed: int,
     number: int,
 ) -> mujoco.MjModel:
-    """Return a copy of the vehicle's model with pilot, manoeuvre and weather of one flight.
+    """Return a copy of the vehicle's model with pilot, manoeuvre, weather and faults of a flight.
 
     Args:
         vehicle: trimmed for the weather's steady wind.
         excitation: sweep or doublet.
         pilot: who flies.
         weather: of the flight.
+        faults: of servos and gyro.
         seed: of pilot and turbulence.
         number: of the flight.
     """
@@ -211,6 +242,7 @@ def prepare(
     pilot.write(par, vehicle, seed=hand, height=weather.height)
     excitation.on(vehicle.parameters).write(par)
     weather.write(par, vehicle, seed=air)
+    write_faults(par, faults)
     return model
 
 
@@ -239,6 +271,7 @@ def flight_provenance(
     pilot: Pilot,
     recorder: Recorder,
     weather: Weather,
+    faults: Sequence[Fault] = (),
 ) -> dict[str, Any]:
     """Return what a record says of its origin: enough to fly it again."""
     excitation = excitation.on(vehicle.parameters)
@@ -250,6 +283,7 @@ def flight_provenance(
         pilot={key: getattr(pilot, key) for key in pilot.__dataclass_fields__},
         recorder=recorder.as_dict(),
         weather=weather.as_dict(),
+        faults=[to_dict(fault) for fault in faults],
         seed=seed,
         flight=number,
     )

@@ -1,6 +1,6 @@
 """A folder of flights: filled one by one, kept when interrupted, and gone on with later."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 from helisim.errors import InputError, RecordError, StorageError
 from helisim.provenance import difference, plain
 from helisim.sim.excitation import Excitation
+from helisim.sim.fault_notation import Fault
 from helisim.sim.fly import flight_numbers, flight_provenance, fly_each
 from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
@@ -39,6 +40,7 @@ def fly_to(
     pilot: Pilot | None = None,
     recorder: Recorder | None = None,
     weather: Weather | None = None,
+    faults: Sequence[Fault] = (),
     jobs: int | None = None,
     on_flight: Callable[[], None] | None = None,
 ) -> Flown:
@@ -57,6 +59,7 @@ def fly_to(
         pilot: the default `Pilot` if None.
         recorder: the vehicle's own if None.
         weather: calm if None.
+        faults: as for `fly`.
         jobs: threads; all processors if None.
         on_flight: called once for each flight that the folder holds, for progress.
 
@@ -78,6 +81,7 @@ def fly_to(
             pilot=pilot,
             recorder=recorder,
             weather=weather,
+            faults=faults,
         )
         if not _holds(path, plain(expected)):
             missing.append(number)
@@ -91,6 +95,7 @@ def fly_to(
         pilot=pilot,
         recorder=recorder,
         weather=weather,
+        faults=faults,
         jobs=jobs,
     )
     make_folder(folder)

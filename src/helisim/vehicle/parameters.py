@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError, StorageError, UnknownNameError
 from helisim.physics.gyro import held_lag
-from helisim.physics.layout import MAGIC, PARAM, ROTOR
+from helisim.physics.layout import MAGIC, NEVER, PARAM, ROTOR
 from helisim.storage import read_toml
 
 
@@ -293,10 +293,6 @@ def check_settings(values: Mapping[str, float]) -> None:
             )
 
 
-_NO_LIMIT = 1e9
-"""Unitised servo command: beyond any."""
-
-
 def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     """Return the numbers that the compiled force laws read, (len(PARAM),), pilot at rest.
 
@@ -321,7 +317,7 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
     block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
     block[PARAM.gyro_attitude_lock] = 0.5 * (parameters["gyro.flight_mode"] - 1.0)
-    block[PARAM.gyro_hold_above] = 0.5 if parameters["gyro.anti_windup"] else _NO_LIMIT
+    block[PARAM.gyro_hold_above] = 0.5 if parameters["gyro.anti_windup"] else NEVER
     block[PARAM.gyro_collective] = _travel(parameters, "pitch_rate")
     for stick, rate in (("lat", "aileron_rate"), ("lon", "elevator_rate")):
         for answer in ("p", "q"):

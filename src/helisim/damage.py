@@ -1,0 +1,106 @@
+"""What is wrong with a sampled channel: samples that stick out, stretches that stand still."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+_BLOCK = 50
+"""Samples over which the usual step of a channel is taken."""
+_STICKS_OUT = 8.0
+"""Usual steps. White noise has a median step of 0.95 of its deviation, so a sample would have to
+differ from both its neighbours by 7.6 deviations: one of 1e9 does."""
+_COMES_BACK = 0.5
+"""Share of its height by which the channel may have moved on after a spike."""
+_LEAST_STEP = 0.02
+"""Share of the channel's median step that a quiet place is taken to have at least."""
+_WIDTHS = (1, 2)
+"""Samples of a spike: a longer one is a signal."""
+_STANDS_STILL = 10.0
+"""Times the number of equal samples in a row that the channel usually has at most."""
+_NO_MOVE = 1e-6
+"""Share of its range by which a channel that rests at its start may move."""
+_SHORTEST = 10
+"""Samples in a row that must be equal to count as standing still."""
+_USUAL = 0.95
+"""Quantile of the runs of equal samples that counts as their usual most."""
+
+
+class Stretch(NamedTuple):
+    """Samples in a row, from `first` to `last`, inclusive."""
+
+    first: int
+    last: int
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which samples of a channel are spikes, (n_time,).
+
+    One or two samples that are beyond both their neighbours, on the same side, by more than
+    eight of the steps that the channel usually makes thereabouts; the neighbours agree to half of
+    that. So a jump to a new level is none, and the start of a decay neither.
+
+    Args:
+        values: (n_time,), finite.
+    """
+    found = np.zeros(values.size, dtype=np.bool_)
+    if values.size < 2 * _BLOCK:
+        return found
+    usual = _usual_step(values)
+    for width in _WIDTHS:
+        before, after = values[: -width - 1], values[width + 1 :]
+        inside = np.stack([values[k : values.size - width - 1 + k] for k in range(1, width + 1)])
+        up = inside.min(axis=0) - np.maximum(before, after)
+        down = np.minimum(before, after) - inside.max(axis=0)
+        height = np.maximum(up, down)
+        out = (height > _STICKS_OUT * usual[1 : height.size + 1]) & (
+            np.abs(after - before) < _COMES_BACK * height
+        )
+        start = np.flatnonzero(out) + 1
+        for k in range(width):
+            found[start + k] = True
+    return found
+
+
+def _usual_step(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the median of the steps around each sample, (n_time,); of those that are none."""
+    steps = np.abs(np.diff(values, prepend=values[0]))
+    moved = steps > 1e-9 * np.max(np.abs(values))
+    if not moved.any():
+        return np.full(values.size, np.inf)
+    blocks = -(-values.size // _BLOCK)
+    padded = np.full(blocks * _BLOCK, np.nan)
+    padded[: values.size] = np.where(moved, steps, np.nan)
+    rows = np.sort(padded.reshape(blocks, _BLOCK), axis=1)  # NaN comes last
+    count = np.count_nonzero(np.isfinite(rows), axis=1)
+    middle = rows[np.arange(blocks), count // 2]
+    everywhere = np.median(steps[moved])
+    middle[count < _BLOCK // 10] = everywhere
+    middle = np.maximum(middle, _LEAST_STEP * everywhere)
+    around = np.pad(middle, 1, mode="edge")
+    return np.repeat(np.maximum.reduce([around[:-2], middle, around[2:]]), _BLOCK)[: values.size]
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def still(values: NDArray[np.float64]) -> tuple[Stretch, ...]:
+    """Return the stretches in which a channel of measured motion stands still.
+
+    At least ten equal samples in a row, and ten times as many as the channel usually has. From
+    its start a channel may rest until it first moves.
+
+    Args:
+        values: (n_time,), finite.
+    """
+    edges = np.flatnonzero(np.diff(values) != 0.0) + 1
+    starts = np.concatenate([[0], edges])
+    lengths = np.diff(np.concatenate([starts, [values.size]]))
+    if lengths.size < 2:
+        return ()
+    usual = float(np.quantile(lengths, _USUAL))
+    moves = int(np.argmax(np.abs(values - values[0]) > _NO_MOVE * np.ptp(values)))
+    long = (lengths >= max(_SHORTEST, _STANDS_STILL * usual)) & (starts >= moves)
+    return tuple(
+        Stretch(int(start), int(start + length - 1))
+        for start, length in zip(starts[long], lengths[long])
+    )

@@ -1,0 +1,76 @@
+"""What a fault leaves of servos and gyro. Nothing of this is computed in a flight without any.
+
+A fault comes, and goes, at one of the gyro's ticks, whatever the time step.
+"""
+
+from helisim.physics.addresses import REPORTS
+from helisim.physics.kernel import kernel
+from helisim.physics.layout import PARAM, READS_HELD, READS_ZERO, STATE
+from helisim.physics.memory import doubles
+from helisim.physics.ticks import last_tick
+
+_ROUNDING = 1e-9
+"""s, by which a tick may be early."""
+
+
+@kernel()
+def now(d, offsets, par, seen):
+    """Return the time of the gyro's last tick, s; 0 where there is no clock."""
+    return last_tick(par, doubles(d, offsets.sensordata)[seen + REPORTS]) if seen >= 0 else 0.0
+
+
+@kernel()
+def servos_left(par, time, commands, limits):
+    """Return the commands that the four servos can follow, and how fast each can be, 1/s.
+
+    A servo that is stuck where it is has no speed, one that is stuck elsewhere one command.
+    """
+    front, front_limit = servo_left(par, time, PARAM.front_fault_at, commands[0], limits[0])
+    left, left_limit = servo_left(par, time, PARAM.left_fault_at, commands[1], limits[1])
+    right, right_limit = servo_left(par, time, PARAM.right_fault_at, commands[2], limits[2])
+    tail, tail_limit = servo_left(par, time, PARAM.tail_fault_at, commands[3], limits[3])
+    return (front, left, right, tail), (front_limit, left_limit, right_limit, tail_limit)
+
+
+@kernel()
+def servo_left(par, time, fault, command, limit):
+    """Return command and speed that one servo's fault leaves; its numbers start at `fault`."""
+    if time < par[fault] - _ROUNDING:
+        return command, limit
+    return min(par[fault + 3], max(par[fault + 2], command)), min(par[fault + 1], limit)
+
+
+@kernel()
+def restarts(d, offsets, par, seen):
+    """Tell whether the gyro is restarting now."""
+    if par[PARAM.faults] == 0.0:
+        return False
+    time = now(d, offsets, par, seen) + _ROUNDING
+    return par[PARAM.restart_at] <= time < par[PARAM.restart_until]
+
+
+@kernel()
+def forget(numbers):
+    """Set what belongs to the gyro's states to zero: the states, or their derivatives."""
+    for k in range(STATE.gyro_q_filter, STATE.gyro_r_integral + 1):
+        numbers[k] = 0.0
+
+
+@kernel()
+def rates_left(par, act, time, p, q, r):
+    """Return the rates that the gyro reads, rad/s: a dropped one is 0, or what its filter holds."""
+    if not par[PARAM.dropout_at] <= time + _ROUNDING < par[PARAM.dropout_until]:
+        return p, q, r
+    return (
+        dropped(par[PARAM.dropout_p], p, act[STATE.gyro_p_filter]),
+        dropped(par[PARAM.dropout_q], q, act[STATE.gyro_q_filter]),
+        dropped(par[PARAM.dropout_r], r, act[STATE.gyro_r_lead]),
+    )
+
+
+@kernel()
+def dropped(how, rate, held):
+    """Return a rate as it reads when dropped out in one of the ways, or not."""
+    if how == READS_ZERO:
+        return 0.0
+    return held if how == READS_HELD else rate
