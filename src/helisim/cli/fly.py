@@ -26,11 +26,11 @@ a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
   servo_tail:weak@30,rate_limit=1        slow; with travel=T, short
   gyro:restart@30,lasts=0.3              output=neutral or held meanwhile
   gyro:dropout@30,lasts=0.2,rates=p+q    reads=zero or held
-  p:spikes,size=5,per_minute=6           of any recorded channel, or several: p+q
+  p:spikes,size=5,per_minute=6           of recorded channels: p, or p+q
   r:dropout@30,lasts=0.5                 reads=held or zero
   recorder:loss,share=0.01,burst=3
   recorder:gap@30,lasts=0.5
-  recorder:drift,ppm=200                 with channels=p+q+r, of a second computer's clock
+  recorder:drift,ppm=200                 channels=p+q+r: of these only
 """
 
 

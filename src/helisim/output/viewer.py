@@ -91,7 +91,7 @@ def prepare_live(
     par = model.actuator_user[addresses(model).rotor]
     (pilot or Pilot()).write(par, vehicle, seed=seed, height=_HEIGHT)
     if excitation is not None:
-        excitation.write(par)
+        excitation.on(vehicle.parameters).write(par)
     data = mujoco.MjData(model)
     place(model, data, vehicle.trim, height=_HEIGHT)
     with installed():
