@@ -106,7 +106,7 @@ def test_a_flight_that_diverges_keeps_those_before(jr700, tmp_path, monkeypatch)
 
 def test_the_command_goes_on_and_says_so(tmp_path, capsys):
     """`fly --count` fills a folder, and a second call with more flights adds the missing ones."""
-    arguments = ["fly", "--axis", "col", "--duration", "13", "--quiet", "--out", str(tmp_path)]
+    arguments = ["fly", "--axis", "col", "--duration", "13", "--out", str(tmp_path)]
     assert main([*arguments, "--count", "1"]) == 0
     assert "1 flights of 13 s)" in capsys.readouterr().out
     assert main([*arguments, "--count", "2", "--jobs", "1"]) == 0
