@@ -46,6 +46,8 @@ EXTRA_DELAYS = (0.0, 0.005, 0.010)
 """s, beyond what is in the loops as shipped."""
 
 _STEPS = 30
+_DIFFERENCE = 3e-3
+"""Relative step of the numerical derivatives, above the noise of the solved gains."""
 _REST = 0.02
 """Weight that keeps what the targets leave free where the response put it."""
 _WORST_PERCENT = 3.0
@@ -185,7 +187,9 @@ def _solve(
         return np.array([*missed, *(_REST * (x - shaped))])
 
     shaped = least_squares(far, np.zeros(len(names)), max_nfev=_STEPS).x
-    solved = least_squares(near, shaped, diff_step=3e-3, max_nfev=_STEPS)
+    solved = least_squares(
+        near, shaped, diff_step=np.full(len(shaped), _DIFFERENCE), max_nfev=_STEPS
+    )
     worst = float(np.max(np.abs(near(solved.x)[: len(target)])))
     if not worst < _WORST_PERCENT:
         raise ModelError(

@@ -150,8 +150,8 @@ def write_matlab(fit: "Fit", path: str | PathLike[str]) -> None:
         "AverageCost": fit.cost,
         "Provenance": json.dumps(fit.provenance),
     }
-    with atomic_write(path) as temporary, temporary.open("wb") as file:
-        savemat(file, data, long_field_names=True)
+    with atomic_write(path) as temporary:
+        savemat(temporary, data, appendmat=False, long_field_names=True)
 
 
 def _cells(names: "tuple[str, ...] | list[str]") -> np.ndarray:

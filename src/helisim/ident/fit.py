@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.optimize import Bounds, OptimizeResult, least_squares
 
 from helisim.errors import InputError
 from helisim.ident.bounds import accuracy
@@ -133,7 +133,7 @@ def _descend(cost: Cost, start: NDArray[np.float64]) -> Minimum:
         cost.relative,
         _inside(start, limits),
         jac=cost.relative_jacobian,  # pyright: ignore[reportArgumentType]
-        bounds=limits,
+        bounds=Bounds(*limits),
         x_scale="jac",
         ftol=1e-4,
         xtol=1e-4,
@@ -174,7 +174,7 @@ def _minimum(
         residual,
         _inside(origin, limits),
         jac=jacobian,  # pyright: ignore[reportArgumentType]
-        bounds=limits,
+        bounds=Bounds(*limits),
         x_scale="jac",
         ftol=1e-10,
         xtol=1e-10,

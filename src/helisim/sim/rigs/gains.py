@@ -124,7 +124,8 @@ def loop_gains(
         gtol=1e-12,
     )
     variance = 2.0 * best.cost / (best.fun.size - len(first))
-    spread = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)) * variance)
+    jacobian = np.asarray(best.jac)
+    spread = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)) * variance)
     values, errors = all_four(best.x), np.abs(all_four(spread))
     return LoopGains(
         proportional=float(values[0]),
