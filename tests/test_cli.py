@@ -1,6 +1,7 @@
 """The command line: what it prints, what it writes, and how it fails."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -57,6 +58,16 @@ def test_a_flight_has_the_faults_asked_for(tmp_path):
     kinds = [fault["kind"] for fault in record.provenance["faults"]]
     assert kinds == ["ServoStuck", "RecordGap"]
     assert len(record) == 1301 - 50
+
+
+def test_a_flight_has_the_weather_asked_for(tmp_path):
+    """It stands in the record's provenance, with the heading in rad."""
+    path = tmp_path / "gusty.parquet"
+    wind = ["--wind", "2", "--wind-from-deg", "90", "--turbulence", "light"]
+    assert main(["fly", "--axis", "ped", "--duration", "13", *wind, "--out", str(path)]) == 0
+    weather = read_record(path).provenance["weather"]
+    assert (weather["wind"], weather["turbulence"]) == (2.0, "light")
+    assert weather["wind_from"] == pytest.approx(math.pi / 2)
 
 
 def test_a_recording_is_written(tmp_path):
@@ -119,6 +130,9 @@ def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
         (["--axis", "lat", "--out", "a.csv", "--fault", "servo_rear:stuck@3"], "servo_front"),
         (["--axis", "lat", "--out", "a.csv", "--fault", "gyro:restart@300"], "over at 90 s"),
         (["--axis", "lat", "--out", "a.csv", "--set", "gyro.flight_mode=5"], "one of 1, 2, 3"),
+        (["--axis", "lat", "--out", "a.csv", "--turbulence", "heavy"], "light, moderate, severe"),
+        (["--axis", "lat", "--out", "a.csv", "--turbulence", "-2"], "-2"),
+        (["--axis", "lat", "--out", "a.csv", "--wind", "nan"], "nan"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(tmp_path, monkeypatch, capsys, arguments, says):

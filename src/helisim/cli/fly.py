@@ -1,6 +1,8 @@
 """`helisim fly`: sweeps, recorded."""
 
 import argparse
+import math
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ _EPILOG = """\
 examples:
   helisim fly --axis lat --duration 90 --seed 1 --out lat.parquet
   helisim fly --axis lat --count 40 --out flights
+  helisim fly --axis ped --turbulence light --amplitude 0.04 --out gusty.parquet
 
 a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
   servo_front:stuck@30                   where it is; with position=P, at P
@@ -75,9 +78,40 @@ def add(commands: Any) -> None:
         metavar="FAULT",
         help="of servo, gyro, sensor or recorder, see below; may be given again",
     )
+    _add_weather(command)
     add_integrator(command)
     add_common(command)
     command.set_defaults(run=_run)
+
+
+def _add_weather(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--turbulence",
+        metavar="LEVEL|M/S",
+        help="light, moderate or severe (Dryden, MIL-F-8785C), or the wind at 20 ft that makes "
+        "it, m/s (default: calm)",
+    )
+    command.add_argument(
+        "--wind", type=float, default=0.0, metavar="M/S", help="steady wind, m/s (default: 0)"
+    )
+    command.add_argument(
+        "--wind-from-deg",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="where it comes from; flights head north: 0 is a headwind, 90 from the right",
+    )
+
+
+def _weather(options: argparse.Namespace) -> Any:
+    from helisim.sim import Weather
+
+    turbulence = options.turbulence
+    with suppress(TypeError, ValueError):
+        turbulence = float(turbulence)
+    return Weather(
+        wind=options.wind, wind_from=math.radians(options.wind_from_deg), turbulence=turbulence
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -86,11 +120,12 @@ def _run(options: argparse.Namespace) -> int:
 
     faults = [parse_fault(text) for text in options.fault]
     sweep = Sweep(axis=options.axis, duration=options.duration, amplitude=options.amplitude)
+    flight = {"faults": faults, "weather": _weather(options)}
     _check(options)
     vehicle = load(options.vehicle, parameters=parameters(options), integrator=options.integrator)
     recorder = Recorder.of(vehicle, rotor=options.rerun is not None)
     work = _one if options.count is None else _many
-    work(options, vehicle, sweep, recorder, faults)
+    work(options, vehicle, sweep, recorder, flight)
     return 0
 
 
@@ -112,7 +147,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _one(
-    options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any, faults: list[Any]
+    options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any, flight: dict[str, Any]
 ) -> None:
     from helisim.sim import fly
     from helisim.storage import write_record
@@ -123,7 +158,7 @@ def _one(
             sweep,
             seed=options.seed,
             recorder=recorder,
-            faults=faults,
+            **flight,
             on_flight=lambda: advance("flight"),
         )
     write_record(record, options.out)
@@ -138,7 +173,7 @@ def _one(
 
 
 def _many(
-    options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any, faults: list[Any]
+    options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any, flight: dict[str, Any]
 ) -> None:
     from helisim.sim import fly_to
 
@@ -150,7 +185,7 @@ def _many(
             count=options.count,
             seed=options.seed,
             recorder=recorder,
-            faults=faults,
+            **flight,
             jobs=options.jobs,
             on_flight=lambda: advance("flight"),
         )
