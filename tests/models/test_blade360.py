@@ -112,11 +112,11 @@ def test_signs_are_the_published_ones_in_flight(vehicle, axis, rate):
     model.actuator_user[where.rotor, PARAM.gyro_on] = 0.0
     data = vehicle.hovering()
     col, lon, lat, ped = (0.02 * (axis == name) for name in ("col", "lon", "lat", "ped"))
-    data.ctrl[where.control + 4 : where.control + 7] += servo.mix.py_func(col, lon, lat)
+    data.ctrl[where.control + 4 : where.control + 7] += servo.mix(col, lon, lat)
     data.ctrl[where.control + 7] += ped
     with installed():
         mujoco.mj_step(model, data, 100)
-    turned = flip.py_func(*data.qvel[3:6])
+    turned = flip(*data.qvel[3:6])
     # 0.02 of 6.7 rad/s a unit and 0.2 s of 63 rad/s^2 a unit: 0.13 and 0.25 rad/s
     assert turned[rate] > 0.05
 

@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numba import njit
 
 from helisim.physics import pilot
+
+hashed_noise, remnant, sweep = (
+    njit(law) for law in (pilot.hashed_noise, pilot.remnant, pilot.sweep)
+)  # the hash wraps around at 64 bits, of which Python's own arithmetic warns
 
 W_MIN, W_MAX, DURATION = 0.3, 30.0, 84.0
 COUNT = 40_000
@@ -16,7 +21,7 @@ SIGMAS = 4.5
 
 
 def noise(seed, channel, count=COUNT):
-    return np.array([pilot.hashed_noise(seed, channel, k) for k in range(count)])
+    return np.array([hashed_noise(seed, channel, k) for k in range(count)])
 
 
 @given(time=st.floats(0.5, DURATION - 0.5))
@@ -59,7 +64,7 @@ def test_unsteady_sweep_differs_by_seed():
     """A human sweep wobbles about the machine's, each seed in its own way."""
     time = np.linspace(2.0, DURATION - 2.0, 400)
     flown = [
-        np.array([pilot.sweep(t, DURATION, W_MIN, W_MAX, 1.0, u, s) for t in time])
+        np.array([sweep(t, DURATION, W_MIN, W_MAX, 1.0, u, s) for t in time])
         for u, s in ((0.0, 1.0), (0.1, 1.0), (0.1, 2.0))
     ]
     assert not np.allclose(flown[1], flown[2])
@@ -97,18 +102,18 @@ def test_noise_is_white_and_independent():
 def test_noise_is_a_function():
     """The same seed, channel and knot give the same number; there is no state."""
     assert noise(5, 2, 50).tolist() == noise(5, 2, 50).tolist()
-    assert pilot.hashed_noise(5, 2, -3) == pilot.hashed_noise(5, 2, -3)
+    assert hashed_noise(5, 2, -3) == hashed_noise(5, 2, -3)
 
 
 def test_remnant_is_continuous_with_unit_variance():
     """Linear between knots, and its variance over time is 1."""
     interval = 0.1
-    knots = [pilot.remnant(k * interval, interval, 4.0, 1) for k in range(1, 6)]
+    knots = [remnant(k * interval, interval, 4.0, 1) for k in range(1, 6)]
     for k, value in enumerate(knots, start=1):
-        around = [pilot.remnant(k * interval + d, interval, 4.0, 1) for d in (-1e-9, 1e-9)]
+        around = [remnant(k * interval + d, interval, 4.0, 1) for d in (-1e-9, 1e-9)]
         assert around == pytest.approx([value, value], abs=1e-7)  # slope below 100 / s x 1e-9 s
     time = np.linspace(0.0, 2000.0, 80_001)
-    values = np.array([pilot.remnant(t, interval, 4.0, 1) for t in time])
+    values = np.array([remnant(t, interval, 4.0, 1) for t in time])
     # 20000 independent knots; kurtosis of a mixture of neighbours stays below 3
     assert abs(values.var() - 1.0) < SIGMAS * math.sqrt(2.0 / 20_000)
 

@@ -63,10 +63,10 @@ def test_no_servo_goes_beyond_its_travel(jr700, commanded):
 
 def test_a_limited_swashplate_moves_less_than_asked(commanded):
     """Full collective and full cyclic at once: the front servo stops, so the swashplate does."""
-    asked = servo.mix.py_func(0.4, 0.5, 0.0)
+    asked = servo.mix(0.4, 0.5, 0.0)
     assert asked[0] == pytest.approx(0.9)
     positions = commanded([*asked, 0.0], 0.4)
-    col, lon, lat = servo.unmix.py_func(*positions[-1, :3])
+    col, lon, lat = servo.unmix(*positions[-1, :3])
     # the front is 0.15 short: a third of it in collective, two thirds in longitudinal
     assert (col, lon, lat) == pytest.approx((0.4 - 0.05, 0.5 - 0.1, 0.0), abs=1e-3)
 
@@ -77,6 +77,6 @@ def test_four_servo_signals_are_recorded_and_give_in1(jr700):
     record = fly(jr700, Doublet(axis="ped", amplitude=0.3, width=0.2), recorder=kept, jobs=1)[0]
     assert set(SERVOS) <= set(record.names)
     front, left, right, tail = record.select(SERVOS).T
-    recomputed = np.column_stack([*servo.unmix.py_func(front, left, right), tail])
+    recomputed = np.column_stack([*servo.unmix(front, left, right), tail])
     assert record.select(IN1) == pytest.approx(recomputed, abs=1e-15)  # rounding
     assert np.abs(record["ped"]).max() > 0.45  # the gyro's own limit of 0.5, filtered

@@ -99,7 +99,7 @@ def test_a_stuck_servo_tilts_as_the_mixing_says(jr700, name):
     """The first turn of the helicopter is that of col, lon and lat of one servo out of place."""
     out = 0.02
     alone = np.where(np.array(SERVOS[:3]) == name, out, 0.0)
-    col, lon, lat = servo.unmix.py_func(*alone)
+    col, lon, lat = servo.unmix(*alone)
     rows = without_gyro(jr700, 0.3, ServoStuck(servo=name, at=0.0, position=out))
     base = jr700.linearize("IN1").system
     time = rows[:, 0]
@@ -121,7 +121,7 @@ def test_a_stuck_swashplate_servo_takes_the_collective(jr700):
     out = 0.01
     truth = hover(jr700, ServoStuck(servo="servo_front", at=AT, position=out))
     late = truth.time > 8.0
-    col, lon, lat = servo.unmix.py_func(*truth.servo_positions[late, :3].T)
+    col, lon, lat = servo.unmix(*truth.servo_positions[late, :3].T)
     assert np.mean(col) == pytest.approx(out, abs=0.1 * out)
     assert np.abs([np.mean(lon), np.mean(lat)]).max() < 0.1 * out
     # the pilot pulls the stick the other way, and the helicopter climbs all the same

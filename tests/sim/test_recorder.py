@@ -200,7 +200,7 @@ def test_in1_is_recomputed_from_the_servos(jr700):
         jr700, Sweep(axis="lat", duration=6.0, trim_time=1.0), recorder=Recorder(latency={}), jobs=1
     )[0]
     front, left, right, tail = flown.select(SERVOS).T
-    recomputed = np.column_stack([*servo.unmix.py_func(front, left, right), tail])
+    recomputed = np.column_stack([*servo.unmix(front, left, right), tail])
     # to rounding, resolution included
     assert flown.select(IN1) == pytest.approx(recomputed, abs=1e-15)
     assert np.ptp(flown["lat"]) > 0.01
@@ -235,7 +235,7 @@ def test_servo_noise_is_in_in1():
     """IN1 is recomputed from the recorded servo signals, with the noise that they have."""
     seen = record(artificial(), **WIDE, **{**PLAIN, "noise": dict.fromkeys(SERVOS, 0.01)})
     front, left, right, tail = seen.select(SERVOS).T
-    recomputed = np.column_stack([*servo.unmix.py_func(front, left, right), tail])
+    recomputed = np.column_stack([*servo.unmix(front, left, right), tail])
     assert np.array_equal(seen.select(IN1), recomputed)
 
 

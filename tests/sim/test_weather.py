@@ -41,7 +41,7 @@ def spectra(dryden, omega):
 
 def outputs(states):
     """Return u, v, w, p, q, r of the air from rows of states, (6, n)."""
-    return np.array(law.turbulence.py_func(states.T, SPAN))
+    return np.array(law.turbulence(states.T, SPAN))
 
 
 @pytest.mark.parametrize("drift", [None, 30.0])

@@ -110,7 +110,7 @@ def drop(
     model.opt.timestep = timestep or model.opt.timestep
     data = mujoco.MjData(model)
     data.qpos[:7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-    data.qvel[3:6] = flip.py_func(*body.rates)
+    data.qvel[3:6] = flip(*body.rates)
     rows = []
     mujoco.set_mjcb_passive(lambda _, now: _add_loads(now, body))
     try:
@@ -182,14 +182,14 @@ def _seen(data: mujoco.MjData) -> list[float]:
     velocity = level @ [north, eastwards, -climb]
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, data.qpos[3:7])
-    signs = np.array(flip.py_func(1.0, 1.0, 1.0))
+    signs = np.array(flip(1.0, 1.0, 1.0))
     attitude = level @ (signs[:, None] * matrix.reshape(3, 3) * signs)
     angles = (
         math.atan2(attitude[1, 0], attitude[0, 0]),
         -math.asin(attitude[2, 0]),
         math.atan2(attitude[2, 1], attitude[2, 2]),
     )
-    rates = flip.py_func(*data.qvel[3:6])
+    rates = flip(*data.qvel[3:6])
     altitude = math.hypot(up, east) - EQUATOR
     return [
         altitude / FOOT,

@@ -22,7 +22,7 @@ def tail_speed() -> Erratum:
     def thrust(speed: float, pedal: float) -> float:
         area = math.pi * radius**2
         solidity = par["tail_rotor.blades"] * par["tail_rotor.chord"] / (math.pi * radius)
-        _, ct = rotor.inflow_and_thrust.py_func(
+        _, ct = rotor.inflow_and_thrust(
             par["tail_rotor.pitch_trim"] + pedal * par["tail_rotor.pitch_range"],
             0.0,
             0.0,

@@ -101,7 +101,7 @@ def model_shapes(model: mujoco.MjModel) -> Shapes:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    right_down = np.diag(flip.py_func(1.0, 1.0, 1.0))
+    right_down = np.diag(flip(1.0, 1.0, 1.0))
     to_body = right_down @ data.xmat[root].reshape(3, 3).T
     ids = np.flatnonzero(
         (model.body_rootid[model.geom_bodyid] == root) & (model.geom_group < _VISUAL_GROUPS)

@@ -215,7 +215,7 @@ class _Rotors:
 
     def draw(self, data: mujoco.MjData, scene: mujoco.MjvScene | None) -> None:
         """Put the rotors and the arrow where the state has them."""
-        tilt = Rotation.from_rotvec(flip.py_func(*drawn_tilt(*data.act[self.tilts]).as_rotvec()))
+        tilt = Rotation.from_rotvec(flip(*drawn_tilt(*data.act[self.tilts]).as_rotvec()))
         main, tail = drawn_turn(data.time, self.speeds)
         # clockwise from above, as its torque, which the tail's thrust holds, tells
         self.main.place(data, (tilt * Rotation.from_rotvec([0.0, 0.0, -main])).as_matrix())

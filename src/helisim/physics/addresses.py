@@ -8,6 +8,7 @@ from helisim.physics.memory import doubles, doubles_from, ints, long
 
 _USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+_PARAMETERS = len(PARAM)
 REPORTS = 24
 """Numbers in a vehicle's own sensors."""
 
@@ -22,6 +23,8 @@ def parameters(m, offsets, actuator):
 @kernel()
 def is_rotor(m, offsets, actuator):
     """Tell whether an actuator is the rotor of one of our vehicles, all the others before it."""
+    if long(m, offsets.nuser_actuator) < _PARAMETERS:
+        return False
     user = parameters(m, offsets, actuator)
     if user[PARAM.magic] != MAGIC or user[PARAM.ordinal] != ROTOR or actuator < ROTOR:
         return False
@@ -32,8 +35,6 @@ def is_rotor(m, offsets, actuator):
 @kernel()
 def vehicles(m, offsets):
     """Yield the rotor actuator of every vehicle of ours in the model."""
-    if long(m, offsets.nuser_actuator) < len(PARAM):
-        return
     for actuator in range(ROTOR, long(m, offsets.nactuator)):
         if is_rotor(m, offsets, actuator):
             yield actuator

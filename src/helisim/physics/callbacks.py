@@ -29,7 +29,7 @@ from helisim.physics.commanded import (
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, ROTOR, STATE
 from helisim.physics.loads import STOPPED, main_rotor, tail_rotor, wrench
-from helisim.physics.memory import doubles, doubles_from, long
+from helisim.physics.memory import doubles, doubles_from
 from helisim.physics.piloting import fly
 from helisim.physics.stabilizing import cyclic_law, yaw_law
 from helisim.physics.stepping import held_for, position_ahead
@@ -118,7 +118,7 @@ def activation_rates(m, d, offsets, actuator):
 
     What mjcb_act_dyn does.
     """
-    if long(m, offsets.nuser_actuator) < len(PARAM) or not is_rotor(m, offsets, actuator):
+    if not is_rotor(m, offsets, actuator):
         return 0.0
     par = parameters(m, offsets, actuator)
     first = state_of(m, offsets, actuator)

@@ -13,6 +13,7 @@ import numpy as np
 from mujoco.introspect import ast_nodes, structs
 
 from helisim.errors import CallbackError
+from helisim.physics.constants import known
 
 _SCALARS: dict[str, Any] = {
     "int": ctypes.c_int,
@@ -32,6 +33,7 @@ _SCALARS: dict[str, Any] = {
 }
 
 
+@known
 class Offsets(NamedTuple):
     """Byte offsets of the fields that the callbacks read or write; `fingerprint` is no field."""
 

@@ -7,6 +7,8 @@ is; the rotor's user numbers carry every parameter of the vehicle, in the order 
 
 from typing import NamedTuple
 
+from helisim.physics.constants import known
+
 MAGIC = 48756173.0
 """First user number of every actuator of a helisim vehicle; any other model is left alone."""
 
@@ -27,6 +29,7 @@ ROTOR = 8
 """Ordinal of the rotor among the vehicle's actuators."""
 
 
+@known
 class StateIndex(NamedTuple):
     """Activations of a vehicle, from the address of its first one."""
 
@@ -61,6 +64,7 @@ class StateIndex(NamedTuple):
 STATE = StateIndex(*range(len(StateIndex._fields)))
 
 
+@known
 class ParamIndex(NamedTuple):
     """Parameters of a vehicle, by index into the rotor actuator's user numbers. SI."""
 

@@ -152,7 +152,7 @@ class _Sampling:
             self._digitised(servo_name, truth.servo_commands[:, k], late_as=name)
             for k, servo_name in enumerate(SERVOS)
         ]
-        mixed = (*servo.unmix.py_func(*commands[:3]), commands[3])[IN1.index(name)]
+        mixed = (*servo.unmix(*commands[:3]), commands[3])[IN1.index(name)]
         return self._rounded(name, mixed + self._noise(name))
 
     def motion(self) -> dict[str, NDArray[np.float64]]:

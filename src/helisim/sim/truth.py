@@ -123,7 +123,7 @@ def imu_offset(vehicle: Vehicle) -> NDArray[np.float64]:
     mujoco.mj_comPos(model, data)
     body = model.body(vehicle.name).id
     arm = data.site("imu").xpos - data.subtree_com[body]
-    return np.array(flip.py_func(*(data.xmat[body].reshape(3, 3).T @ arm)))
+    return np.array(flip(*(data.xmat[body].reshape(3, 3).T @ arm)))
 
 
 def _halfway(columns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -135,11 +135,11 @@ def _halfway(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _flipped(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.column_stack(flip.py_func(*columns.T))
+    return np.column_stack(flip(*columns.T))
 
 
 def _attitudes(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
-    x, y, z = flip.py_func(*quaternions[:, 1:].T)
+    x, y, z = flip(*quaternions[:, 1:].T)
     turned = Rotation.from_quat(np.column_stack([quaternions[:, 0], x, y, z]), scalar_first=True)
     angles = turned.as_euler("ZYX")[:, ::-1]
     angles[:, 2] = np.unwrap(angles[:, 2])

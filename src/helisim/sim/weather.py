@@ -94,7 +94,7 @@ class Dryden:
 
         def rates(state: NDArray, noise: NDArray) -> NDArray[np.float64]:
             written = np.empty(_STATES)
-            law.turbulence_rates.py_func(state, noise, lags, written)
+            law.turbulence_rates(state, noise, lags, written)
             return written
 
         calm, still = np.zeros(_STATES), np.zeros(4)

@@ -144,7 +144,7 @@ class _Dynamics:
         felt = specific_force(self.data, self.model, motion)
         seen = [getattr(motion, name) for name in OUTPUTS[:-3]]
         commands = self.data.ctrl[self.where.control + 4 : self.where.control + 8]
-        swash = servo.unmix.py_func(*commands[:3])
+        swash = servo.unmix(*commands[:3])
         asked = [*swash, commands[3]]
         return np.concatenate([motion_rates(self.data, motion), rates, seen, felt, asked])
 
@@ -153,7 +153,7 @@ class _Dynamics:
         control[:] = self.ctrl[self.where.control : self.where.control + ROTOR + 1]
         if self.inputs == IN1:
             col, lon, lat, ped = deviation
-            control[4:7] += servo.mix.py_func(col, lon, lat)
+            control[4:7] += servo.mix(col, lon, lat)
             control[7] += ped
         else:
             control[:4] += deviation
@@ -198,6 +198,6 @@ def _swash_derivatives(base: Linearization, rate: str) -> dict[str, float]:
     servos = ("front_position", "left_position", "right_position")
     by_servo = np.array([base.derivative(rate, name) for name in servos])
     return {
-        name: float(by_servo @ servo.mix.py_func(*unit))
+        name: float(by_servo @ servo.mix(*unit))
         for name, unit in zip(("col", "lon", "lat"), np.eye(3))
     }

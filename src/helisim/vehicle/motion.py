@@ -54,7 +54,7 @@ def rotation_matrix(phi: float, theta: float, psi: float) -> NDArray[np.float64]
 
 
 def _flip_matrix(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    signs = np.array(flip.py_func(1.0, 1.0, 1.0))
+    signs = np.array(flip(1.0, 1.0, 1.0))
     return signs[:, None] * matrix * signs
 
 
@@ -64,10 +64,10 @@ def write_motion(model: mujoco.MjModel, data: mujoco.MjData, motion: Motion) -> 
     earth = rotation_matrix(phi, theta, psi)
     matrix = _flip_matrix(earth)
     quaternion = Rotation.from_matrix(matrix).as_quat(scalar_first=True)
-    data.qpos[:3] = flip.py_func(north, east, down)
+    data.qpos[:3] = flip(north, east, down)
     data.qpos[3:7] = quaternion
-    data.qvel[:3] = flip.py_func(*(earth @ [u, v, w]))
-    data.qvel[3:6] = flip.py_func(p, q, r)
+    data.qvel[:3] = flip(*(earth @ [u, v, w]))
+    data.qvel[3:6] = flip(p, q, r)
 
 
 def motion_rates(data: mujoco.MjData, motion: Motion) -> NDArray[np.float64]:
@@ -75,8 +75,8 @@ def motion_rates(data: mujoco.MjData, motion: Motion) -> NDArray[np.float64]:
     u, v, w, p, q, r, phi, theta, psi, *_ = astuple(motion)
     earth = rotation_matrix(phi, theta, psi)
     velocity, rates = np.array([u, v, w]), np.array([p, q, r])
-    acceleration = earth.T @ flip.py_func(*data.qacc[:3]) - np.cross(rates, velocity)
-    angular = flip.py_func(*data.qacc[3:6])
+    acceleration = earth.T @ flip(*data.qacc[:3]) - np.cross(rates, velocity)
+    angular = flip(*data.qacc[3:6])
     sine, cosine, tangent = np.sin(phi), np.cos(phi), np.tan(theta)
     euler = [
         p + (q * sine + r * cosine) * tangent,
@@ -92,4 +92,4 @@ def specific_force(
     """Return ax, ay, az (m/s^2) at the centre of gravity, (3,), after mj_forward."""
     earth = rotation_matrix(motion.phi, motion.theta, motion.psi)
     felt = data.qacc[:3] - model.opt.gravity
-    return earth.T @ flip.py_func(*felt)
+    return earth.T @ flip(*felt)

@@ -324,10 +324,8 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
             commanded = parameters[f"gyro.{answer}_per_{stick}"] * _travel(parameters, rate)
             block[getattr(PARAM, f"gyro_{answer}_per_{stick}")] = commanded
     period = parameters["gyro.period"]
-    block[PARAM.gyro_lead_lag] = held_lag.py_func(parameters["gyro.lead_filter"], period)
-    block[PARAM.gyro_derivative_lag] = held_lag.py_func(
-        parameters["gyro.derivative_filter"], period
-    )
+    block[PARAM.gyro_lead_lag] = held_lag(parameters["gyro.lead_filter"], period)
+    block[PARAM.gyro_derivative_lag] = held_lag(parameters["gyro.derivative_filter"], period)
     block[PARAM.gyro_on] = 1.0
     block[PARAM.remnant_interval] = 1.0
     block[PARAM.excitation_duration] = 1.0

@@ -137,7 +137,7 @@ def place(
     where = addresses(model)
     motion = trim.motion if height is None else replace(trim.motion, down=-height)
     write_motion(model, data, motion)
-    swash = servo.mix.py_func(trim.col, trim.lon, trim.lat)
+    swash = servo.mix(trim.col, trim.lon, trim.lat)
     act = data.act[where.state : where.state + len(STATE)]
     act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*swash, trim.ped]
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b
@@ -153,7 +153,7 @@ def collective_stick(model: mujoco.MjModel, trim: Trim) -> float:
 
 def _settle_gyro(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim) -> None:
     cosine, sine = par[PARAM.gyro_phase_cosine], par[PARAM.gyro_phase_sine]
-    lat, lon = gyro.rotate.py_func(cosine, -sine, trim.lat, trim.lon)
+    lat, lon = gyro.rotate(cosine, -sine, trim.lat, trim.lon)
     act[STATE.gyro_p_integral] = lat / par[PARAM.gyro_ki_lat]
     act[STATE.gyro_q_integral] = lon / par[PARAM.gyro_ki_lon]
     act[STATE.gyro_r_integral] = trim.ped / par[PARAM.gyro_k_i]

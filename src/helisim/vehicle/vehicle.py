@@ -75,7 +75,7 @@ class Vehicle:
                 f"speed {speed}, wind {wind}, height {height}"
             )
         model = copy.copy(self.model)
-        model.opt.wind[:] = flip.py_func(*wind)
+        model.opt.wind[:] = flip(*wind)
         trim = find_trim(model, speed=speed, height=height, near=self.trim)
         changed = Vehicle(self.name, self.parameters, model, trim)
         changed.__dict__.update(_unsampled=self._unsampled)
@@ -208,9 +208,9 @@ class Vehicle:
         held = 0.5 * self.parameters["gyro.period"]
         par = self.model.actuator_user[addresses(self.model).rotor]
         if axis == "ped":
-            lag = equivalent_delay.py_func(par[PARAM.tail_frequency], par[PARAM.tail_damping])
+            lag = equivalent_delay(par[PARAM.tail_frequency], par[PARAM.tail_damping])
         else:
-            lag = equivalent_delay.py_func(par[PARAM.swash_frequency], par[PARAM.swash_damping])
+            lag = equivalent_delay(par[PARAM.swash_frequency], par[PARAM.swash_damping])
         return held + lag
 
 

@@ -86,7 +86,7 @@ class TableSweep:
     def rates(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the rate the table is told, positive to the right, at the times, (n,)."""
         length = self.duration - 2.0 * self.rest
-        angle = [pilot.sweep.py_func(t - self.rest, length, *self.band, 2.0, 0.0, 0) for t in time]
+        angle = [pilot.sweep(t - self.rest, length, *self.band, 2.0, 0.0, 0) for t in time]
         return self.amplitude * np.gradient(np.array(angle), time)
 
 
@@ -167,7 +167,7 @@ def suspension_points(held: Vehicle) -> dict[str, NDArray[np.float64]]:
     """Return where the suspension can take hold, by name: (3,) m, airframe axes (FRD)."""
     model = held.model
     welds = [model.equality(k) for k in range(model.neq)]
-    return {weld.name: np.array(flip.py_func(*weld.data[:3])) for weld in welds}
+    return {weld.name: np.array(flip(*weld.data[:3])) for weld in welds}
 
 
 def _still(held: Vehicle, duration: float) -> NDArray[np.float64]:

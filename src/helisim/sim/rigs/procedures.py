@@ -239,7 +239,7 @@ def turntable_test(
     _check_servo(record)
     true = vehicle.parameters
     period = true["gyro.period"]
-    lead_filter = held_lag.py_func(true["gyro.lead_filter"], period) - 0.5 * period
+    lead_filter = held_lag(true["gyro.lead_filter"], period) - 0.5 * period
     found = loop_gains(
         record,
         input="r",
@@ -403,7 +403,7 @@ def _drawing(held: Vehicle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     turned = data.xmat[body].reshape(3, 3).T
     centre = turned @ (data.subtree_com[body] - data.xpos[body])
     imu = turned @ (data.site("imu").xpos - data.xpos[body])
-    return np.array(flip.py_func(*centre)), np.array(flip.py_func(*imu))
+    return np.array(flip(*centre)), np.array(flip(*imu))
 
 
 def _check_servo(record: FlightRecord) -> None:
