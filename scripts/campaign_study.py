@@ -1,16 +1,16 @@
 """What the identification's error bars are worth, from a campaign's dataset.
 
 Printed are, for every parameter, how often the 95 % intervals and the Cramér-Rao bounds hold the
-truth; how bias and scatter grow with noise and turbulence and fall with the length of the
-records; and the shortest flight time that keeps N_r, L_b and M_a within the paper's bounds of the
-truth. Conditions are the values of what the campaign varied.
+truth, over all conditions and against each; how bias and scatter grow with noise and turbulence
+and fall with the length of the records; and the shortest flight time that keeps N_r, L_b and M_a
+within the paper's bounds of the truth. Conditions are the values of what the campaign varied.
 
     helisim campaign scripts/campaigns/study.toml --out study
     python scripts/campaign_study.py study
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ from helisim.reference import jr700
 WANTED = (("yaw_base", "N_r"), ("rollpitch_in1", "L_b"), ("rollpitch_in1", "M_a"))
 SHARE = 0.95
 """Of the replicates that must be within a bound."""
+LENGTH = "sweep.duration"
+"""The condition that is mildest where it is greatest."""
 
 Row = dict[str, Any]
 
@@ -41,50 +43,85 @@ def varies(law: Row) -> bool:
 
 
 def levels(rows: Sequence[Row], column: str) -> list[Any]:
-    """Return the values of a column, mildest first."""
+    """Return the values of a column, least first."""
     return sorted({row[column] for row in rows})
 
 
-def effect(rows: Sequence[Row], column: str, held: dict[str, Any]) -> None:
-    """Print bias and scatter at each level of a column, all else at the values held."""
-    kept = [row for row in rows if all(row[name] == value for name, value in held.items())]
+def mildest(rows: Sequence[Row], columns: Sequence[str]) -> Row:
+    """Return the condition with least noise and turbulence and the longest records."""
+    return {name: levels(rows, name)[-1 if name == LENGTH else 0] for name in columns}
+
+
+def select(rows: Sequence[Row], condition: Row) -> list[Row]:
+    """Return the rows of a condition."""
+    return [row for row in rows if all(row[name] == value for name, value in condition.items())]
+
+
+def told(condition: Row) -> str:
+    """Return a condition in words."""
+    return ", ".join(f"{name} {value:g}" for name, value in condition.items())
+
+
+def against(
+    rows: Sequence[Row], column: str, title: str, condition: Row, cell: Callable[[Summary], str]
+) -> None:
+    """Print a number for each parameter at each level of a column, in one condition."""
+    kept = select(rows, condition)
     values = levels(kept, column)
-    told = ", ".join(f"{name} {value:g}" for name, value in held.items())
-    print(f"\nbias and scatter, %, against {column} ({told})")
+    number = len({row["replicate"] for row in kept}) // (1 if column == "flights" else len(values))
+    print(f"\n{title} against {column} ({told(condition)}; {number} replicates each)")
     print(f"  {'parameter':<24}" + "".join(f"{value:>16g}" for value in values))
     found: dict[tuple[str, str], dict[Any, Summary]] = {}
     for one in summarise(pa.Table.from_pylist(kept), by=(column,)):
         name = f"{one.model} {one.parameter}", one.group["method"]
         found.setdefault(name, {})[one.group[column]] = one
     for (name, method), by_level in found.items():
-        cells = "".join(
-            f"{100 * by_level[v].bias:8.2f} +-{100 * by_level[v].scatter:5.2f}" for v in values
-        )
+        cells = "".join(f"{cell(by_level[value]):>16}" for value in values)
         print(f"  {name:<24}{cells}{'' if method == 'designed' else '  ' + method}")
+
+
+def scattered(one: Summary) -> str:
+    """Return bias and scatter, %."""
+    return f"{100 * one.bias:.2f} +-{100 * one.scatter:5.2f}"
+
+
+def covered(one: Summary) -> str:
+    """Return the shares of the 95 % intervals and of the bounds that hold the truth, %."""
+    return f"{100 * one.covered:.0f} / {100 * one.covered_by_cr:.0f}"
 
 
 def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
     """Print the shortest flight time within the paper's bounds, for each condition."""
-    bounds = {(model, name): bound(model, name) for model, name in WANTED}
-    told = ", ".join(f"{name} {100 * limit:.2g} %" for (_, name), limit in bounds.items())
-    print(f"\nshortest flight time with {SHARE:.0%} of the replicates within {told} of the truth")
-    for condition in sorted({tuple(row[name] for name in columns) for row in rows}):
-        here = [row for row in rows if tuple(row[name] for name in columns) == condition]
-        where = ", ".join(f"{name} {value:g}" for name, value in zip(columns, condition))
-        print(f"  {where:<48}" + "".join(need(here, key, limit) for key, limit in bounds.items()))
+    found = {row["model"] for row in rows}
+    bounds = {(model, name): bound(model, name) for model, name in WANTED if model in found}
+    if not bounds:
+        return
+    limits = ", ".join(f"{name} {100 * limit:.2g} %" for (_, name), limit in bounds.items())
+    print(f"\nshortest flight time with {SHARE:.0%} of the replicates within {limits} of the truth")
+    print("(s of all sweeps together; in brackets sweeps of each axis x s)")
+    weather = [name for name in columns if name != LENGTH]
+    for values in sorted({tuple(row[name] for name in weather) for row in rows}):
+        condition = dict(zip(weather, values))
+        here = select(rows, condition)
+        cells = "".join(f"  {key[1]} {need(here, key, limit):<20}" for key, limit in bounds.items())
+        print(f"  {told(condition):<40}{cells}")
 
 
 def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
-    """Return in words the least flights from which on enough replicates are within a limit."""
-    rows = [r for r in rows if (r["model"], r["parameter"], r["method"]) == (*key, "designed")]
-    enough = None
-    for flights in reversed(levels(rows, "flights")):
-        some = [row for row in rows if row["flights"] == flights]
-        within = np.abs(errors(some)) <= limit
-        if within.sum() < SHARE * len(some):
-            break
-        enough = max(row["flight_time"] for row in some if row["flight_time"] is not None)
-    return f"  {key[1]} " + (f"{enough:5.0f} s" if enough is not None else "  never")
+    """Return in words the shortest flights from which on enough replicates are within a limit."""
+    model, parameter = key
+    wanted = {"model": model, "parameter": parameter, "method": "designed"}
+    enough: list[tuple[float, str]] = []
+    for duration in levels(rows, LENGTH) if LENGTH in rows[0] else [None]:
+        of_length = wanted if duration is None else {**wanted, LENGTH: duration}
+        for flights in reversed(levels(rows, "flights")):
+            some = select(rows, {**of_length, "flights": flights})
+            if (np.abs(errors(some)) <= limit).sum() < SHARE * len(some):
+                break
+            time = max(row["flight_time"] for row in some if row["flight_time"] is not None)
+            how = f"{flights}" if duration is None else f"{flights} x {duration:g}"
+            enough.append((time, f"{time:.0f} ({how})"))
+    return min(enough)[1] if enough else "not reached"
 
 
 def bound(model: str, parameter: str) -> float:
@@ -100,15 +137,17 @@ def main(path: str) -> None:
     rows = table.to_pylist()
     columns = conditions(provenance)
     replicates = len({row["replicate"] for row in rows})
-    longest = max(levels(rows, "flights"))
-    mildest = {name: levels(rows, name)[0] for name in columns}
+    most = {"flights": max(levels(rows, "flights"))}
+    calm = mildest(rows, columns)
     print(f"{replicates} replicates, {len(rows)} estimates; varied: {', '.join(columns)}")
-    print(f"\nall conditions together, {longest} flights on each axis\n")
-    print(render(summarise(pa.Table.from_pylist([r for r in rows if r["flights"] == longest]))))
+    print(f"\nall conditions together, {told(most)} on each axis\n")
+    print(render(summarise(pa.Table.from_pylist(select(rows, most)))))
     for name in columns:
-        others = {other: value for other, value in mildest.items() if other != name}
-        effect(rows, name, {**others, "flights": longest})
-    effect(rows, "flights", mildest)
+        against(rows, name, "% in the 95 % intervals / in CR", most, covered)
+    for name in columns:
+        others = {other: value for other, value in calm.items() if other != name}
+        against(rows, name, "bias +- scatter, %,", {**others, **most}, scattered)
+    against(rows, "flights", "bias +- scatter, %,", calm, scattered)
     shortest(rows, columns)
 
 

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 
 def square(number):
@@ -21,6 +22,12 @@ def die_once(task):
 def always_die(_):
     """Kill the process."""
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def linger(folder):
+    """Say who works, by a file named by the process, and work for long."""
+    (folder / f"{os.getpid()}.pid").touch()
+    time.sleep(600.0)
 
 
 def fail(number):

@@ -2,11 +2,13 @@
 
 import tomllib
 
+import mujoco
 import numpy as np
 import pytest
 
 from helisim.campaign import campaign_from, read_campaign
 from helisim.errors import HelisimError, InputError, StorageError
+from helisim.sim import Gust, Weather
 from helisim.vehicle import load
 
 PLAN = """
@@ -87,6 +89,37 @@ def test_a_factor_multiplies_what_the_axis_has_of_its_own(jr700):
     assert campaign.replicate(0).settings.sweep("ped", jr700.parameters).band == (0.3, 30.0)
 
 
+def test_weather_reaches_what_flies():
+    """Calm is a level of turbulence like others; a gust is named field by field."""
+    campaign = plan("""
+[set.weather]
+wind = 2
+gust.down = 1.5
+gust.rise = { value = 3, relative = true }
+[vary.weather]
+turbulence = [0, 1.5]
+""")
+    calm, rough = (one.settings.weather() for one in campaign)
+    assert calm.dryden is None
+    # MIL-F-8785C, section 3.7.3: a tenth of the wind at 20 ft
+    assert rough.dryden.rms[2] == pytest.approx(0.15, rel=1e-12)
+    assert {one.wind for one in (calm, rough)} == {2}
+    assert calm.gust == Gust(down=1.5, rise=3.0)  # three times the usual second
+    assert campaign_from({}).replicate(0).settings.weather() == Weather()
+
+
+def test_turbulence_goes_by_name_too():
+    """The standard's names stand where numbers do."""
+    campaign = plan('[vary.weather]\nturbulence = ["light", "severe"]')
+    assert [one.settings.weather().turbulence for one in campaign] == ["light", "severe"]
+
+
+def test_the_integrator_is_the_campaigns():
+    """All replicates are flown with it."""
+    vehicle = plan('[campaign]\nintegrator = "Euler"').replicate(0).settings.load()
+    assert vehicle.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+
+
 def test_a_vehicle_is_loaded_with_its_parameters():
     """What varies of the vehicle changes the truth."""
     campaign = plan("[vary.vehicle]\nmain_rotor.hub_stiffness = [80, 100]")
@@ -151,6 +184,7 @@ def test_a_plan_is_plain_data():
         ('[campaign]\nseed = "a"', "seed must be"),
         ('[campaign]\ndesign = "sobol"', "available: grid, latin hypercube, monte carlo"),
         ('[campaign]\nvehicle = "jr800"', "unknown vehicle 'jr800'; available: "),
+        ('[campaign]\nintegrator = "RK5"', "available: RK4, Euler"),
         ('[campaign]\nmodels = ["yaw"]', "available: yaw_base"),
         ('[campaign]\nmodels = "heave"', "models must be a list"),
         ("[campaign]\nmodels = []", "models must be a list"),
@@ -187,6 +221,16 @@ def test_a_plan_is_plain_data():
         ("[vary.sweep]\nduration = { mean = 60, std = 0 }", "std must be positive"),
         ("[vary.sweep]\nduration = { values = [1, 2], relative = 1 }", "true or false"),
         ("[set.sweep]\nduration = 30\n[vary.sweep]\nduration = [30, 60]", "both set and varied"),
+        ("[vary.weather]\nturbulence = [0, -1]", "wind at 20 ft of 0 m/s or more"),
+        ("[vary.weather]\nturbulence = ['light', 'rough']", "available: light, moderate, severe"),
+        ("[vary.weather]\nturbulence = [0, 'light']", "mixes numbers and text"),
+        (
+            "[set.weather]\ngust = 3",
+            "weather.gust has fields: name one, such as",
+        ),
+        ("[set.weather]\ngust.up = 3", "unknown setting of weather.gust 'up'; available: north"),
+        ("[set.weather]\ngust.rise = 0", "[weather.gust] a gust needs a positive rise"),
+        ("[set.weather]\nturbulence = { value = 2, relative = true }", "drop relative"),
         ("[vary.recorder]\nnoise = [0.1, 0.2]", "recorder.noise.p"),
         ("[vary.recorder]\nnoise.x = [0.1, 0.2]", "unknown channel 'x'"),
         ("[vary.recorder]\nrate_hz = [50, 100]", "anti-alias"),

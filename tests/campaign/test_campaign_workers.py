@@ -2,6 +2,9 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
 import tomllib
 from multiprocessing import active_children
 from pathlib import Path
@@ -62,6 +65,49 @@ def test_leaving_early_stops_the_processes():
     results.close()
     assert_no_process_is_left()
     assert dict(os.environ) == before
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
+    """Nothing goes on computing, or waits for ever, for a campaign that is gone."""
+    script = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from pathlib import Path
+from mortal import linger
+from helisim.campaign import local
+if __name__ == "__main__":
+    list(local(2)(linger, [Path({str(tmp_path)!r})] * 2))
+"""
+    (tmp_path / "parent.py").write_text(script)
+    parent = subprocess.Popen(
+        [sys.executable, str(tmp_path / "parent.py")], stderr=subprocess.DEVNULL
+    )
+    try:
+        wait_until(lambda: len(list(tmp_path.glob("*.pid"))) == 2)
+    finally:
+        parent.kill()
+        parent.wait()
+    workers = [int(path.stem) for path in tmp_path.glob("*.pid")]
+    wait_until(lambda: not any(map(runs, workers)))
+
+
+def wait_until(happened):
+    for _ in range(1200):
+        if happened():
+            return
+        time.sleep(0.05)
+    raise AssertionError("not within a minute")
+
+
+def runs(pid):
+    """Return whether a process exists; one that ended but that nobody waited for doesn't."""
+    try:
+        os.kill(pid, 0)
+        return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except ProcessLookupError:
+        return False
+    except FileNotFoundError:  # no such folder here, or it has just ended: ask again
+        return True
 
 
 @pytest.mark.parametrize("jobs", [0, -1, 1.5])

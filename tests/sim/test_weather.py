@@ -327,8 +327,8 @@ def test_record_says_what_the_weather_was(rough):
     ("given", "told"),
     [
         ({"turbulence": "terrible"}, "available: light, moderate, severe"),
-        ({"turbulence": -3.0}, "positive wind at 20 ft"),
-        ({"turbulence": math.nan}, "positive wind at 20 ft"),
+        ({"turbulence": -3.0}, "wind at 20 ft of 0 m/s or more"),
+        ({"turbulence": math.nan}, "wind at 20 ft of 0 m/s or more"),
         ({"turbulence": "light", "rms": (1.0, 1.0, 1.0)}, "exclude each other"),
         ({"rms": (1.0, 0.0, 1.0)}, "three positive numbers"),
         ({"rms": (1.0, 1.0)}, "three positive numbers"),
@@ -351,6 +351,15 @@ def test_impossible_gusts_are_refused(given):
     """Each with one line that says what was expected."""
     with pytest.raises(InputError, match="gust needs"):
         Gust(**given)
+
+
+def test_turbulence_of_no_wind_is_calm(jr700):
+    """Zero is a level of turbulence: the flight is the calm one, bit for bit."""
+    calm, still = (
+        fly(jr700, SHORT, seed=3, jobs=1, weather=weather)[0]
+        for weather in (Weather(), Weather(turbulence=0.0))
+    )
+    np.testing.assert_array_equal(calm.values, still.values)
 
 
 def test_unknown_turbulence_is_an_unknown_name():

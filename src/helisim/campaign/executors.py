@@ -5,8 +5,9 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
 from signal import SIG_IGN, SIGINT, signal
+from threading import Thread
 from typing import Any, Protocol, TypeVar
 
 from helisim.errors import InputError, WorkerError
@@ -78,10 +79,7 @@ def _in_processes(
 def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
     """Lend a pool of processes; when the block raises, stop them at once."""
     others = set(active_children())
-    # An interrupt is the parent's to handle: it reaches the whole group of a terminal.
-    pool = ProcessPoolExecutor(
-        count, mp_context=get_context("spawn"), initializer=signal, initargs=(SIGINT, SIG_IGN)
-    )
+    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_begin)
     try:
         yield pool
     except BaseException:
@@ -91,6 +89,20 @@ def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown()
+
+
+def _begin() -> None:
+    """Prepare a worker process: it outlives an interrupt, but not its parent."""
+    signal(SIGINT, SIG_IGN)  # the parent's to handle: it reaches the whole group of a terminal
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Wait for the parent's death, however it comes, and end; the pool would wait for ever."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager

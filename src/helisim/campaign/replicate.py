@@ -14,7 +14,7 @@ from helisim.experiment import Model
 from helisim.flights import Flights
 from helisim.ident import ClosedLoopWarning, CrossControlWarning, Fit
 from helisim.record import FlightRecord
-from helisim.sim import Recorder, fly
+from helisim.sim import Recorder, Weather, fly
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.vehicle import Vehicle
 
@@ -60,10 +60,13 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
     """Return every estimate of a replicate, those that failed with the reason."""
     try:
         vehicle = one.settings.load()
-        recorder = one.settings.recorder(vehicle)
+        recorder, weather = one.settings.recorder(vehicle), one.settings.weather()
+        steady = weather.trimmed(vehicle)  # the truth is of the hover in the steady wind
     except HelisimError as error:
         return [row for item in _tasks(campaign) for row in _failed(*item, str(error))]
-    flown = {axis: _flights(campaign, one, vehicle, recorder, axis) for axis in campaign.axes}
+    flown = {
+        axis: _flights(campaign, one, vehicle, recorder, weather, axis) for axis in campaign.axes
+    }
     ground = _ground_tests(campaign, one, vehicle, recorder)
     rows: list[Estimate] = []
     found: dict[tuple[int, Method], dict[str, ComparisonTable]] = {}
@@ -74,7 +77,7 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
             estimated = by_method(model, method)
             tested = _done(ground) if _needs_ground(model) else {}
             fit = _identified(estimated, flights, before, tested)
-            table = pipeline.compare(vehicle, estimated, fit, recorder)
+            table = pipeline.compare(steady, estimated, fit, recorder)
         except HelisimError as error:
             rows += _failed(count, method, model, str(error))
             continue
@@ -118,7 +121,12 @@ def _tasks(campaign: Campaign) -> Iterator[tuple[int, Method, Model]]:
 
 
 def _flights(
-    campaign: Campaign, one: Replicate, vehicle: Vehicle, recorder: Recorder, axis: str
+    campaign: Campaign,
+    one: Replicate,
+    vehicle: Vehicle,
+    recorder: Recorder,
+    weather: Weather,
+    axis: str,
 ) -> list[FlightRecord] | HelisimError:
     try:
         return fly(
@@ -128,6 +136,7 @@ def _flights(
             seed=one.seed * len(AXES) + AXES.index(axis),
             pilot=one.settings.pilot(),
             recorder=recorder,
+            weather=weather,
             jobs=1,
         )
     except HelisimError as error:

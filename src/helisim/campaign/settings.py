@@ -1,7 +1,7 @@
 """What a campaign can vary: the vehicle's parameters and the fields of the value objects."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -9,12 +9,18 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 from helisim.campaign.variation import Value
 from helisim.channels import AXES
 from helisim.errors import HelisimError, InputError, UnknownNameError
-from helisim.sim import Pilot, Recorder, Sweep
+from helisim.sim import Pilot, Recorder, Sweep, Weather
 from helisim.vehicle import Vehicle, load, standard_parameters
+from helisim.vehicle.assembly import Integrator
 
 T = TypeVar("T")
 
-OBJECTS: dict[str, type] = {"sweep": Sweep, "pilot": Pilot, "recorder": Recorder}
+OBJECTS: dict[str, type] = {
+    "sweep": Sweep,
+    "pilot": Pilot,
+    "recorder": Recorder,
+    "weather": Weather,
+}
 """Section of a campaign file -> the value object whose fields it names."""
 
 SECTIONS = ("vehicle", *OBJECTS)
@@ -41,14 +47,16 @@ class Settings:
     Attributes:
         vehicle: name of the vehicle.
         changes: section -> setting -> change.
+        integrator: "RK4" or "Euler".
     """
 
     vehicle: str
     changes: Mapping[str, Mapping[str, Change]] = field(default_factory=dict)
+    integrator: Integrator = "RK4"
 
     def load(self) -> Vehicle:
         """Return the vehicle with its changed parameters. Raises as `helisim.load` does."""
-        return load(self.vehicle, parameters=self.parameters())
+        return load(self.vehicle, parameters=self.parameters(), integrator=self.integrator)
 
     def parameters(self) -> dict[str, float]:
         """Return the changed parameters of the vehicle. Raises UnknownNameError, InputError."""
@@ -82,12 +90,17 @@ class Settings:
         """Return the flight computer, with the vehicle's own latencies unless they are set."""
         return applied("recorder", Recorder.of(vehicle), self._of("recorder"))
 
+    def weather(self) -> Weather:
+        """Return the weather, calm unless it is set."""
+        return applied("weather", Weather(), self._of("weather"))
+
     def check(self, axes: Iterable[str]) -> None:
         """Raise InputError if a name, type or value can't be, before anything is flown."""
         parameters = {**_standard(self.vehicle), **self.parameters()}
         for axis in (*axes, *AXES):  # those that are flown first, for the clearest message
             self.sweep(axis, parameters)
         self.pilot()
+        self.weather()
         applied("recorder", Recorder(), self._of("recorder"))
 
     def _of(self, section: str) -> Mapping[str, Change]:
@@ -100,7 +113,8 @@ def applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
     Args:
         section: of the campaign file, for messages.
         plain: a dataclass instance.
-        changes: by field; "noise.p" is the entry "p" of the mapping `noise`.
+        changes: by field; "noise.p" is the entry "p" of the mapping `noise`, "gust.down" the
+            field `down` of the value object `gust`.
 
     Raises:
         UnknownNameError: no such field.
@@ -117,6 +131,13 @@ def applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
         if isinstance(old, Mapping):
             new[top] = _in_mapping(where, old, key, change)
             continue
+        inner = _value_object(hints[top])
+        if inner is not None:
+            if not key:
+                first = fields(inner)[0].name
+                raise InputError(f"{where} has fields: name one, such as {where}.{first}")
+            new[top] = applied(f"{section}.{top}", inner() if old is None else old, {key: change})
+            continue
         if key:
             raise InputError(f"{where}: {section}.{top} has no parts")
         expected = float if change.relative else hints[top]
@@ -126,6 +147,11 @@ def applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
         return replace(plain, **new)  # pyright: ignore[reportArgumentType, reportCallIssue]
     except HelisimError as error:
         raise InputError(f"[{section}] {error}") from None
+
+
+def _value_object(hint: Any) -> Any:
+    """Return the dataclass of a field that may hold one, None if it can't."""
+    return next((one for one in (hint, *get_args(hint)) if is_dataclass(one)), None)
 
 
 def _in_mapping(where: str, old: Mapping[str, Any], key: str, change: Change) -> dict[str, Any]:

@@ -19,15 +19,19 @@ A campaign that was interrupted goes on where it stopped. Its file, TOML:
   design = "grid"              # "latin hypercube", "monte carlo": points = N
   replicates = 10              # of each point
   seed = 1
+  integrator = "RK4"           # or "Euler", which costs less
   models = ["yaw_base", "rollpitch_in1"]
   flights = 10                 # on each axis
   identified_after = [2, 10]   # of them
 
-  [set.sweep]                  # same in all: sweep, pilot, recorder, vehicle
+  [set.sweep]                  # in all; or pilot, recorder, weather, vehicle
   duration = 60
 
   [vary.recorder]              # a list, { low, high }, or { mean, std }
   noise = { values = [1, 4], relative = true }
+
+  [vary.weather]               # wind, turbulence, gust.down, ... of hs.Weather
+  turbulence = [0, 3]          # wind at 20 ft, m/s; 0 is calm
 
   [vary.vehicle."main_rotor.hub_stiffness"]
   low = 0.8

@@ -20,10 +20,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 from numpy.typing import NDArray
 
-from helisim.channels import ATTITUDES, RATES
+from helisim.channels import ATTITUDES, IN1, RATES
 from helisim.ident import FrequencyResponse, Verification
 from helisim.record import FlightRecord
 from helisim.storage import atomic_write
+from helisim.vehicle import Vehicle
 
 DATA = "#a6a6a6"
 IDENTIFIED = "#0b3c7d"
@@ -227,6 +228,28 @@ def draw_flight(name: str, title: str, record: FlightRecord, channels: Sequence[
         axes[0].set_title(title)
         axes[-1].set_xlabel("time, s")
         return _drawing(figure, name, title, f"{title}, {record.duration:g} s")
+
+
+def draw_trims(flights: Sequence[Vehicle]) -> Drawing:
+    """Draw level flight over speed: power, controls, attitude."""
+    speeds = [flight.trim.speed for flight in flights]
+    with _figure(6.0, 3) as (figure, (power, controls, attitude)):
+        power.plot(speeds, [flight.power for flight in flights], marker=".", color=IDENTIFIED)
+        power.set_ylabel("main rotor power, W")
+        for k, name in enumerate(IN1):
+            values = [getattr(flight.trim, name) for flight in flights]
+            controls.plot(speeds, values, label=name, **_ink(k))
+        controls.set_ylabel("controls, unitised")
+        for k, name in enumerate(("theta", "phi")):
+            values = [np.rad2deg(getattr(flight.trim, name)) for flight in flights]
+            attitude.plot(speeds, values, label=name, **_ink(k))
+        attitude.set_ylabel("attitude, deg")
+        for axes in (controls, attitude):
+            axes.legend(loc="best", ncols=2)
+        title = f"{flights[0].name} in level flight"
+        power.set_title(title)
+        attitude.set_xlabel("speed, m/s")
+        return _drawing(figure, "trim", title, f"{title}: power, controls and attitude over speed")
 
 
 @contextmanager

@@ -3,13 +3,13 @@
 import math
 import os
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TextIO
 
 from helisim.channels import IN1
 from helisim.comparison import ComparisonTable, ParameterRow, Results, Verdict
 from helisim.output.findings import render_further
-from helisim.vehicle import Linearization
+from helisim.vehicle import Linearization, Vehicle
 
 WIDTH = 80
 HEADINGS = (
@@ -186,6 +186,28 @@ def render_derivatives(linear: Linearization, derivatives: Mapping[str, float]) 
     if linear.delays:
         waits = ", ".join(f"{name} {delay:.4g} s" for name, delay in linear.delays.items())
         lines += ["", "Delays before the inputs act, not in the matrices", f"  {waits}"]
+    return "\n".join(lines)
+
+
+def render_trims(flights: Sequence[Vehicle]) -> str:
+    """Return level flights, a line for each speed, as lines of at most 80 columns."""
+    headings = ("speed", "power", *IN1, "theta", "phi", "a", "b")
+    units = ("m/s", "W", *("" for _ in IN1), *("deg" for _ in range(4)))
+    lines = ["".join(f"{text:>8}" for text in row) for row in (headings, units)]
+    lines.append("-" * len(lines[0]))
+    for flight in flights:
+        trim = flight.trim
+        controls = [_tidy(getattr(trim, name), 4) for name in IN1]
+        angles = [_tidy(math.degrees(x), 2) for x in (trim.theta, trim.phi, trim.a, trim.b)]
+        row = (f"{trim.speed:g}", _tidy(flight.power, 1), *controls, *angles)
+        lines.append("".join(f"{text:>8}" for text in row))
+    least = min(flights, key=lambda flight: flight.power)
+    lines += [
+        "",
+        f"Least power: {least.power:.1f} W at {least.trim.speed:g} m/s. Controls are those of "
+        "swashplate and",
+        "tail, unitised; a and b are the disc's tilt back and to the right of the mast.",
+    ]
     return "\n".join(lines)
 
 

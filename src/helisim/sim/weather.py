@@ -121,7 +121,7 @@ class Weather:
         wind_from: rad, heading that the wind comes from; flights head north, so 0 is a
             headwind and pi/2 comes from the right.
         turbulence: "light", "moderate" or "severe", or the wind at 20 ft above the ground that
-            makes it, m/s; none if None.
+            makes it, m/s; none if None or 0.
         rms: m/s, along the path, across and down, in place of the standard's for `turbulence`.
         drift: m/s, at which the frozen field drifts past the vehicle. If None it is the speed
             through the air, but not below the wind at 20 ft that makes the turbulence: what a
@@ -147,14 +147,14 @@ class Weather:
             )
         if isinstance(self.turbulence, str) and self.turbulence not in LEVELS:
             raise UnknownNameError("turbulence", self.turbulence, LEVELS)
-        if not (self.turbulence is None or 0.0 < self.low_wind < math.inf):
-            raise InputError(
-                "turbulence must be a positive wind at 20 ft in m/s, or one of "
-                f"{', '.join(LEVELS)}, got {self.turbulence!r}"
-            )
         rms = (1.0, 1.0, 1.0) if self.rms is None else self.rms
         if len(rms) != 3 or not all(0.0 < level < math.inf for level in rms):
             raise InputError(f"rms needs three positive numbers in m/s, got {self.rms}")
+        if not 0.0 <= self.low_wind < math.inf:
+            raise InputError(
+                "turbulence must be a wind at 20 ft of 0 m/s or more, or one of "
+                f"{', '.join(LEVELS)}, got {self.turbulence!r}"
+            )
         if self.rms is not None and self.turbulence is not None:
             raise InputError("turbulence and rms exclude each other: give one of them")
         if self.drift is not None and not 0.0 < self.drift < math.inf:

@@ -59,7 +59,7 @@ class Linearization:
             "outputs": list(system.output_labels),
             **matrices,
             "delays_s": dict(self.delays),
-            "hover": asdict(self.trim),
+            "trim": asdict(self.trim),
         }
 
     def response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
