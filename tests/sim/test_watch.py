@@ -6,20 +6,21 @@ from dataclasses import fields, replace
 import mujoco
 import numpy as np
 import pytest
+from mujoco import rollout
 from scipy.spatial.transform import Rotation
 
+from helisim.channels import ATTITUDES, POSITIONS
 from helisim.cli import main
 from helisim.errors import DivergedError, IdentificationError, InputError
 from helisim.ident import frequency_response
-from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.sim import Doublet, Pilot, ServoStuck, Sweep, Watch, fly, simulate
+from helisim.sim import Doublet, Pilot, ServoStuck, Sweep, Watch, Weather, fly, simulate
 from helisim.sim.airframe import clearance
 from helisim.sim.ending import watched
 from helisim.sim.watch import hover_induced_velocity
 from helisim.storage import read_record, write_record
 from helisim.vehicle import load
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.assembly import model_folder
 from helisim.vehicle.trim import place
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
@@ -133,7 +134,7 @@ def test_a_stuck_tail_servo_ends_the_flight(jr700):
 @pytest.mark.parametrize("attitude", [(0.0, 0.0), (0.4, 0.0), (-0.3, 0.7), (1.1, -1.0)])
 @pytest.mark.parametrize("name", ["jr700", "blade360"])
 def test_the_lowest_point_is_where_mujoco_touches(name, attitude):
-    """Of the gear: MuJoCo's own contact with a plane that far below is 0, and a hair above none.
+    """The gear: how deep MuJoCo's own contact says that it is in a plane.
 
     Rotor discs, which collide with nothing in MuJoCo, are as low as a dense rim of points.
     """
@@ -143,20 +144,16 @@ def test_the_lowest_point_is_where_mujoco_touches(name, attitude):
     height = 3.0
     found = clearance(vehicle, np.array([[0.0, 0.0, -height]]), np.array([[*attitude, 0.0]]))[0]
     turned = turn.apply(-imu * [1.0, -1.0, -1.0])  # the body from the IMU, NED
-    spec = mujoco.MjSpec.from_file(str(_model_file(name)))
+    spec = mujoco.MjSpec.from_file(str(model_folder(name) / f"{name}.xml"))
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=1, conaffinity=1
     )
     model = spec.compile()
     data = mujoco.MjData(model)
     x, y, z, w = turn.as_quat()
-    gear = np.inf
-    for lift in (0.0, -0.5, -1.0, -1.5, -2.0, -2.5):
-        data.qpos[:] = [0.0, 0.0, height - turned[2] + lift, w, x, -y, -z]
-        mujoco.mj_forward(model, data)
-        if data.ncon:
-            gear = min(contact.dist for contact in data.contact) - lift
-            break
+    data.qpos[:] = [0.0, 0.0, -turned[2], w, x, -y, -z]  # so low that the gear is in the ground
+    mujoco.mj_forward(model, data)
+    gear = height + min(contact.dist for contact in data.contact)
     angle = np.linspace(0.0, 2.0 * np.pi, 100_000)
     own = vehicle.parameters
     rims = [
@@ -175,12 +172,6 @@ def test_the_lowest_point_is_where_mujoco_touches(name, attitude):
     )
     # the rim's points are 6e-5 rad apart; MuJoCo's contact is exact to rounding
     assert found == pytest.approx(min(gear, discs), abs=1e-8)
-
-
-def _model_file(name):
-    from helisim.vehicle.assembly import model_folder
-
-    return model_folder(name) / f"{name}.xml"
 
 
 def test_the_record_goes_to_the_end_and_is_marked(wild):
@@ -215,8 +206,9 @@ def test_the_state_at_the_end_flies_on_as_the_flight_did(jr700, wild):
     assert rates == pytest.approx(last.select(["p", "q", "r"])[-1], abs=1e-12)
 
 
-def test_a_mujoco_warning_ends_the_flight_by_its_name(jr700):
-    """A tilt that grows without bound: MuJoCo warns of it, and the flight says of what."""
+def test_a_mujoco_warning_ends_the_flight_by_its_name(jr700, monkeypatch, tmp_path):
+    """A velocity that grows without bound: MuJoCo warns of it, and the flight says of what."""
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes its MUJOCO_LOG.TXT
     model = copy.copy(jr700.model)
     data = mujoco.MjData(model)
     place(model, data, jr700.trim)
@@ -224,8 +216,6 @@ def test_a_mujoco_warning_ends_the_flight_by_its_name(jr700):
     model.opt.gravity[0] = 1e12
     start = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
     mujoco.mj_getState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    from mujoco import rollout
-
     with installed():
         _, sensordata = rollout.rollout(model, [mujoco.MjData(model)], start[None], nstep=20)
     truth = watched(jr700, Watch.off(), model, start, sensordata[0])
@@ -285,7 +275,14 @@ def test_a_diverged_flight_on_the_command_line(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("text", "says"),
-    [("speed=3", "tilt, rate"), ("tilt=-1", "positive"), ("tilt=x", "number"), ("tilt", "number")],
+    [
+        ("speed=3", "tilt, rate"),
+        ("tilt=-1", "0 or more"),
+        ("rate=0", "above 0"),
+        ("saturation_window=off", "number"),
+        ("tilt=x", "number"),
+        ("tilt", "number"),
+    ],
 )
 def test_a_bad_limit_is_one_line(tmp_path, capsys, text, says):
     """With the limits that there are, and nothing is flown."""
@@ -312,17 +309,15 @@ def test_a_flight_that_starts_beyond_a_limit_is_no_record(jr700):
     assert caught.value.record is None
 
 
-def test_the_ground_ends_a_descent(jr700):
-    """Down with the collective until a rotor disc or the gear touches: so low is the IMU then."""
-    down = Doublet(axis="col", amplitude=-0.15, duration=30.0, width=24.0)
-    watch = Watch(descent=None)
+def test_the_ground_ends_a_flight(jr700):
+    """A swashplate servo that sticks low: it is over when gear or disc is at height 0."""
+    manoeuvre = Doublet(axis="ped", amplitude=1e-6, duration=12.0)
+    low = ServoStuck(servo="servo_front", at=1.0, position=-0.02)
+    weather = Weather(height=2.0)
     with pytest.raises(DivergedError, match="touched the ground") as caught:
-        fly(jr700, down, pilot=Pilot(remnant=0.0), watch=watch, jobs=1)
+        fly(jr700, manoeuvre, pilot=Pilot(remnant=0.0), faults=[low], weather=weather, jobs=1)
     last = caught.value.last_second
-    assert 0.0 < -last["down"][-1] < 0.5
-
-
-def test_the_pilot_is_what_the_model_flies_with(jr700):
-    """A watch changes no number of the model."""
-    par = jr700.model.actuator_user[addresses(jr700.model).rotor]
-    assert par[PARAM.pilot_on] == 0.0
+    height = clearance(jr700, last.select(POSITIONS), last.select(ATTITUDES))
+    sinking = last["w"][-1]
+    assert sinking > 0.1
+    assert 0.0 <= height[-1] <= 2.0 * sinking * last.sample_time

@@ -5,8 +5,9 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
 from signal import SIG_IGN, SIGINT, signal
+from threading import Thread
 from typing import Any, Protocol, TypeVar
 
 from helisim.errors import InputError, WorkerError
@@ -78,10 +79,7 @@ def _in_processes(
 def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
     """Lend a pool of processes; when the block raises, stop them at once."""
     others = set(active_children())
-    # An interrupt is the parent's to handle: it reaches the whole group of a terminal.
-    pool = ProcessPoolExecutor(
-        count, mp_context=get_context("spawn"), initializer=signal, initargs=(SIGINT, SIG_IGN)
-    )
+    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_begin)
     try:
         yield pool
     except BaseException:
@@ -91,6 +89,24 @@ def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown()
+
+
+def _begin() -> None:
+    """Prepare a worker: it ends with its parent, which may be killed, and on no interrupt."""
+    # An interrupt is the parent's to handle: it reaches the whole group of a terminal.
+    signal(SIGINT, SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Exit when the parent does.
+
+    The pool's own workers wait for tasks forever then: each holds the other end of the pipe.
+    """
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager

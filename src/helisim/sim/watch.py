@@ -5,7 +5,7 @@ It looks at what was flown, so a flight that it finds nothing in is the same to 
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,13 +59,13 @@ class Watch:
     saturation_window: float = 10.0
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name)
-            least = value is None or (math.isfinite(value) and value >= 0.0)
-            if not least or (value == 0.0 and one.name != "clearance"):
-                raise InputError(
-                    f"watch: {one.name} must be a positive number or None, got {value}"
-                )
+        for name, value in self.as_dict().items():
+            if value is None and name != "saturation_window":
+                continue
+            if value is None or not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"watch: {name} must be a number, 0 or more, got {value}")
+            if value == 0.0 and name != "clearance":
+                raise InputError(f"watch: {name} must be above 0, got {value}")
         if self.saturation is not None and self.saturation > self.saturation_window:
             raise InputError(
                 f"watch: saturation of {self.saturation:g} s doesn't fit into a window of "
@@ -75,7 +75,15 @@ class Watch:
     @classmethod
     def off(cls) -> "Watch":
         """Return a watch that only sees that a flight has no finite state."""
-        return cls(**{one.name: None for one in fields(cls) if one.name != "saturation_window"})
+        return cls(
+            tilt=None,
+            rate=None,
+            clearance=None,
+            flapping=None,
+            descent=None,
+            advance=None,
+            saturation=None,
+        )
 
     def as_dict(self) -> dict[str, float | None]:
         """Return the limits as plain data, for provenance."""
