@@ -15,7 +15,7 @@ from numba import cfunc, types
 
 import helisim as hs
 from helisim.physics.native import installed
-from helisim.sim.fly import prepare
+from helisim.sim.simulation import prepare
 from helisim.vehicle.assembly import Integrator
 from helisim.vehicle.trim import place
 

@@ -4,6 +4,7 @@ A message says what was received, what was expected, which names exist, and what
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 
 class HelisimError(Exception):
@@ -43,7 +44,15 @@ class TrimError(HelisimError):
 
 
 class DivergedError(HelisimError):
-    """A simulated flight left the validity of the model."""
+    """A simulated flight left the validity of the model.
+
+    Attributes:
+        record: the flight as far as it went, marked as ended; None if it has none.
+        last_second: what truly happened before the end, at the simulation's rate, or None.
+    """
+
+    record: Any = None
+    last_second: Any = None
 
 
 class IdentificationError(HelisimError):

@@ -7,11 +7,13 @@ import numpy as np
 
 from helisim import ident
 from helisim.channels import AXES
-from helisim.errors import InputError
+from helisim.errors import DivergedError, InputError
 from helisim.experiment import MODELS
 from helisim.record import FlightRecord
-from helisim.sim import Doublet, Recorder, Sweep, fly
-from helisim.storage import read_json, read_record, write_record
+from helisim.sim import Doublet, Recorder, Sweep
+from helisim.sim.fly import fly_watched
+from helisim.sim.folder import write_flight
+from helisim.storage import read_json, read_record
 from helisim.vehicle import Vehicle
 
 _RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
@@ -50,26 +52,39 @@ def fly_sweeps(
     kept: Flights = {}
     excluded: list[str] = []
     for number, axis in enumerate(AXES):
-        records = fly(
+        names = [f"{axis}_{k + 1:02d}" for k in range(flown_each_axis(flights))]
+        flown = fly_watched(
             vehicle,
             Sweep(axis=axis),
-            count=flown_each_axis(flights),
+            range(len(names)),
             seed=seed * len(AXES) + number,
             jobs=jobs,
             recorder=recorder,
-            on_flight=lambda axis=axis: tell(axis),
         )
-        names = [f"{axis}_{k + 1:02d}" for k in range(len(records))]
-        if folder is not None:
-            for name, record in zip(names, records):
-                write_record(record, folder / FOLDER / f"{name}.parquet")
-        scores = [sweep_coherence(record, axis) for record in records]
-        best = sorted(np.argsort(scores)[::-1][:flights])
+        records = []
+        for name, (record, last) in zip(names, flown):
+            _keep(record, last, folder, name)
+            records.append(record)
+            tell(axis)
+        whole = [k for k in range(len(records)) if not records[k].ended]
+        excluded += [
+            f"flight {name}: was over before its time: {record.ended}"
+            for name, record in zip(names, records)
+            if record.ended
+        ]
+        if len(whole) < flights:
+            raise DivergedError(
+                f"{len(records) - len(whole)} of {len(records)} sweeps of {axis} were over before "
+                f"their time, so fewer than {flights} are left; {excluded[-1]}"
+            )
+        scores = {k: sweep_coherence(records[k], axis) for k in whole}
+        best = sorted(sorted(whole, key=scores.__getitem__)[-flights:])
         kept[axis] = [records[k] for k in best]
+        least = min(scores[k] for k in best)
         excluded += [
             f"flight {names[k]}: its mean coherence of {scores[k]:.4f} is not among the best "
-            f"{flights} (the least coherent kept has {min(scores[i] for i in best):.4f})"
-            for k in range(len(records))
+            f"{flights} (the least coherent kept has {least:.4f})"
+            for k in whole
             if k not in best
         ]
     return kept, tuple(excluded)
@@ -81,12 +96,19 @@ def fly_doublets(
     """Fly a doublet on each axis that a model is verified on; no fit sees them."""
     records = {}
     for axis in _verified_axes():
-        (records[axis],) = fly(
-            vehicle, Doublet(axis=axis), seed=seed * len(AXES), recorder=recorder
+        ((record, last),) = fly_watched(
+            vehicle, Doublet(axis=axis), [0], seed=seed * len(AXES), recorder=recorder
         )
-        if folder is not None:
-            write_record(records[axis], folder / FOLDER / f"{axis}_doublet.parquet")
+        _keep(record, last, folder, f"{axis}_doublet")
+        if record.ended:
+            raise DivergedError(f"the doublet of {axis}: {record.ended}; fly a smaller one")
+        records[axis] = record
     return records
+
+
+def _keep(record: FlightRecord, last: FlightRecord | None, folder: Path | None, name: str) -> None:
+    if folder is not None:
+        write_flight(record, last, folder / FOLDER / f"{name}.parquet")
 
 
 def read_flights(

@@ -44,6 +44,10 @@ class FlightRecord:
         object.__setattr__(self, "channels", channels)
         object.__setattr__(self, "provenance", MappingProxyType(plain(self.provenance)))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let a record pass between processes; files are never pickled."""
+        return FlightRecord, (self.time, self.values, self.channels, dict(self.provenance))
+
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """Return one channel, (n_time,). Raises UnknownNameError."""
         return self.values[:, self._index(name)]
@@ -87,6 +91,18 @@ class FlightRecord:
                 "helisim.screen(record, resample_hz=...)"
             )
         return mean
+
+    @property
+    def ended(self) -> str:
+        """Why and when the flight was over before its time, "" if it wasn't.
+
+        A simulation says so in the provenance's `ended`, with `at` (s), `why` and `state`.
+        """
+        end = self.provenance.get("ended")
+        if not isinstance(end, Mapping):
+            return ""
+        at = end.get("at")
+        return f"{end.get('why')} at {f'{at:.2f}' if isinstance(at, int | float) else at} s"
 
     def unit(self, name: str) -> str:
         """Return the unit of a channel. Raises UnknownNameError."""

@@ -7,8 +7,9 @@ from helisim.channels import CHANNELS, IN1, IN2, OUT, SERVOS
 from helisim.errors import DivergedError, InputError
 from helisim.physics import pilot as pilot_laws
 from helisim.sim.excitation import Doublet, Sweep
-from helisim.sim.fly import fly, fly_each, simulate
+from helisim.sim.fly import fly, fly_each
 from helisim.sim.pilot import Pilot
+from helisim.sim.simulation import simulate
 from helisim.sim.truth import read_truth
 from helisim.vehicle import load
 

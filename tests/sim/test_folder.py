@@ -1,12 +1,11 @@
 """A folder of flights: complete, kept when interrupted, gone on with, and not mixed up."""
 
-import sys
-
+import numpy as np
 import pytest
 
 from helisim.cli import main
-from helisim.errors import DivergedError, InputError
-from helisim.sim import Pilot, Recorder, Sweep, fly, fly_to, read_truth
+from helisim.errors import InputError
+from helisim.sim import Pilot, Recorder, Sweep, Watch, fly, fly_to, simulate
 from helisim.storage import read_record
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
@@ -86,22 +85,35 @@ def test_another_configuration_is_refused(jr700, tmp_path, whole, change, says):
     assert contents(tmp_path) == {"lat_0003.parquet": whole["lat_0003.parquet"]}
 
 
-def test_a_flight_that_diverges_keeps_those_before(jr700, tmp_path, monkeypatch):
-    """What was flown before a flight went wrong stays."""
-    module = sys.modules[fly.__module__]  # its name is also the function's
-    healthy = read_truth
-    calls = []
+@pytest.fixture(scope="module")
+def tight(jr700):
+    """A watch that lets two of the three flights pass: the rate that the wildest one exceeds."""
+    fastest = [np.abs(one.rates).max() for one in simulate(jr700, SHORT, count=3, seed=7, jobs=1)]
+    return Watch(rate=0.5 * sum(sorted(fastest)[1:])), int(np.argmax(fastest))
 
-    def third_breaks(vehicle, sensordata):
-        calls.append(1)
-        if len(calls) == 3:
-            raise DivergedError("the helicopter touched the ground at 3.00 s")
-        return healthy(vehicle, sensordata)
 
-    monkeypatch.setattr(module, "read_truth", third_breaks)
-    with pytest.raises(DivergedError):
-        fly_to(tmp_path, jr700, SHORT, count=5, seed=7, jobs=1)
-    assert sorted(contents(tmp_path)) == ["lat_0001.parquet", "lat_0002.parquet"]
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_a_flight_that_is_over_hurts_no_other(jr700, tmp_path, whole, tight, jobs):
+    """The others have the numbers that they always have, in one batch too; all is kept."""
+    watch, wild = tight
+    flown = fly_to(tmp_path, jr700, SHORT, count=3, seed=7, watch=watch, jobs=jobs)
+    assert list(flown.ended) == [flown.paths[wild]]
+    (tmp_path / "whole").mkdir()
+    for number, path in enumerate(flown.paths):
+        kept = read_record(path)
+        (tmp_path / "whole" / path.name).write_bytes(whole[path.name])
+        healthy = read_record(tmp_path / "whole" / path.name)
+        if number != wild:
+            assert np.array_equal(kept.values, healthy.values)
+            assert not kept.ended
+        else:
+            assert kept.ended == flown.ended[path]
+            assert kept.duration < healthy.duration
+    (beside,) = (tmp_path / "last_second").iterdir()
+    assert beside.name == flown.paths[wild].name
+    # it isn't flown again, and is told again
+    again = fly_to(tmp_path, jr700, SHORT, count=3, seed=7, watch=watch, jobs=jobs)
+    assert (again.found, again.ended) == (3, flown.ended)
 
 
 def test_the_command_goes_on_and_says_so(tmp_path, capsys):

@@ -11,8 +11,8 @@ import pytest
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.sim.excitation import Sweep
-from helisim.sim.fly import simulate
 from helisim.sim.pilot import Pilot
+from helisim.sim.simulation import simulate
 from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, addresses, write_motion
 from helisim.vehicle.trim import place

@@ -23,8 +23,9 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.physics import servo
 from helisim.physics.native import installed
 from helisim.sim.excitation import Sweep
-from helisim.sim.fly import fly, simulate
+from helisim.sim.fly import fly
 from helisim.sim.instruments import Recorder
+from helisim.sim.simulation import simulate
 from helisim.sim.truth import Truth, imu_offset, read_truth
 from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, write_motion

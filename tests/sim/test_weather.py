@@ -13,7 +13,7 @@ from helisim.physics import weather as law
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim import Gust, Pilot, Recorder, Sweep, Weather, fly, simulate
-from helisim.sim.fly import _start, prepare
+from helisim.sim.simulation import _start, prepare
 from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, addresses, write_motion
 

@@ -9,7 +9,7 @@ from helisim import pipeline
 from helisim.campaign.plan import MODEL_NAMES, Campaign, Method, Replicate
 from helisim.channels import AXES, IN1
 from helisim.comparison import ComparisonTable
-from helisim.errors import HelisimError
+from helisim.errors import DivergedError, HelisimError
 from helisim.experiment import Model
 from helisim.flights import Flights
 from helisim.ident import ClosedLoopWarning, CrossControlWarning, Fit
@@ -139,6 +139,9 @@ def _flights(
             weather=weather,
             jobs=1,
         )
+    except DivergedError as error:
+        number = "" if error.record is None else f" {error.record.provenance['flight'] + 1}"
+        return DivergedError(f"flight{number} of {axis}: {error}")
     except HelisimError as error:
         return error
 

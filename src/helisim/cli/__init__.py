@@ -1,7 +1,7 @@
 """The command line: each command parses, calls the library once, prints, and exits.
 
 Exit status: 0 all is well, 1 the result misses a tolerance or a guideline, 2 the input is at
-fault, 130 interrupted, 141 whoever read the output has gone.
+fault, 3 a flight was over before its time, 130 interrupted, 141 whoever read the output has gone.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from helisim.cli import (
     view,
 )
 from helisim.cli.common import Parser
-from helisim.errors import HelisimError
+from helisim.errors import DivergedError, HelisimError
 
 _EXAMPLES = """\
 examples:
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return status
     except HelisimError as error:
         print(f"helisim {options.command}: {_one_line(str(error))}", file=sys.stderr)
-        return 2
+        return 3 if isinstance(error, DivergedError) else 2
     except KeyboardInterrupt:
         print(f"helisim {options.command}: interrupted", file=sys.stderr)
         return 130

@@ -2,9 +2,12 @@
 
 import argparse
 import math
+import sys
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from helisim.channels import AXES
 from helisim.cli.common import (
@@ -12,11 +15,15 @@ from helisim.cli.common import (
     add_common,
     add_integrator,
     add_vehicle,
+    named_numbers,
     parameters,
     tell_written,
     write_recording,
 )
-from helisim.errors import InputError
+from helisim.errors import DivergedError, InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from helisim.sim import Watch
 
 _EPILOG = """\
 examples:
@@ -34,6 +41,12 @@ a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
   recorder:loss,share=0.01,burst=3
   recorder:gap@30,lasts=0.5
   recorder:drift,ppm=200                 channels=p+q+r: of these only
+
+A flight is over where it leaves what the model is valid for: its record says so, and the
+identification refuses it; DIR/last_second/ keeps how it came. Exit status 3. The limits are
+  tilt=1.2 rad, rate=20 rad/s, clearance=0 m, flapping=1 of the head's stop,
+  descent=1.5 of the hover's induced velocity, advance=0.3 (ratio),
+  saturation=1 s at a limit in saturation_window=10 s
 """
 
 
@@ -79,6 +92,13 @@ def add(commands: Any) -> None:
         help="of servo, gyro, sensor or recorder, see below; may be given again",
     )
     _add_weather(command)
+    command.add_argument(
+        "--watch",
+        action="append",
+        default=[],
+        metavar="LIMIT=VALUE|off",
+        help="another limit, see below, or none: tilt=off; off alone: none at all",
+    )
     add_integrator(command)
     add_common(command)
     command.set_defaults(run=_run)
@@ -120,13 +140,35 @@ def _run(options: argparse.Namespace) -> int:
 
     faults = [parse_fault(text) for text in options.fault]
     sweep = Sweep(axis=options.axis, duration=options.duration, amplitude=options.amplitude)
-    flight = {"faults": faults, "weather": _weather(options)}
+    watch, weather = _watch(options.watch), _weather(options)
     _check(options)
     vehicle = load(options.vehicle, parameters=parameters(options), integrator=options.integrator)
-    recorder = Recorder.of(vehicle, rotor=options.rerun is not None)
+    how = {
+        "seed": options.seed,
+        "recorder": Recorder.of(vehicle, rotor=options.rerun is not None),
+        "faults": faults,
+        "weather": weather,
+        "watch": watch,
+    }
     work = _one if options.count is None else _many
-    work(options, vehicle, sweep, recorder, flight)
-    return 0
+    return work(options, vehicle, sweep, how)
+
+
+def _watch(items: Sequence[str]) -> "Watch":
+    """Return what --watch says. Raises InputError."""
+    from helisim.sim import Watch
+
+    if "off" in items:
+        if len(items) > 1:
+            raise InputError("--watch off watches nothing: leave out the other limits")
+        return Watch.off()
+    unwatched = [item.partition("=")[0].strip() for item in items if item.endswith("=off")]
+    values = named_numbers("--watch", [item for item in items if not item.endswith("=off")])
+    limits = {**values, **dict.fromkeys(unwatched)}
+    for name in limits:
+        if name not in Watch.__dataclass_fields__:
+            raise UnknownNameError("limit of --watch", name, Watch.__dataclass_fields__)
+    return replace(Watch(), **limits)
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -146,21 +188,19 @@ def _check(options: argparse.Namespace) -> None:
         )
 
 
-def _one(
-    options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any, flight: dict[str, Any]
-) -> None:
+def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, how: dict[str, Any]) -> int:
     from helisim.sim import fly
+    from helisim.sim.folder import write_flight
     from helisim.storage import write_record
 
-    with Progress(1, options.quiet) as advance:
-        (record,) = fly(
-            vehicle,
-            sweep,
-            seed=options.seed,
-            recorder=recorder,
-            **flight,
-            on_flight=lambda: advance("flight"),
-        )
+    try:
+        with Progress(1, options.quiet) as advance:
+            (record,) = fly(vehicle, sweep, **how, on_flight=lambda: advance("flight"))
+    except DivergedError as error:
+        if error.record is not None:
+            beside = write_flight(error.record, error.last_second, options.out)
+            tell_written(options, f"{options.out}, as far as the flight went, and {beside}")
+        raise
     write_record(record, options.out)
     tell_written(
         options,
@@ -170,11 +210,10 @@ def _one(
     if options.rerun is not None:
         flown, quiet = {options.axis: record}, options.quiet
         write_recording(options.rerun, flown, vehicle=vehicle.name, quiet=quiet)
+    return 0
 
 
-def _many(
-    options: argparse.Namespace, vehicle: Any, sweep: Any, recorder: Any, flight: dict[str, Any]
-) -> None:
+def _many(options: argparse.Namespace, vehicle: Any, sweep: Any, how: dict[str, Any]) -> int:
     from helisim.sim import fly_to
 
     with Progress(options.count, options.quiet) as advance:
@@ -183,9 +222,7 @@ def _many(
             vehicle,
             sweep,
             count=options.count,
-            seed=options.seed,
-            recorder=recorder,
-            **flight,
+            **how,
             jobs=options.jobs,
             on_flight=lambda: advance("flight"),
         )
@@ -193,3 +230,6 @@ def _many(
     tell_written(
         options, f"{options.out} ({len(flown.paths)} flights of {options.duration:g} s{there})"
     )
+    for path, why in flown.ended.items():
+        print(f"helisim fly: {path}: {why}, where the flight was over", file=sys.stderr)
+    return 3 if flown.ended else 0

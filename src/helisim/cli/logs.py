@@ -68,6 +68,11 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
         help="leave out shorter parts of a log that is split",
     )
     group.add_argument(
+        "--use-ended",
+        action="store_true",
+        help="use logs of simulated flights that were over before their time, too",
+    )
+    group.add_argument(
         "--from",
         dest="from_time",
         type=float,
@@ -118,6 +123,11 @@ def read_logs(
                 raise InputError(
                     f"{path}: has no channel {name!r}; available: {', '.join(log.records[0].names)}"
                 )
+        if log.records[0].ended and not options.use_ended:
+            raise IdentificationError(
+                f"{path}: of a flight that was over before its time, because "
+                f"{log.records[0].ended}; leave it out, or use it as it is, with --use-ended"
+            )
         log.check_uniform()
         logs.append(log)
         advance(path.name)

@@ -94,6 +94,7 @@ def estimate(
                 band=_band(options, records),
                 conditioning=conditioning,
                 reference=reference,
+                use_ended=options.use_ended,
             )
         advance("frequency responses")
     return Estimated(logs, records, response)

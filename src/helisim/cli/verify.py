@@ -49,7 +49,7 @@ def _run(options: argparse.Namespace) -> int:
             for record in log.records:
                 check_unseen(fit, record, log.report.path)
         with located(logs):
-            verification = verify(fit, records)
+            verification = verify(fit, records, use_ended=options.use_ended)
         advance("simulation")
     print(f"{describe(logs)}\n")
     print(verification)

@@ -12,7 +12,7 @@ from helisim.errors import IdentificationError, InputError
 from helisim.ident.composite import Composite, compose, composite_noise, window_lengths
 from helisim.ident.conditioning import condition, cross_control, gate
 from helisim.ident.fingerprint import fingerprint, marks
-from helisim.ident.integrity import damaged
+from helisim.ident.integrity import check_whole, damaged
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.scatter import Scatter, WindowWeights
 from helisim.ident.spectra import Spectra, cross_spectra
@@ -47,6 +47,7 @@ def frequency_response(
     reference: str | Sequence[str] | None = None,
     windows: float | Sequence[float] | None = None,
     overlap: float = 0.75,
+    use_ended: bool = False,
 ) -> FrequencyResponse:
     """Estimate frequency responses from one record or several pooled ones.
 
@@ -62,16 +63,20 @@ def frequency_response(
             not bias.
         windows: one window length or several, s; by default five by the published rules.
         overlap: share of a window that the next one covers at least.
+        use_ended: True takes records of flights that were over before their time
+            (`FlightRecord.ended`) too.
 
     Raises:
         InputError: an argument is out of range or a channel does not exist.
-        IdentificationError: the records are too short, an input is constant, or inputs moved
-            as one.
+        IdentificationError: the records are too short, an input is constant, inputs moved
+            as one, or a flight was over before its time.
     """
     flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
     wanted, measured = as_names(inputs), as_names(outputs)
     others, reference_names = as_names(conditioning), as_names(reference)
     _check_names(flights, wanted, measured, others, reference_names)
+    if not use_ended:
+        check_whole(flights)
     _check_band(flights, band)
     if not 0.0 <= overlap <= 0.95:
         raise InputError(f"overlap is {overlap}, expected 0 to 0.95; 0.75 to 0.8 is enough")

@@ -1,4 +1,4 @@
-"""Whether records hold samples that no sensor saw: an estimate from them is flagged."""
+"""Whether records can be trusted: of whole flights, and of what sensors saw."""
 
 import warnings
 from collections.abc import Sequence
@@ -6,11 +6,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from helisim.damage import spikes, still
+from helisim.errors import IdentificationError
 from helisim.record import FlightRecord
 
 
 class DamagedRecordWarning(UserWarning):
     """A record has spikes, or stretches in which measured motion stands still."""
+
+
+def check_whole(flights: Sequence[FlightRecord]) -> None:
+    """Raise IdentificationError if a flight was over before its time: its end is no response."""
+    ended = [(number, one.ended) for number, one in enumerate(flights, start=1) if one.ended]
+    if ended:
+        number, why = ended[0]
+        more = f", and {len(ended) - 1} more such" if len(ended) > 1 else ""
+        raise IdentificationError(
+            f"record {number} is of a flight that was over before its time, because {why}{more}; "
+            "leave it out, or use it as it is, with use_ended=True (--use-ended)"
+        )
 
 
 def damaged(flights: Sequence[FlightRecord], names: Sequence[str]) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from helisim.errors import IdentificationError, InputError
 from helisim.ident.evaluate import matrices
 from helisim.ident.fingerprint import fingerprint, share_known
+from helisim.ident.integrity import check_whole
 from helisim.ident.result import Fit
 from helisim.ident.simulation import delayed, simulate
 from helisim.ident.threads import one_blas_thread
@@ -145,20 +146,26 @@ class Verification:
 
 
 @one_blas_thread()
-def verify(fit: Fit, records: FlightRecord | Sequence[FlightRecord]) -> Verification:
+def verify(
+    fit: Fit, records: FlightRecord | Sequence[FlightRecord], *, use_ended: bool = False
+) -> Verification:
     """Simulate a fitted model on records, estimating only bias, trim and initial state.
 
     Args:
         fit: the model, with its delays.
         records: flights that the fit has not seen, such as doublets.
+        use_ended: True takes flights that were over before their time too.
 
     Raises:
         InputError: a record was used in the fit, or lacks a channel.
-        IdentificationError: the model diverges over the record.
+        IdentificationError: the model diverges over the record, or a flight was over before its
+            time.
     """
     flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
     if not flights:
         raise InputError("no records were given; expected at least one FlightRecord")
+    if not use_ended:
+        check_whole(flights)
     for position, flight in enumerate(flights):
         check_unseen(fit, flight, f"record {position}")
     traces = tuple(_trace(fit, flight) for flight in flights)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,8 +98,9 @@ def read_log(
         map_ = map_.with_channels(_by_name(source, wanted, map_.channels))
     elif not map_.channels:
         map_ = map_.with_channels(_stated(source))
+    told = _ended(path) if mapped and _is_ours(data) else {}
     try:
-        return _from_source(source, map_, digest(data), options)
+        return _from_source(source, map_, digest(data), options, told)
     except InputError as error:
         raise _named(path, error) from None
 
@@ -190,6 +192,15 @@ def _is_ours(data: bytes) -> bool:
     return data.startswith(PARQUET_MAGIC) and b"helisim" in data[-(1 << 16) :] and _has_key(data)
 
 
+def _ended(path: Path) -> dict[str, Any]:
+    """Return the mark of a helisim record whose flight was over before its time, or nothing."""
+    try:
+        provenance = read_record(path).provenance
+    except (StorageError, RecordError):
+        return {}  # it is read by a map as what it is: anyone's columns
+    return {key: provenance[key] for key in ("ended",) if key in provenance}
+
+
 def _has_key(data: bytes) -> bool:
     try:
         return b"helisim" in ParquetLog(Path("."), data).metadata
@@ -279,7 +290,9 @@ def _from_record(
     return made_log(made, record.channels, report, headings, record.provenance)
 
 
-def _from_source(source: Source, map_: Map, fingerprint: str, options: Options) -> Log:
+def _from_source(
+    source: Source, map_: Map, fingerprint: str, options: Options, marks: Mapping[str, Any]
+) -> Log:
     """Read anyone's log by a map whose channels are complete."""
     findings = list(source.findings)
     headings: dict[str, str] = {}
@@ -345,9 +358,8 @@ def _from_source(source: Source, map_: Map, fingerprint: str, options: Options) 
         passband_hz=passband(made, options.rate),
         parts=tuple(part for one in made for part in one.parts),
     )
-    return made_log(
-        made, tuple(channels[name] for name in order), report, headings, made_by("log reader")
-    )
+    provenance = made_by("log reader", **marks)
+    return made_log(made, tuple(channels[name] for name in order), report, headings, provenance)
 
 
 def _told(column: Column, heading: str, stated: str | None, channel: Channel) -> str:

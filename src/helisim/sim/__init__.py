@@ -3,7 +3,7 @@
 from helisim.sim.excitation import Doublet, Excitation, Sweep
 from helisim.sim.fault_notation import Fault, parse_fault
 from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak
-from helisim.sim.fly import fly, fly_each, simulate
+from helisim.sim.fly import fly, fly_each
 from helisim.sim.folder import fly_to
 from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
@@ -14,12 +14,15 @@ from helisim.sim.recorder_faults import (
     SensorDropout,
     SensorSpikes,
 )
-from helisim.sim.truth import Truth, read_truth
+from helisim.sim.simulation import simulate
+from helisim.sim.truth import End, Truth, read_truth
+from helisim.sim.watch import Watch
 from helisim.sim.weather import Gust, Weather
 
 __all__ = [
     "ClockDrift",
     "Doublet",
+    "End",
     "Excitation",
     "Fault",
     "Gust",
@@ -35,6 +38,7 @@ __all__ = [
     "ServoWeak",
     "Sweep",
     "Truth",
+    "Watch",
     "Weather",
     "fly",
     "fly_each",

@@ -3,18 +3,25 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from helisim.errors import InputError, RecordError, StorageError
 from helisim.provenance import difference, plain
+from helisim.record import FlightRecord
 from helisim.sim.excitation import Excitation
 from helisim.sim.fault_notation import Fault
-from helisim.sim.fly import flight_numbers, flight_provenance, fly_each
+from helisim.sim.fly import flight_provenance, fly_watched
 from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
+from helisim.sim.simulation import flight_numbers
+from helisim.sim.watch import Watch
 from helisim.sim.weather import Weather
 from helisim.storage import make_folder, read_record, write_record
 from helisim.vehicle import Vehicle
+
+LAST_SECONDS = "last_second"
+"""Folder beside records, of the last seconds of those flights that were over before their time."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +31,13 @@ class Flown:
     Attributes:
         paths: one record a flight, in order.
         found: how many of them were there before, and were left as they are.
+        ended: why those were over before their time that were; a folder `last_second` holds that
+            of each, at the simulation's rate.
     """
 
     paths: tuple[Path, ...]
     found: int
+    ended: Mapping[Path, str]
 
 
 def fly_to(
@@ -41,6 +51,7 @@ def fly_to(
     recorder: Recorder | None = None,
     weather: Weather | None = None,
     faults: Sequence[Fault] = (),
+    watch: Watch | None = None,
     jobs: int | None = None,
     on_flight: Callable[[], None] | None = None,
 ) -> Flown:
@@ -48,7 +59,8 @@ def fly_to(
 
     Flights that the folder already holds, whole and of the same provenance, aren't flown
     again; so a second call goes on where an interrupted one stopped. A damaged file is
-    written anew. Memory doesn't grow with `count`.
+    written anew. A flight that is over before its time is kept as far as it went, marked, and
+    the others go on. Memory doesn't grow with `count`.
 
     Args:
         folder: of records such as `lat_0001.parquet`; made if it doesn't exist.
@@ -60,64 +72,79 @@ def fly_to(
         recorder: the vehicle's own if None.
         weather: calm if None.
         faults: as for `fly`.
+        watch: limits beyond which a flight is over; the default `Watch` if None.
         jobs: threads; all processors if None.
         on_flight: called once for each flight that the folder holds, for progress.
 
     Raises:
         InputError: as for `fly`; or the folder holds a flight of another configuration.
-        DivergedError: a flight left the validity of the model; those before it are kept.
+        DivergedError: a flight is over before there is a record of it; those before it are kept.
         StorageError: the folder can't be made or written.
     """
     pilot, recorder = pilot or Pilot(), recorder or Recorder.of(vehicle)
-    weather = weather or Weather()
+    weather, watch = weather or Weather(), watch or Watch()
+    how: dict[str, Any] = {
+        "seed": seed,
+        "pilot": pilot,
+        "recorder": recorder,
+        "weather": weather,
+        "faults": faults,
+        "watch": watch,
+    }
     paths = [folder / f"{excitation.axis}_{k + 1:04d}.parquet" for k in flight_numbers(count)]
+    ended: dict[Path, str] = {}
     missing = []
-    for number, path in enumerate(paths):
-        expected = flight_provenance(
-            vehicle,
-            excitation,
-            number,
-            seed=seed,
-            pilot=pilot,
-            recorder=recorder,
-            weather=weather,
-            faults=faults,
-        )
-        if not _holds(path, plain(expected)):
-            missing.append(number)
-        elif on_flight is not None:
-            on_flight()
-    records = fly_each(
-        vehicle,
-        excitation,
-        missing,
-        seed=seed,
-        pilot=pilot,
-        recorder=recorder,
-        weather=weather,
-        faults=faults,
-        jobs=jobs,
-    )
-    make_folder(folder)
-    for number, record in zip(missing, records):
-        write_record(record, paths[number])
+
+    def kept(path: Path, record: FlightRecord) -> None:
+        if record.ended:
+            ended[path] = record.ended
         if on_flight is not None:
             on_flight()
-    return Flown(tuple(paths), count - len(missing))
+
+    for number, path in enumerate(paths):
+        found = _found(path, plain(flight_provenance(vehicle, excitation, number, **how)))
+        if found is None:
+            missing.append(number)
+        else:
+            kept(path, found)
+    flights = fly_watched(vehicle, excitation, missing, **how, jobs=jobs)
+    make_folder(folder)
+    for number, (record, last) in zip(missing, flights):
+        write_flight(record, last, paths[number])
+        kept(paths[number], record)
+    return Flown(tuple(paths), count - len(missing), MappingProxyType(dict(sorted(ended.items()))))
 
 
-def _holds(path: Path, expected: Mapping[str, Any]) -> bool:
-    """Return whether a file holds the flight; False where it is missing or damaged."""
+def write_flight(record: FlightRecord, last: FlightRecord | None, path: Path) -> Path | None:
+    """Write a flight, and its last second, if there is one, into a folder beside it.
+
+    Returns:
+        The path of the last second.
+
+    Raises:
+        StorageError: a file can't be written.
+    """
+    beside = None
+    if last is not None:  # first, so that a record that says that it ended isn't without
+        beside = make_folder(path.parent / LAST_SECONDS) / f"{path.stem}.parquet"
+        write_record(last, beside)
+    write_record(record, path)
+    return beside
+
+
+def _found(path: Path, expected: Mapping[str, Any]) -> FlightRecord | None:
+    """Return the flight that a file holds; None where it is missing or damaged."""
     if not path.exists():
-        return False
+        return None
     try:
-        found = read_record(path).provenance
+        found = read_record(path)
     except (StorageError, RecordError):
-        return False
-    change = difference(found, expected)
+        return None
+    told = {key: value for key, value in found.provenance.items() if key != "ended"}
+    change = difference(told, expected)
     if change:
         raise InputError(
             f"{path} holds a flight of another configuration: {change}; "
             "choose another folder, or remove the file"
         )
-    return True
+    return found

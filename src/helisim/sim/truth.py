@@ -1,6 +1,7 @@
 """What truly happened in a flight, at the simulation's own rate and in the field's axes."""
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,10 +12,27 @@ from helisim.errors import DivergedError
 from helisim.physics.frames import flip
 from helisim.vehicle import Vehicle
 
-_GREATEST_TILT = 1.2
-"""rad: beyond it the hover's small angles, and the pilot, are lost."""
-_GREATEST_RATE = 20.0
-"""rad/s."""
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Why a flight was over before its time.
+
+    Attributes:
+        at: s.
+        why: in words.
+        state: MuJoCo's full physics state at the last sample that was kept.
+    """
+
+    at: float
+    why: str
+    state: NDArray[np.float64]
+
+    def __str__(self) -> str:
+        return f"{self.why} at {self.at:.2f} s"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain data, for provenance."""
+        return {"at": self.at, "why": self.why, "state": self.state.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +55,7 @@ class Truth:
         positions: (n, 3) north, east, down in m of the IMU.
         hold: s, for which sticks and servo commands are held; 0 if they are not.
         imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
+        end: why the flight was over before its time; None if it wasn't.
     """
 
     time: NDArray[np.float64]
@@ -54,18 +73,30 @@ class Truth:
     positions: NDArray[np.float64]
     imu_offset: NDArray[np.float64]
     hold: float = 0.0
+    end: End | None = None
 
     def at_ticks(self) -> "Truth":
         """Return only the instants at which the held signals change."""
         each = round(self.hold / self.timestep)
         if each <= 1:
             return self
-        rows = {
-            field.name: getattr(self, field.name)[::each]
+        return replace(self._rows(slice(None, None, each)), timestep=each * self.timestep)
+
+    def until(self, count: int, end: End) -> "Truth":
+        """Return only so many samples, of a flight that is over then."""
+        return replace(self._rows(slice(count)), end=end)
+
+    def since(self, time: float) -> "Truth":
+        """Return only the samples from a time on, s."""
+        return self._rows(slice(int(np.searchsorted(self.time, time)), None))
+
+    def _rows(self, rows: slice) -> "Truth":
+        histories = {
+            field.name: getattr(self, field.name)[rows]
             for field in fields(self)
             if np.ndim(getattr(self, field.name)) > 0 and field.name != "imu_offset"
         }
-        return replace(self, timestep=each * self.timestep, **rows)
+        return replace(self, **histories)
 
 
 def read_truth(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Truth:
@@ -76,19 +107,18 @@ def read_truth(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Truth:
         sensordata: (n_step, nsensordata), as mj_step leaves it: of the time before the step.
 
     Raises:
-        DivergedError: the flight left the validity of the model.
+        DivergedError: a number is not finite, or the simulation stopped.
     """
     model = vehicle.model
+    _check_finite(model, sensordata)
 
     def seen(name: str) -> NDArray[np.float64]:
         sensor = model.sensor(name)
         return sensordata[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
 
     time = seen("clock")[:, 0]
-    _check_finite(time, sensordata, model.opt.timestep)
     attitudes = _attitudes(seen("imu_attitude"))
     rates = _flipped(seen("imu_gyro"))
-    _check_validity(time, attitudes, rates, seen("imu_position"))
     velocities = _flipped(seen("imu_velocity"))
     forces = _flipped(seen("imu_accelerometer"))
     positions = _flipped(seen("imu_position"))
@@ -146,34 +176,26 @@ def _attitudes(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
     return angles
 
 
-def _check_finite(
-    time: NDArray[np.float64], sensordata: NDArray[np.float64], timestep: float
-) -> None:
-    broken = ~np.isfinite(sensordata).all(axis=1)
-    if broken.any():
-        raise DivergedError(
-            f"the flight has no finite state from {np.argmax(broken) * timestep:.2f} s"
-        )
+def sound_samples(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> tuple[int, str]:
+    """Return how many samples there are before the simulation breaks, and how it does.
+
+    Args:
+        model: that flew.
+        sensordata: (n_step, nsensordata).
+    """
+    time = sensordata[:, model.sensor("clock").adr[0]]
+    finite = np.isfinite(sensordata).all(axis=1)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        return first, f"the flight has no finite state from {first * model.opt.timestep:.2f} s"
     stopped = np.diff(time) <= 0.0
     if stopped.any():
-        raise DivergedError(f"the simulation stopped at {time[np.argmax(stopped)]:.2f} s")
+        last = int(np.argmax(stopped))
+        return last + 1, f"the simulation stopped at {time[last]:.2f} s"
+    return len(time), ""
 
 
-def _check_validity(
-    time: NDArray[np.float64],
-    attitudes: NDArray[np.float64],
-    rates: NDArray[np.float64],
-    positions: NDArray[np.float64],
-) -> None:
-    limits = {
-        f"rolled or pitched beyond {_GREATEST_TILT} rad": np.abs(attitudes[:, :2]).max(axis=1)
-        > _GREATEST_TILT,
-        f"turned faster than {_GREATEST_RATE} rad/s": np.abs(rates).max(axis=1) > _GREATEST_RATE,
-        "touched the ground": positions[:, 2] < 0.5,
-    }
-    for what, broken in limits.items():
-        if broken.any():
-            raise DivergedError(
-                f"the helicopter {what} at {time[np.argmax(broken)]:.2f} s; "
-                "fly a smaller amplitude or a narrower band, or check the gyro's gains"
-            )
+def _check_finite(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> None:
+    count, how = sound_samples(model, sensordata)
+    if count < len(sensordata):
+        raise DivergedError(how)

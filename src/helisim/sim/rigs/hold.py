@@ -14,8 +14,12 @@ from helisim.physics.native import installed
 from helisim.record import FlightRecord
 from helisim.sim.instruments import Recorder
 from helisim.sim.truth import read_truth
+from helisim.sim.watch import Watch
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import assemble
+
+_WATCH = replace(Watch.off(), tilt=Watch().tilt, rate=Watch().rate)
+"""Over what is held: a gyro that can't turn its helicopter may well saturate, near the ground."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,6 +193,7 @@ def _record(
         raise InputError(f"seed must be an integer, 0 or more, got {seed!r}")
     recorder = recorder or Recorder.of(held)
     truth = read_truth(held, _run(held.model, key, control))
+    _WATCH.check(held, truth)
     provenance = {
         "made_by": "helisim, ground test",
         "vehicle": held.name,
