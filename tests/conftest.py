@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Callable, Iterator
 
+import interpreted
 import mujoco
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from hypothesis import settings
 from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.motion import addresses
+
+if interpreted.wanted():
+    interpreted.install()
 
 # No deadline: the first example may compile. Derandomised: a failure repeats everywhere.
 settings.register_profile("helisim", deadline=None, derandomize=True, database=None)

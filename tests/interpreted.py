@@ -1,0 +1,64 @@
+"""The compiled force laws as plain Python: what coverage and mutation testing can follow.
+
+With NUMBA_DISABLE_JIT=1 the laws themselves stay Python functions, but numba still compiles what
+MuJoCo calls and what follows pointers. `install` replaces those two by ctypes, so that MuJoCo
+runs the very same sources, some thousand times slower.
+"""
+
+import ctypes
+import sys
+from collections.abc import Callable
+from types import FunctionType, SimpleNamespace
+from typing import Any
+
+import numba
+from numba import types
+
+from helisim.physics import memory, native
+
+_C = {
+    types.void: None,
+    types.int32: ctypes.c_int32,
+    types.int64: ctypes.c_int64,
+    types.float64: ctypes.c_double,
+}
+
+
+def wanted() -> bool:
+    """Tell whether this process is to interpret the force laws."""
+    return bool(numba.config.DISABLE_JIT)
+
+
+def install() -> None:
+    """Replace the intrinsics in every module of the physics, and how callbacks are made."""
+    instead = {
+        id(memory.doubles_at): _pointer(ctypes.c_double),
+        id(memory._ints_at): _pointer(ctypes.c_int32),
+        id(memory._longs_at): _pointer(ctypes.c_int64),
+        id(memory.room): lambda count: [0.0] * count,
+    }
+    physics = [one for name, one in sys.modules.items() if name.startswith("helisim.physics.")]
+    for module in physics:
+        for name, held in list(vars(module).items()):
+            if id(held) in instead:
+                setattr(module, name, instead[id(held)])
+            elif isinstance(held, FunctionType):
+                vars(held).setdefault("py_func", held)
+    native.cfunc = _cfunc
+
+
+def _pointer(element: Any) -> Callable[[int], Any]:
+    kind = ctypes.POINTER(element)
+    return lambda address: ctypes.cast(int(address), kind)
+
+
+def _cfunc(signature: Any, **_: Any) -> Callable[[Callable], SimpleNamespace]:
+    prototype = ctypes.CFUNCTYPE(_C[signature.return_type], *(_C[one] for one in signature.args))
+
+    def decorate(function: Callable) -> SimpleNamespace:
+        pointer = prototype(function)
+        return SimpleNamespace(
+            ctypes=pointer, address=ctypes.cast(pointer, ctypes.c_void_p).value
+        )
+
+    return decorate
