@@ -1,4 +1,4 @@
-"""Mutation testing of `ident` and `physics`: what share of small faults do the tests notice?
+"""Mutation testing of `ident` and `physics`: what share of small faults the tests notice.
 
     pip install cosmic-ray coverage
     python scripts/mutation_study.py physics --count 120 --seed 1
@@ -115,15 +115,19 @@ class Watch:
         self.seconds: dict[str, float] = {}
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """Count what runs between tests to none of them."""
         self.coverage.switch_context("")
 
     def pytest_runtest_call(self, item) -> None:
+        """Count the call itself to its test."""
         self.coverage.switch_context(item.nodeid)
 
     def pytest_runtest_teardown(self) -> None:
+        """Count no teardown to it."""
         self.coverage.switch_context("")
 
     def pytest_runtest_logreport(self, report) -> None:
+        """Keep how long a passing test took."""
         if report.when == "call" and report.passed:
             self.seconds[report.nodeid] = report.duration
 

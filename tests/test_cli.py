@@ -53,7 +53,8 @@ def test_a_flight_has_the_faults_asked_for(tmp_path):
     """`fly --fault` puts faults into the flight and into its provenance."""
     path = tmp_path / "faulty.parquet"
     faults = ["--fault", "servo_tail:stuck@8", "--fault", "recorder:gap@5,lasts=0.5"]
-    assert main(["fly", "--axis", "ped", "--duration", "13", *faults, "--out", str(path)]) == 0
+    flight = ["--duration", "13", "--watch", "off", *faults, "--out", str(path)]
+    assert main(["fly", "--axis", "ped", *flight]) == 0
     record = read_record(path)
     kinds = [fault["kind"] for fault in record.provenance["faults"]]
     assert kinds == ["ServoStuck", "RecordGap"]
@@ -124,7 +125,6 @@ def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
         (["--axis", "lat", "--out", "a.csv", "--set", "main_rotor.radius=nan"], "finite"),
         (["--axis", "lat", "--out", "a.csv", "--set", "main_rotor.radius=-1"], "positive"),
         (["--axis", "lat", "--out", "a.csv", "--set", "rotor.radius=1"], "main_rotor.radius"),
-        (["--axis", "lat", "--out", "a.csv", "--amplitude", "0.5"], "at "),
         (["--axis", "lat", "--out", "a.csv", "--amplitude", "7"], "(0, 0.5]"),
         (["--axis", "lat"], "--out"),
         (["--axis", "lat", "--out", "a.csv", "--fault", "servo_rear:stuck@3"], "servo_front"),

@@ -62,10 +62,10 @@ def _gear(vehicle: Vehicle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         centre = data.geom_xpos[geom] - imu
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE:
             half = data.geom_xmat[geom].reshape(3, 3)[:, 2] * model.geom_size[geom, 1]
-            points += [flip.py_func(*(centre + half)), flip.py_func(*(centre - half))]
+            points += [flip(*(centre + half)), flip(*(centre - half))]
             radii += [model.geom_size[geom, 0]] * 2
         else:
-            points.append(flip.py_func(*centre))
+            points.append(flip(*centre))
             radii.append(model.geom_rbound[geom])
     return np.array(points).reshape(-1, 3), np.array(radii)
 
@@ -74,9 +74,7 @@ def _discs(vehicle: Vehicle) -> list[tuple[NDArray[np.float64], NDArray[np.float
     """Return centre (m from the IMU), axis and radius (m) of both rotors' discs, body axes."""
     data, own = _at_rest(vehicle), vehicle.parameters
     imu = data.site("imu").xpos
-    hub, tail = (
-        np.array(flip.py_func(*(data.site(one).xpos - imu))) for one in ("hub", "tail_hub")
-    )
+    hub, tail = (np.array(flip(*(data.site(one).xpos - imu))) for one in ("hub", "tail_hub"))
     return [
         (hub, np.array([0.0, 0.0, 1.0]), own["main_rotor.radius"]),
         (tail, np.array([0.0, 1.0, 0.0]), own["tail_rotor.radius"]),

@@ -165,7 +165,7 @@ def hover_induced_velocity(vehicle: Vehicle) -> float:
 def _saturated(vehicle: Vehicle, truth: Truth) -> Iterator[tuple[str, NDArray[np.bool_]]]:
     """Yield the name of each stick, command and servo, and where it is at its limit, (n,)."""
     front, left, right, tail = truth.servo_commands.T
-    _, lon, lat = servo.unmix.py_func(front, left, right)
+    _, lon, lat = servo.unmix(front, left, right)
     commands = {"lon": lon, "lat": lat, "ped": tail, **dict(zip(IN2, truth.sticks.T))}
     for name, command in commands.items():
         yield name, np.abs(command) >= _STOP - _ROUNDING
