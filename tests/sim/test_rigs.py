@@ -40,7 +40,7 @@ GAINS = {"gyro.k_p": 0.6, "gyro.k_i": 11.0, "gyro.k_delta": 2.0, "gyro.k_a": 0.4
 
 
 @pytest.fixture(scope="module")
-def tests(jr700):
+def ground(jr700):
     """All rigs, run once with the default recorder."""
     return {test.rig: test for test in run_rigs(jr700, seed=1)}
 
@@ -109,9 +109,9 @@ def test_the_turntable_turns_as_it_is_told(jr700):
     assert np.abs(record.select(("p", "q"))).max() < 1e-6
 
 
-def test_the_bench_gives_the_controllers_gains(tests):
+def test_the_bench_gives_the_controllers_gains(ground):
     """k_p and k_I, given k_delta, with the default noise and resolution."""
-    found = tests["bench"]
+    found = ground["bench"]
     # 0.4 % measured; the resolution of the recorded servo is 2 % of the smallest jump
     assert percent(found["k_p"]) < 1.0
     # 0.01 % measured: a slope is an average of fifty samples and more
@@ -121,9 +121,9 @@ def test_the_bench_gives_the_controllers_gains(tests):
     assert found["delay"].error == pytest.approx(0.0, abs=5e-4)
 
 
-def test_the_turntable_gives_the_rate_gain(tests):
+def test_the_turntable_gives_the_rate_gain(ground):
     """k_a, given the bench's k_p and k_I, two ways, and the lead on the rate."""
-    found = tests["turntable"]
+    found = ground["turntable"]
     assert percent(found["k_a"]) < 0.5  # 0.01 to 0.1 % over seeds 1 to 3
     assert percent(found["k_a by k_p"]) < 2.0  # 0.1 to 0.5 %; with the bench's error of k_p
     # the lead changes the gain by 7 % at the upper edge, of which 1 % of noise is seen
@@ -135,9 +135,9 @@ def test_the_turntable_gives_the_rate_gain(tests):
     assert both == pytest.approx(0.0, abs=2e-4)  # 0.03 to 0.13 ms over seeds 1 to 5
 
 
-def test_bench_and_turntable_agree(tests):
+def test_bench_and_turntable_agree(ground):
     """The ratio k_I/k_p from a step and from a sweep is one number."""
-    ratios = [tests[rig]["k_I / k_p"].value for rig in ("bench", "turntable")]
+    ratios = [ground[rig]["k_I / k_p"].value for rig in ("bench", "turntable")]
     assert ratios[0] == pytest.approx(ratios[1], rel=0.015)  # the two errors above
 
 
@@ -238,9 +238,9 @@ def test_a_band_or_channel_that_tells_nothing_is_refused():
         loop_gains(still, input="r", output="servo_tail", band=(3.0, 30.0), noisy="input")
 
 
-def test_the_suspension_finds_the_centre_of_gravity(tests):
+def test_the_suspension_finds_the_centre_of_gravity(ground):
     """Within 1 mm (issue 4), and so the IMU's lever arm, with the default noise."""
-    found = tests["suspension"]
+    found = ground["suspension"]
     assert found["cg distance"].value < 1e-3
     for axis in "xyz":
         assert abs(found[f"imu_{axis}"].error) < 1e-3

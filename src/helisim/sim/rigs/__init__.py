@@ -4,6 +4,7 @@ The bench and the turntable give the yaw gyro's gains, the suspension the centre
 and with it the IMU's lever arm (Wu and Chen, sections 2 and 3.1).
 """
 
+from helisim.sim.rigs.finding import Finding, RigTest
 from helisim.sim.rigs.gains import LoopGains, loop_gains
 from helisim.sim.rigs.hold import (
     PedalSteps,
@@ -15,15 +16,8 @@ from helisim.sim.rigs.hold import (
     turn,
 )
 from helisim.sim.rigs.plumb import PlumbLine, centre_of_gravity, plumb_line
-from helisim.sim.rigs.procedures import (
-    Finding,
-    RigTest,
-    attitude_sensitivity,
-    bench_test,
-    run_rigs,
-    suspension_test,
-    turntable_test,
-)
+from helisim.sim.rigs.procedures import bench_test, run_rigs, turntable_test
+from helisim.sim.rigs.suspension import attitude_sensitivity, suspension_test
 
 __all__ = [
     "Finding",

@@ -1,30 +1,15 @@
-"""The ground tests from rig to finding, each value beside the truth that the vehicle carries."""
+"""Bench and turntable from rig to finding, each value beside the truth that the vehicle carries."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
-
-import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from helisim.errors import RecordError, UnknownNameError
-from helisim.physics.frames import flip
+from helisim.errors import RecordError
 from helisim.physics.gyro import held_lag
 from helisim.record import FlightRecord
 from helisim.sim.instruments import Recorder
+from helisim.sim.rigs.finding import Finding, RigTest
 from helisim.sim.rigs.gains import loop_gains
-from helisim.sim.rigs.hold import (
-    PedalSteps,
-    TableSweep,
-    hang,
-    hold,
-    step_pedals,
-    suspension_points,
-    turn,
-)
-from helisim.sim.rigs.plumb import REST, PlumbLine, centre_of_gravity, plumb_line
-from helisim.sim.truth import imu_offset
+from helisim.sim.rigs.hold import PedalSteps, TableSweep, hold, step_pedals, turn
+from helisim.sim.rigs.suspension import suspension_test
 from helisim.vehicle import Vehicle
 
 _STEP_BAND = (2.0, 60.0)
@@ -32,75 +17,6 @@ _STEP_BAND = (2.0, 60.0)
 above, the servos' and the sticks' records alias."""
 _SERVO_RANGE = 0.5
 """Unitised: the gyro commands the tail servo no further."""
-_MILLIMETRE = 1e-3
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """One number that a ground test found.
-
-    Attributes:
-        name: of the quantity.
-        unit: SI.
-        value: from the record.
-        truth: what the vehicle and its recorder carry; None where there is none.
-        standard_error: of `value`; None where it is not estimated.
-        how: one line.
-    """
-
-    name: str
-    unit: str
-    value: float
-    truth: float | None = None
-    standard_error: float | None = None
-    how: str = ""
-
-    @property
-    def error(self) -> float | None:
-        """Value minus truth, in the unit."""
-        return None if self.truth is None else self.value - self.truth
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data."""
-        return {
-            "name": self.name,
-            "unit": self.unit,
-            "value": self.value,
-            "truth": self.truth,
-            "error": self.error,
-            "standard_error": self.standard_error,
-            "how": self.how,
-        }
-
-
-@dataclass(frozen=True, kw_only=True)
-class RigTest:
-    """What one rig told.
-
-    Attributes:
-        rig: its name.
-        findings: in the order in which they are found.
-        notes: what else there is to know.
-    """
-
-    rig: str
-    findings: tuple[Finding, ...]
-    notes: tuple[str, ...] = ()
-
-    def __getitem__(self, name: str) -> Finding:
-        """Return the finding of that name. Raises UnknownNameError."""
-        for finding in self.findings:
-            if finding.name == name:
-                return finding
-        raise UnknownNameError(f"finding of the {self.rig}", name, [f.name for f in self.findings])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data."""
-        return {
-            "rig": self.rig,
-            "findings": [finding.to_dict() for finding in self.findings],
-            "notes": list(self.notes),
-        }
 
 
 def run_rigs(
@@ -316,94 +232,6 @@ def turntable_test(
             ),
         ),
     )
-
-
-def suspension_test(
-    vehicle: Vehicle, *, seed: int = 1, recorder: Recorder | None = None
-) -> RigTest:
-    """Find the centre of gravity and the IMU's lever arm: hang the helicopter from two points."""
-    held = hold(vehicle, "suspension")
-    recorder = recorder or Recorder.of(vehicle)
-    points = suspension_points(held)
-    records = {name: hang(held, name, seed=seed, recorder=recorder) for name in points}
-    lines = [plumb_line(records[name], point) for name, point in points.items()]
-    found = centre_of_gravity(lines)
-    true_centre, imu = _drawing(held)
-    arm, true_arm = imu - found, imu_offset(held)
-    first, second = (np.array(line.down) for line in lines)
-    crossing = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
-    gap = abs(np.cross(first, second) @ (lines[1].point - lines[0].point)) / np.sin(crossing)
-    sensitivity = attitude_sensitivity(lines)
-    worst = max(recorder.noise.get("phi", 0.0), recorder.noise.get("theta", 0.0))
-    samples = recorder.rate_hz * REST
-    allowed = _MILLIMETRE / sensitivity
-    findings = [
-        Finding(
-            name=f"{name}_{axis}",
-            unit="m",
-            value=float(value),
-            truth=float(true),
-            how=how,
-        )
-        for name, values, truths, how in (
-            ("cg", found, true_centre, "where the plumb lines meet, airframe axes"),
-            ("imu", arm, true_arm, "lever arm: the drawing's IMU less the centre of gravity"),
-        )
-        for axis, value, true in zip("xyz", values, truths)
-    ]
-    findings.append(
-        Finding(
-            name="cg distance",
-            unit="m",
-            value=float(np.linalg.norm(found - true_centre)),
-            truth=0.0,
-            how="found to true centre of gravity",
-        )
-    )
-    return RigTest(
-        rig="suspension",
-        findings=tuple(findings),
-        notes=(
-            f"the lines cross at {np.degrees(crossing):.1f} degrees and miss each other by "
-            f"{1e3 * gap:.3f} mm",
-            f"an attitude off by 1 mrad in the worst way moves the centre by "
-            f"{sensitivity:.3f} mm: 1 mm allows a bias of {1e3 * allowed:.2f} mrad "
-            f"({np.degrees(allowed):.2f} degrees), or {1e3 * allowed * np.sqrt(samples):.0f} mrad "
-            f"of white noise averaged over {REST:g} s; the recorder has {1e3 * worst:.3g} mrad",
-        ),
-    )
-
-
-def attitude_sensitivity(lines: Sequence[PlumbLine]) -> float:
-    """Return how far the centre moves for the worst attitude error of given size, m/rad.
-
-    All of phi and theta of all hangings are off by that size, with the worst signs.
-    """
-    centre = centre_of_gravity(lines)
-    shifts = []
-    for number, line in enumerate(lines):
-        down = np.array(line.down)
-        across = np.linalg.svd(down[None, :])[2][1:]
-        for direction in across:
-            tilted = down + 1e-6 * direction
-            moved = list(lines)
-            moved[number] = PlumbLine(line.point, tilted / np.linalg.norm(tilted))
-            shifts.append((centre_of_gravity(moved) - centre) / 1e-6)
-    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * len(shifts))).reshape(len(shifts), -1)
-    return float(np.linalg.norm(signs.T @ np.array(shifts), axis=1).max())
-
-
-def _drawing(held: Vehicle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return true centre of gravity and IMU in the airframe's own axes (FRD), (3,) m each."""
-    model = held.model
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    body = model.body(held.name).id
-    turned = data.xmat[body].reshape(3, 3).T
-    centre = turned @ (data.subtree_com[body] - data.xpos[body])
-    imu = turned @ (data.site("imu").xpos - data.xpos[body])
-    return np.array(flip(*centre)), np.array(flip(*imu))
 
 
 def _check_servo(record: FlightRecord) -> None:

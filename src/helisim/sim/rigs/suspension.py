@@ -1,0 +1,105 @@
+"""The suspension from rig to finding: the centre of gravity and the IMU's lever arm."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.physics.frames import flip
+from helisim.sim.instruments import Recorder
+from helisim.sim.rigs.finding import Finding, RigTest
+from helisim.sim.rigs.hold import hang, hold, suspension_points
+from helisim.sim.rigs.plumb import REST, PlumbLine, centre_of_gravity, plumb_line
+from helisim.sim.truth import imu_offset
+from helisim.vehicle import Vehicle
+
+_MILLIMETRE = 1e-3
+
+
+def suspension_test(
+    vehicle: Vehicle, *, seed: int = 1, recorder: Recorder | None = None
+) -> RigTest:
+    """Find the centre of gravity and the IMU's lever arm: hang the helicopter from two points."""
+    held = hold(vehicle, "suspension")
+    recorder = recorder or Recorder.of(vehicle)
+    points = suspension_points(held)
+    records = {name: hang(held, name, seed=seed, recorder=recorder) for name in points}
+    lines = [plumb_line(records[name], point) for name, point in points.items()]
+    found = centre_of_gravity(lines)
+    true_centre, imu = _drawing(held)
+    arm, true_arm = imu - found, imu_offset(held)
+    first, second = (np.array(line.down) for line in lines)
+    crossing = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
+    gap = abs(np.cross(first, second) @ (lines[1].point - lines[0].point)) / np.sin(crossing)
+    sensitivity = attitude_sensitivity(lines)
+    worst = max(recorder.noise.get("phi", 0.0), recorder.noise.get("theta", 0.0))
+    samples = recorder.rate_hz * REST
+    allowed = _MILLIMETRE / sensitivity
+    findings = [
+        Finding(
+            name=f"{name}_{axis}",
+            unit="m",
+            value=float(value),
+            truth=float(true),
+            how=how,
+        )
+        for name, values, truths, how in (
+            ("cg", found, true_centre, "where the plumb lines meet, airframe axes"),
+            ("imu", arm, true_arm, "lever arm: the drawing's IMU less the centre of gravity"),
+        )
+        for axis, value, true in zip("xyz", values, truths)
+    ]
+    findings.append(
+        Finding(
+            name="cg distance",
+            unit="m",
+            value=float(np.linalg.norm(found - true_centre)),
+            truth=0.0,
+            how="found to true centre of gravity",
+        )
+    )
+    return RigTest(
+        rig="suspension",
+        findings=tuple(findings),
+        notes=(
+            f"the lines cross at {np.degrees(crossing):.1f} degrees and miss each other by "
+            f"{1e3 * gap:.3f} mm",
+            f"an attitude off by 1 mrad in the worst way moves the centre by "
+            f"{sensitivity:.3f} mm: 1 mm allows a bias of {1e3 * allowed:.2f} mrad "
+            f"({np.degrees(allowed):.2f} degrees), or {1e3 * allowed * np.sqrt(samples):.0f} mrad "
+            f"of white noise averaged over {REST:g} s; the recorder has {1e3 * worst:.3g} mrad",
+        ),
+    )
+
+
+def attitude_sensitivity(lines: Sequence[PlumbLine]) -> float:
+    """Return how far the centre moves for the worst attitude error of given size, m/rad.
+
+    All of phi and theta of all hangings are off by that size, with the worst signs.
+    """
+    centre = centre_of_gravity(lines)
+    shifts = []
+    for number, line in enumerate(lines):
+        down = np.array(line.down)
+        across = np.linalg.svd(down[None, :])[2][1:]
+        for direction in across:
+            tilted = down + 1e-6 * direction
+            moved = list(lines)
+            moved[number] = PlumbLine(line.point, tilted / np.linalg.norm(tilted))
+            shifts.append((centre_of_gravity(moved) - centre) / 1e-6)
+    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * len(shifts))).reshape(len(shifts), -1)
+    return float(np.linalg.norm(signs.T @ np.array(shifts), axis=1).max())
+
+
+def _drawing(held: Vehicle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return true centre of gravity and IMU in the airframe's own axes (FRD), (3,) m each."""
+    model = held.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    body = model.body(held.name).id
+    turned = data.xmat[body].reshape(3, 3).T
+    centre = turned @ (data.subtree_com[body] - data.xpos[body])
+    imu = turned @ (data.site("imu").xpos - data.xpos[body])
+    return np.array(flip(*centre)), np.array(flip(*imu))
