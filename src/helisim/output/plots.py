@@ -16,6 +16,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 from numpy.typing import NDArray
@@ -34,12 +35,17 @@ USABLE_COHERENCE = 0.6
 
 _WIDTH = 4.2
 """Inches: 403 px of a page, so that text of 9 points stays readable on a phone of 390 px."""
+_LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN = 0.88, 0.12, 0.25, 0.46, 0.14
+"""Inches around the axes, and between one and the next."""
+_LABEL = 0.56
+"""Inches from the axes to the name of what is drawn: five digits, a sign and a point between."""
 _DPI = 200
 
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "axes.titlesize": 9.5,
+    "axes.titley": 1.0,
     "axes.labelsize": 9.0,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -254,20 +260,30 @@ def draw_trims(flights: Sequence[Vehicle]) -> Drawing:
 
 @contextmanager
 def _figure(height: float, rows: int) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Give the axes of a figure; where they are, and their labels, is the same for all figures.
+
+    To let matplotlib find room for the labels takes as long as two drawings.
+    """
+    wide, high = _WIDTH - _LEFT - _RIGHT, height - _TOP - _BOTTOM
     with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(_WIDTH, height), layout="constrained", dpi=_DPI)
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-        figure.align_ylabels(axes)
-        yield figure, list(axes)
+        figure = Figure(figsize=(_WIDTH, height), dpi=_DPI)
+        each = (high - (rows - 1) * _BETWEEN) / rows
+        axes: list[Axes] = []
+        for row in range(rows):
+            bottom = _BOTTOM + (rows - 1 - row) * (each + _BETWEEN)
+            place = (_LEFT / _WIDTH, bottom / height, wide / _WIDTH, each / height)
+            ax = figure.add_axes(place, sharex=axes[0] if axes else None)
+            ax.tick_params(labelbottom=row == rows - 1)
+            ax.yaxis.set_label_coords(-_LABEL / wide, 0.5)
+            axes.append(ax)
+        yield figure, axes
 
 
 def _drawing(figure: Figure, name: str, title: str, caption: str) -> Drawing:
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once, not again for each format
     picture, text = io.BytesIO(), io.StringIO()
-    figure.savefig(picture, format="png", dpi=_DPI, metadata={"Software": None})
-    figure.savefig(text, format="svg", metadata={"Date": None, "Title": title})
+    # by the canvases themselves: `Figure.savefig` draws everything once more before
+    FigureCanvasAgg(figure).print_png(picture, metadata={"Software": None})
+    FigureCanvasSVG(figure).print_svg(text, metadata={"Date": None, "Title": title})
     return Drawing(name, title, caption, text.getvalue(), picture.getvalue())
 
 
