@@ -59,35 +59,59 @@ def select(rows: Sequence[Row], condition: Row) -> list[Row]:
 
 def told(condition: Row) -> str:
     """Return a condition in words."""
-    return ", ".join(f"{name} {value:g}" for name, value in condition.items())
+    return ", ".join(f"{name.split('.')[-1]} {value:g}" for name, value in condition.items())
 
 
-def against(
-    rows: Sequence[Row], column: str, title: str, condition: Row, cell: Callable[[Summary], str]
-) -> None:
-    """Print a number for each parameter at each level of a column, in one condition."""
+def coverage(rows: Sequence[Row], columns: Sequence[str]) -> None:
+    """Print the shares of the intervals that hold the truth, at each level of each column."""
+    above, below = f"{'':<24}", f"{'% in 95 % / in CR':<24}"
+    cells: dict[str, str] = {}
+    for column in columns:
+        values = levels(rows, column)
+        above += f"{column.partition('.')[2]:>{8 * len(values)}}"
+        below += "".join(f"{value:>8g}" for value in values)
+        for name, line in by_level(rows, column, covered).items():
+            cells[name] = cells.get(name, "") + line
+    print(f"\n{above}\n{below}")
+    for name, line in cells.items():
+        print(f"{name:<24}{line}")
+
+
+def against(rows: Sequence[Row], column: str, condition: Row) -> None:
+    """Print bias and scatter of each parameter at each level of a column, in one condition."""
     kept = select(rows, condition)
     values = levels(kept, column)
     number = len({row["replicate"] for row in kept}) // (1 if column == "flights" else len(values))
-    print(f"\n{title} against {column} ({told(condition)}; {number} replicates each)")
-    print(f"  {'parameter':<24}" + "".join(f"{value:>16g}" for value in values))
-    found: dict[tuple[str, str], dict[Any, Summary]] = {}
-    for one in summarise(pa.Table.from_pylist(kept), by=(column,)):
-        name = f"{one.model} {one.parameter}", one.group["method"]
-        found.setdefault(name, {})[one.group[column]] = one
-    for (name, method), by_level in found.items():
-        cells = "".join(f"{cell(by_level[value]):>16}" for value in values)
-        print(f"  {name:<24}{cells}{'' if method == 'designed' else '  ' + method}")
+    print(f"\nbias +- scatter, %, against {column}")
+    print(f"({told(condition)}; {number} replicates each)")
+    print(f"{'':<24}" + "".join(f"{value:>18g}" for value in values))
+    for name, line in by_level(kept, column, scattered).items():
+        print(f"{name:<24}{line}")
 
 
-def scattered(one: Summary) -> str:
-    """Return bias and scatter, %."""
-    return f"{100 * one.bias:.2f} +-{100 * one.scatter:5.2f}"
+def by_level(rows: Sequence[Row], column: str, cell: Callable[[Summary], str]) -> dict[str, str]:
+    """Return a line for each parameter, with a cell for each level of a column."""
+    found = summarise(pa.Table.from_pylist(rows), by=(column,))
+    lines: dict[str, str] = {}
+    for one in sorted(found, key=lambda one: one.group[column]):
+        lines[named(one)] = lines.get(named(one), "") + cell(one)
+    return lines
 
 
 def covered(one: Summary) -> str:
     """Return the shares of the 95 % intervals and of the bounds that hold the truth, %."""
-    return f"{100 * one.covered:.0f} / {100 * one.covered_by_cr:.0f}"
+    return f"{f'{100 * one.covered:.0f}/{100 * one.covered_by_cr:.0f}':>8}"
+
+
+def scattered(one: Summary) -> str:
+    """Return bias and scatter, %."""
+    return f"{100 * one.bias:9.2f} +-{100 * one.scatter:6.2f}"
+
+
+def named(one: Summary) -> str:
+    """Return whose numbers these are."""
+    method = one.group["method"]
+    return f"{one.model} {one.parameter}{'' if method == 'designed' else f' {method}'}"
 
 
 def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
@@ -97,14 +121,15 @@ def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
     if not bounds:
         return
     limits = ", ".join(f"{name} {100 * limit:.2g} %" for (_, name), limit in bounds.items())
-    print(f"\nshortest flight time with {SHARE:.0%} of the replicates within {limits} of the truth")
-    print("(s of all sweeps together; in brackets sweeps of each axis x s)")
-    weather = [name for name in columns if name != LENGTH]
-    for values in sorted({tuple(row[name] for name in weather) for row in rows}):
-        condition = dict(zip(weather, values))
+    print(f"\nshortest flight time with {SHARE:.0%} of the replicates within the paper's bounds")
+    print(f"({limits} of the truth; s of all sweeps together, in brackets sweeps of an axis x s)")
+    print(f"{'':<24}" + "".join(f"{name:>18}" for _, name in bounds))
+    others = [name for name in columns if name != LENGTH]
+    for values in sorted({tuple(row[name] for name in others) for row in rows}):
+        condition = dict(zip(others, values))
         here = select(rows, condition)
-        cells = "".join(f"  {key[1]} {need(here, key, limit):<20}" for key, limit in bounds.items())
-        print(f"  {told(condition):<40}{cells}")
+        cells = "".join(f"{need(here, key, limit):>18}" for key, limit in bounds.items())
+        print(f"{told(condition):<24}{cells}")
 
 
 def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
@@ -142,12 +167,11 @@ def main(path: str) -> None:
     print(f"{replicates} replicates, {len(rows)} estimates; varied: {', '.join(columns)}")
     print(f"\nall conditions together, {told(most)} on each axis\n")
     print(render(summarise(pa.Table.from_pylist(select(rows, most)))))
-    for name in columns:
-        against(rows, name, "% in the 95 % intervals / in CR", most, covered)
+    coverage(select(rows, most), columns)
     for name in columns:
         others = {other: value for other, value in calm.items() if other != name}
-        against(rows, name, "bias +- scatter, %,", {**others, **most}, scattered)
-    against(rows, "flights", "bias +- scatter, %,", calm, scattered)
+        against(rows, name, {**others, **most})
+    against(rows, "flights", calm)
     shortest(rows, columns)
 
 
