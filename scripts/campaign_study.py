@@ -18,8 +18,12 @@ import pyarrow as pa
 
 from helisim.campaign import read_dataset
 from helisim.campaign.summary import Summary, errors, render, summarise
+from helisim.exact import exact_response
 from helisim.experiment import MODELS
+from helisim.ident import identify
 from helisim.reference import jr700
+from helisim.sim import Recorder
+from helisim.vehicle import load
 
 WANTED = (("yaw_base", "N_r"), ("rollpitch_in1", "L_b"), ("rollpitch_in1", "M_a"))
 SHARE = 0.95
@@ -114,6 +118,51 @@ def named(one: Summary) -> str:
     return f"{one.model} {one.parameter}{'' if method == 'designed' else f' {method}'}"
 
 
+def apart(rows: Sequence[Row], columns: Sequence[str], exact: dict[tuple[str, str], float]) -> None:
+    """Print what the 95 % intervals hold: the truth, and the mean that estimates scatter about.
+
+    Beside them the bias, and how much of it is the structure's: the error of the structure that
+    is fitted to the exact response.
+    """
+    print(f"\n{'':<24}{'% of intervals that hold':>26}{'bias of the':>26}")
+    print(f"{'':<24}{'the truth':>13}{'their mean':>13}{'estimate, %':>13}{'structure, %':>13}")
+    for key in dict.fromkeys((row["model"], row["parameter"]) for row in rows):
+        mine = [row for row in rows if (row["model"], row["parameter"]) == key and row["estimate"]]
+        error, size = errors(mine), np.array([abs(row["truth"]) for row in mine])
+        half = 1.96 * np.array([row["standard_error"] for row in mine]) / size
+        where = [tuple(row[name] for name in columns) for row in mine]
+        means = {one: np.mean([e for e, at in zip(error, where) if at == one]) for one in where}
+        about = error - np.array([means[one] for one in where])
+        held = [100.0 * np.mean(np.abs(off) <= half) for off in (error, about)]
+        line = (
+            f"{f'{key[0]} {key[1]}':<24}{held[0]:>13.1f}{held[1]:>13.1f}{100 * error.mean():>13.2f}"
+        )
+        if key in exact:
+            line += f"{100.0 * (exact[key] - mine[0]['truth']) / size[0]:>13.2f}"
+        print(line)
+
+
+def tended_to(plan: Row) -> dict[tuple[str, str], float]:
+    """Return what the structures make of the vehicle's exact response, without any flight.
+
+    Empty if the campaign changed the vehicle, its steady wind or its recorder's latencies.
+    """
+    sections = {one["section"] for one in plan["settings"]}
+    names = {one["name"].split(".")[0] for one in plan["settings"]}
+    if "vehicle" in sections or names & {"wind", "latency"}:
+        return {}
+    vehicle = load(plan["vehicle"])
+    found = {}
+    for model in MODELS:
+        if model.truth != "derivatives" or model.name not in plan["models"]:
+            continue
+        omega = np.geomspace(*model.band, 200)
+        exact = exact_response(vehicle, model, Recorder.of(vehicle), omega)
+        fit = identify(exact, model.structure, weighting=model.weighting)
+        found |= {(model.name, name): float(value) for name, value in fit.values.items()}
+    return found
+
+
 def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
     """Print the shortest flight time within the paper's bounds, for each condition."""
     found = {row["model"] for row in rows}
@@ -122,7 +171,8 @@ def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
         return
     limits = ", ".join(f"{name} {100 * limit:.2g} %" for (_, name), limit in bounds.items())
     print(f"\nshortest flight time with {SHARE:.0%} of the replicates within the paper's bounds")
-    print(f"({limits} of the truth; s of all sweeps together, in brackets sweeps of an axis x s)")
+    print(f"({limits} of the truth)")
+    print("(s of all sweeps together; in brackets sweeps of each axis x s)")
     print(f"{'':<24}" + "".join(f"{name:>18}" for _, name in bounds))
     others = [name for name in columns if name != LENGTH]
     for values in sorted({tuple(row[name] for name in others) for row in rows}):
@@ -167,6 +217,7 @@ def main(path: str) -> None:
     print(f"{replicates} replicates, {len(rows)} estimates; varied: {', '.join(columns)}")
     print(f"\nall conditions together, {told(most)} on each axis\n")
     print(render(summarise(pa.Table.from_pylist(select(rows, most)))))
+    apart(select(rows, most), columns, tended_to(provenance["campaign"]))
     coverage(select(rows, most), columns)
     for name in columns:
         others = {other: value for other, value in calm.items() if other != name}
