@@ -18,8 +18,12 @@ import pyarrow as pa
 
 from helisim.campaign import read_dataset
 from helisim.campaign.summary import Summary, errors, render, summarise
+from helisim.exact import exact_response
 from helisim.experiment import MODELS
+from helisim.ident import identify
 from helisim.reference import jr700
+from helisim.sim import Recorder
+from helisim.vehicle import load
 
 WANTED = (("yaw_base", "N_r"), ("rollpitch_in1", "L_b"), ("rollpitch_in1", "M_a"))
 SHARE = 0.95
@@ -59,35 +63,104 @@ def select(rows: Sequence[Row], condition: Row) -> list[Row]:
 
 def told(condition: Row) -> str:
     """Return a condition in words."""
-    return ", ".join(f"{name} {value:g}" for name, value in condition.items())
+    return ", ".join(f"{name.split('.')[-1]} {value:g}" for name, value in condition.items())
 
 
-def against(
-    rows: Sequence[Row], column: str, title: str, condition: Row, cell: Callable[[Summary], str]
-) -> None:
-    """Print a number for each parameter at each level of a column, in one condition."""
+def coverage(rows: Sequence[Row], columns: Sequence[str]) -> None:
+    """Print the shares of the intervals that hold the truth, at each level of each column."""
+    above, below = f"{'':<24}", f"{'% in 95 % / in CR':<24}"
+    cells: dict[str, str] = {}
+    for column in columns:
+        values = levels(rows, column)
+        above += f"{column.partition('.')[2]:>{8 * len(values)}}"
+        below += "".join(f"{value:>8g}" for value in values)
+        for name, line in by_level(rows, column, covered).items():
+            cells[name] = cells.get(name, "") + line
+    print(f"\n{above}\n{below}")
+    for name, line in cells.items():
+        print(f"{name:<24}{line}")
+
+
+def against(rows: Sequence[Row], column: str, condition: Row) -> None:
+    """Print bias and scatter of each parameter at each level of a column, in one condition."""
     kept = select(rows, condition)
     values = levels(kept, column)
     number = len({row["replicate"] for row in kept}) // (1 if column == "flights" else len(values))
-    print(f"\n{title} against {column} ({told(condition)}; {number} replicates each)")
-    print(f"  {'parameter':<24}" + "".join(f"{value:>16g}" for value in values))
-    found: dict[tuple[str, str], dict[Any, Summary]] = {}
-    for one in summarise(pa.Table.from_pylist(kept), by=(column,)):
-        name = f"{one.model} {one.parameter}", one.group["method"]
-        found.setdefault(name, {})[one.group[column]] = one
-    for (name, method), by_level in found.items():
-        cells = "".join(f"{cell(by_level[value]):>16}" for value in values)
-        print(f"  {name:<24}{cells}{'' if method == 'designed' else '  ' + method}")
+    print(f"\nbias +- scatter, %, against {column}")
+    print(f"({told(condition)}; {number} replicates each)")
+    print(f"{'':<24}" + "".join(f"{value:>18g}" for value in values))
+    for name, line in by_level(kept, column, scattered).items():
+        print(f"{name:<24}{line}")
 
 
-def scattered(one: Summary) -> str:
-    """Return bias and scatter, %."""
-    return f"{100 * one.bias:.2f} +-{100 * one.scatter:5.2f}"
+def by_level(rows: Sequence[Row], column: str, cell: Callable[[Summary], str]) -> dict[str, str]:
+    """Return a line for each parameter, with a cell for each level of a column."""
+    found = summarise(pa.Table.from_pylist(rows), by=(column,))
+    lines: dict[str, str] = {}
+    for one in sorted(found, key=lambda one: one.group[column]):
+        lines[named(one)] = lines.get(named(one), "") + cell(one)
+    return lines
 
 
 def covered(one: Summary) -> str:
     """Return the shares of the 95 % intervals and of the bounds that hold the truth, %."""
-    return f"{100 * one.covered:.0f} / {100 * one.covered_by_cr:.0f}"
+    return f"{f'{100 * one.covered:.0f}/{100 * one.covered_by_cr:.0f}':>8}"
+
+
+def scattered(one: Summary) -> str:
+    """Return bias and scatter, %."""
+    return f"{100 * one.bias:9.2f} +-{100 * one.scatter:6.2f}"
+
+
+def named(one: Summary) -> str:
+    """Return whose numbers these are."""
+    method = one.group["method"]
+    return f"{one.model} {one.parameter}{'' if method == 'designed' else f' {method}'}"
+
+
+def apart(rows: Sequence[Row], columns: Sequence[str], exact: dict[tuple[str, str], float]) -> None:
+    """Print what the 95 % intervals hold: the truth, and the mean that estimates scatter about.
+
+    Beside them the bias, and how much of it is the structure's: the error of the structure that
+    is fitted to the exact response.
+    """
+    print(f"\n{'':<24}{'% of intervals that hold':>26}{'bias of the':>26}")
+    print(f"{'':<24}{'the truth':>13}{'their mean':>13}{'estimate, %':>13}{'structure, %':>13}")
+    for key in dict.fromkeys((row["model"], row["parameter"]) for row in rows):
+        mine = [row for row in rows if (row["model"], row["parameter"]) == key and row["estimate"]]
+        error, size = errors(mine), np.array([abs(row["truth"]) for row in mine])
+        half = 1.96 * np.array([row["standard_error"] for row in mine]) / size
+        where = [tuple(row[name] for name in columns) for row in mine]
+        means = {one: np.mean([e for e, at in zip(error, where) if at == one]) for one in where}
+        about = error - np.array([means[one] for one in where])
+        held = [100.0 * np.mean(np.abs(off) <= half) for off in (error, about)]
+        line = (
+            f"{f'{key[0]} {key[1]}':<24}{held[0]:>13.1f}{held[1]:>13.1f}{100 * error.mean():>13.2f}"
+        )
+        if key in exact:
+            line += f"{100.0 * (exact[key] - mine[0]['truth']) / size[0]:>13.2f}"
+        print(line)
+
+
+def tended_to(plan: Row) -> dict[tuple[str, str], float]:
+    """Return what the structures make of the vehicle's exact response, without any flight.
+
+    Empty if the campaign changed the vehicle, its steady wind or its recorder's latencies.
+    """
+    sections = {one["section"] for one in plan["settings"]}
+    names = {one["name"].split(".")[0] for one in plan["settings"]}
+    if "vehicle" in sections or names & {"wind", "latency"}:
+        return {}
+    vehicle = load(plan["vehicle"])
+    found = {}
+    for model in MODELS:
+        if model.truth != "derivatives" or model.name not in plan["models"]:
+            continue
+        omega = np.geomspace(*model.band, 200)
+        exact = exact_response(vehicle, model, Recorder.of(vehicle), omega)
+        fit = identify(exact, model.structure, weighting=model.weighting)
+        found |= {(model.name, name): float(value) for name, value in fit.values.items()}
+    return found
 
 
 def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
@@ -97,14 +170,16 @@ def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
     if not bounds:
         return
     limits = ", ".join(f"{name} {100 * limit:.2g} %" for (_, name), limit in bounds.items())
-    print(f"\nshortest flight time with {SHARE:.0%} of the replicates within {limits} of the truth")
+    print(f"\nshortest flight time with {SHARE:.0%} of the replicates within the paper's bounds")
+    print(f"({limits} of the truth)")
     print("(s of all sweeps together; in brackets sweeps of each axis x s)")
-    weather = [name for name in columns if name != LENGTH]
-    for values in sorted({tuple(row[name] for name in weather) for row in rows}):
-        condition = dict(zip(weather, values))
+    print(f"{'':<24}" + "".join(f"{name:>18}" for _, name in bounds))
+    others = [name for name in columns if name != LENGTH]
+    for values in sorted({tuple(row[name] for name in others) for row in rows}):
+        condition = dict(zip(others, values))
         here = select(rows, condition)
-        cells = "".join(f"  {key[1]} {need(here, key, limit):<20}" for key, limit in bounds.items())
-        print(f"  {told(condition):<40}{cells}")
+        cells = "".join(f"{need(here, key, limit):>18}" for key, limit in bounds.items())
+        print(f"{told(condition):<24}{cells}")
 
 
 def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
@@ -142,12 +217,12 @@ def main(path: str) -> None:
     print(f"{replicates} replicates, {len(rows)} estimates; varied: {', '.join(columns)}")
     print(f"\nall conditions together, {told(most)} on each axis\n")
     print(render(summarise(pa.Table.from_pylist(select(rows, most)))))
-    for name in columns:
-        against(rows, name, "% in the 95 % intervals / in CR", most, covered)
+    apart(select(rows, most), columns, tended_to(provenance["campaign"]))
+    coverage(select(rows, most), columns)
     for name in columns:
         others = {other: value for other, value in calm.items() if other != name}
-        against(rows, name, "bias +- scatter, %,", {**others, **most}, scattered)
-    against(rows, "flights", "bias +- scatter, %,", calm, scattered)
+        against(rows, name, {**others, **most})
+    against(rows, "flights", calm)
     shortest(rows, columns)
 
 
