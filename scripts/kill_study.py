@@ -130,13 +130,14 @@ def study(command: str, kills: int, scratch: Path, seed: int = SEED) -> dict[str
     """Kill a command so many times and return what was found, by name."""
     whole = scratch / f"{command} whole"
     _, lasts = run(command, whole)
-    moments = np.random.default_rng([seed, *command.encode()]).uniform(0.0, lasts, kills)
+    moments = np.random.default_rng([seed, *command.encode()]).uniform(0.0, 1.0, kills)
     found = dict.fromkeys(("kills", "in time", "reported", "lost", "torn", "strays"), 0)
     folder = scratch / f"{command} 0"
     for number, moment in enumerate(moments):
-        if command not in GOES_ON or (folder.exists() and units(command, folder) == len_of(whole)):
-            folder = scratch / f"{command} {number}"
-        lines, _ = run(command, folder, float(moment))
+        done = units(command, folder) / units(command, whole)
+        if command not in GOES_ON or done == 1.0:
+            folder, done = scratch / f"{command} {number}", 0.0
+        lines, _ = run(command, folder, float(moment * lasts * (1.0 - done)))
         reported = lines.count("saved")
         if command == "reproduce":  # models and the report are reported too, when all are flown
             reported = min(reported, units(command, whole))
@@ -154,11 +155,6 @@ def study(command: str, kills: int, scratch: Path, seed: int = SEED) -> dict[str
     missing = [path for path in kept if not (folder / path).exists()]
     found["not complete in the end"] = len(missing) + len(torn(folder, whole))
     return found
-
-
-def len_of(whole: Path) -> int:
-    """Return how many units an undisturbed run holds."""
-    return units(whole.name.split()[0], whole)
 
 
 def main(kills: int = 20, commands: Sequence[str] = COMMANDS) -> int:

@@ -12,6 +12,7 @@ from helisim.pipeline import reproduce
 from helisim.record import FlightRecord
 from helisim.repeat import arguments_of, compare
 from helisim.storage import read_record, write_record
+from killing import kill_at
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +41,16 @@ def test_a_run_repeats_to_the_byte(run, capsys):
     assert found["changed"] == {}
     assert len(found["records"]) >= 8
     assert found["numbers_compared"] > 10_000
+
+
+def test_a_killed_run_leaves_the_results_before(copied):
+    """Kill -9 when new results are about to be complete: those before are there, whole."""
+    path = copied / "results.json"
+    before = path.read_bytes() + b" "  # valid, and told from the new ones
+    path.write_bytes(before)
+    kill_at(path.name, "reproduce", "--reuse", "--seed", "3", "--out", str(copied), "--quiet")
+    assert path.read_bytes() == before
+    assert arguments_of(copied)["seed"] == 3
 
 
 def test_a_copy_is_the_same(run, copied):

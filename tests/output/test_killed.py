@@ -1,39 +1,10 @@
 """What a program leaves that is killed while it writes: a complete file, or the one before."""
 
-import subprocess
-import sys
-
 import pytest
 from made_run import write_run
 
 from helisim.cli import main
-
-HOLDING = """
-import os, sys, time
-from helisim.cli import main
-
-put_in_place = os.replace
-
-def hold(source, target):
-    if str(target).endswith(sys.argv[1]):
-        print("holding", flush=True)
-        time.sleep(600)
-    put_in_place(source, target)
-
-os.replace = hold
-sys.exit(main(sys.argv[2:]))
-"""
-"""Runs a command, and stops for good when a file of a certain name is about to be complete."""
-
-
-def kill_at(ending: str, *arguments: str) -> None:
-    """Run a command and kill it, without a chance to tidy up, when it is at that file."""
-    command = [sys.executable, "-c", HOLDING, ending, *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        line = process.stdout.readline()
-        process.kill()
-    assert line == "holding\n"
+from killing import kill_at
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,19 @@ _HOOKS = ("passive", "control", "act_dyn", "sensor")
 _TIMER = "time"
 """MuJoCo's Python package reads the clock some twenty times a step, for `mjData.timer`: a third
 of the cost of our step. So the timer stands still meanwhile, unless someone has set one."""
-_lock = threading.Lock()
-_depth = 0
+
+
+class _Loan:
+    """What MuJoCo has been lent, and for how many blocks."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.blocks = 0
+        self.functions: dict[str, Any] = {}
+
+
+_loan: _Loan = globals().get("_loan") or _Loan()
+"""A module that is loaded again, as notebooks do, finds the blocks that are open."""
 
 
 def fingerprint() -> int:
@@ -98,18 +109,17 @@ def installed() -> Iterator[None]:
         CallbackError: someone else's callback is installed, or this MuJoCo's memory layout
             is not what it says.
     """
-    global _depth
-    with _lock:
-        if _depth == 0:
+    with _loan.lock:
+        if _loan.blocks == 0:
             _install(compiled())
-        _depth += 1
+        _loan.blocks += 1
     try:
         yield
     finally:
-        with _lock:
-            _depth -= 1
-            if _depth == 0:
-                _remove(compiled())
+        with _loan.lock:
+            _loan.blocks -= 1
+            if _loan.blocks == 0:
+                _remove(_loan.functions)
 
 
 def _install(functions: dict[str, Any]) -> None:
@@ -120,6 +130,7 @@ def _install(functions: dict[str, Any]) -> None:
             f"MuJoCo already has a callback of another owner: {names}. MuJoCo keeps one for "
             f"the whole process; remove it first, with mujoco.set_{names.split(', ')[0]}(None)"
         )
+    _loan.functions = functions  # which must live as long as MuJoCo calls them
     unset = (_TIMER,) if mujoco.get_mjcb_time() is None else ()
     for hook in (*_HOOKS, *unset):
         getattr(mujoco, f"set_mjcb_{hook}")(functions[hook].ctypes)

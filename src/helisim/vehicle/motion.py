@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from helisim.errors import ModelError, UnknownNameError
 from helisim.physics.frames import flip
-from helisim.physics.layout import ROTOR, STATE
+from helisim.physics.layout import PARAM, ROTOR, STATE
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,23 @@ class Addresses:
 
 
 def addresses(model: mujoco.MjModel, prefix: str = "") -> Addresses:
-    """Find a vehicle in a model; `prefix` names one of several."""
-    rotor = model.actuator(f"{prefix}rotor").id
+    """Find a vehicle in a model; `prefix` names one of several in a scene.
+
+    Raises:
+        UnknownNameError: there is no such vehicle.
+        ModelError: the scene has no room for the numbers of a vehicle.
+    """
+    try:
+        rotor = model.actuator(f"{prefix}rotor").id
+    except KeyError:
+        names = [model.actuator(k).name for k in range(model.nu)]
+        rotors = [name for name in names if name.endswith("rotor")]
+        raise UnknownNameError("vehicle's rotor", f"{prefix}rotor", rotors) from None
+    if model.nuser_actuator < len(PARAM):
+        raise ModelError(
+            f"the scene has room for {model.nuser_actuator} numbers of an actuator, and a vehicle "
+            f'has {len(PARAM)}; give the scene <size nuser_actuator="160"/>'
+        )
     return Addresses(
         rotor=rotor,
         state=int(model.actuator_actadr[rotor]) - STATE.flap_a,
