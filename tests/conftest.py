@@ -3,12 +3,12 @@
 import copy
 from collections.abc import Callable, Iterator
 
-import interpreted
 import mujoco
 import numpy as np
 import pytest
 from hypothesis import settings
 
+import interpreted
 from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.motion import addresses

@@ -57,8 +57,6 @@ def _cfunc(signature: Any, **_: Any) -> Callable[[Callable], SimpleNamespace]:
 
     def decorate(function: Callable) -> SimpleNamespace:
         pointer = prototype(function)
-        return SimpleNamespace(
-            ctypes=pointer, address=ctypes.cast(pointer, ctypes.c_void_p).value
-        )
+        return SimpleNamespace(ctypes=pointer, address=ctypes.cast(pointer, ctypes.c_void_p).value)
 
     return decorate
