@@ -1,4 +1,4 @@
-"""Mutation testing of `ident` and `physics`: what share of small faults the tests notice.
+"""Mutation testing of `ident` and `physics`: the share of small faults that the tests notice.
 
     pip install cosmic-ray coverage
     python scripts/mutation_study.py physics --count 120 --seed 1
@@ -33,6 +33,7 @@ ROOT = Path(__file__).parents[1]
 TESTS = {
     "physics": (
         "tests/physics",
+        "tests/sim/test_weather.py::test_filters_have_the_standards_spectra",
         "tests/vehicle/test_trim.py",
         "tests/vehicle/test_hover.py",
         "tests/vehicle/test_atmosphere.py",
@@ -115,19 +116,19 @@ class Watch:
         self.seconds: dict[str, float] = {}
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
-        """Count what runs between tests to none of them."""
+        """Count what no test executes by itself as nobody's."""
         self.coverage.switch_context("")
 
     def pytest_runtest_call(self, item) -> None:
-        """Count the call itself to its test."""
+        """Count a test's lines as its own."""
         self.coverage.switch_context(item.nodeid)
 
     def pytest_runtest_teardown(self) -> None:
-        """Count no teardown to it."""
+        """End that."""
         self.coverage.switch_context("")
 
     def pytest_runtest_logreport(self, report) -> None:
-        """Keep how long a passing test took."""
+        """Keep how long a test took."""
         if report.when == "call" and report.passed:
             self.seconds[report.nodeid] = report.duration
 
@@ -307,6 +308,7 @@ def study(root: Path, options: argparse.Namespace) -> int:
     for mutant in chosen:
         outcome, difference = tried(root, mutant, baseline, options.budget)
         outcomes[mutant.path.removeprefix("src/helisim/")].append(outcome)
+        print(f"{outcome} {mutant.path}:{mutant.line}", file=sys.stderr, flush=True)
         if outcome in ("survived", "unseen"):
             print(f"\n{outcome}: {mutant.operator.removeprefix('core/')}")
             print(difference, flush=True)

@@ -24,13 +24,16 @@ A whole run has its models beside the flights::
 
 import hashlib
 import json
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import rerun as rr
+from rerun.chunk import RrdReader
 
 from helisim.channels import (
     ACCELERATIONS,
@@ -43,7 +46,7 @@ from helisim.channels import (
     SERVOS,
     VELOCITIES,
 )
-from helisim.errors import InputError
+from helisim.errors import InputError, StorageError
 from helisim.output.blueprint import FlightViews, blueprint
 from helisim.output.rerun_findings import figure_entities, log_findings
 from helisim.output.rerun_scene import is_posed, knows_rotor, log_space
@@ -112,7 +115,8 @@ def write_recording(
     with atomic_write(path) as temporary:
         recording = rr.RecordingStream(APPLICATION, recording_id=_content_id(flights, run))
         # The blueprint and the file come first: what is logged before them is lost.
-        recording.save(temporary, default_blueprint=layout)
+        with _refused_by_the_disk(path):
+            recording.save(temporary, default_blueprint=layout)
         try:
             made = json.dumps(made_by("recording"), sort_keys=True)
             recording.send_property("helisim", rr.AnyValues(provenance=made))
@@ -120,10 +124,31 @@ def write_recording(
                 log_findings(recording, run)
             for name, record in flights.items():
                 _log_flight(recording, name, record, shapes)
-            recording.flush()
+            with _refused_by_the_disk(path):
+                recording.flush()
         finally:
             recording.disconnect()  # writes the footer
+        _check_whole(temporary, path)
     return path
+
+
+@contextmanager
+def _refused_by_the_disk(path: Path) -> Iterator[None]:
+    """Say as a StorageError what Rerun says of a disk that is full."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise StorageError(f"{path}: can't write it: {error}") from None
+
+
+def _check_whole(written: Path, path: Path) -> None:
+    """Raise StorageError unless a recording has its end: Rerun only logs that it failed there."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            RrdReader(written).recordings()
+        except (RuntimeError, Warning):
+            raise StorageError(f"{path}: can't write it: its end is missing") from None
 
 
 def _content_id(flights: Mapping[str, FlightRecord], run: Run | None) -> str:

@@ -1,0 +1,64 @@
+"""A disk that fills up while helisim writes: the system itself refuses, not a stand-in.
+
+A process with a limit on the size of its files meets a refusal in the middle of a write, also in
+the libraries that write without Python: pyarrow and Rerun.
+"""
+
+import subprocess
+import sys
+
+import pytest
+
+resource = pytest.importorskip("resource", reason="limits of a process are POSIX's")
+
+WRITE = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from helisim.channels import channel
+from helisim.errors import StorageError
+from helisim.ident import structures
+from helisim.output.rerun_log import write_recording
+from helisim.record import FlightRecord
+from helisim.storage import write_json, write_record
+
+folder, endless = Path(sys.argv[1]), resource.RLIM_INFINITY
+values = np.random.default_rng(1).normal(size=(2000, 2))
+record = FlightRecord(0.01 * np.arange(2000), values, (channel("lat"), channel("p")))
+writers = {
+    "a.parquet": lambda path: write_record(record, path),
+    "a.csv": lambda path: write_record(record, path),
+    "a.json": lambda path: write_json({"a": [0.5] * 2000}, path),
+    "a.toml": structures.heave.to_toml,
+    "a.rrd": lambda path: write_recording(path, {"f": record}),
+}
+for name, write in writers.items():
+    path = folder / name
+    write(path)
+    whole = path.stat().st_size
+    path.write_bytes(b"old")
+    for limit in (0, whole // 2, whole - 60):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, endless))
+        try:
+            write(path)
+            told = "no error"
+        except StorageError as error:
+            told = str(error).replace(str(folder), "FOLDER")
+        resource.setrlimit(resource.RLIMIT_FSIZE, (endless, endless))
+        left = sorted(file.name for file in folder.iterdir())
+        print(name, path.read_bytes() == b"old", left == [name], told, sep="|")
+    path.unlink()
+"""
+
+
+def test_a_write_that_the_disk_refuses_leaves_the_old_file_and_one_clear_error(tmp_path):
+    """At the start, half way, and at the last bytes: a recording's are its table of contents."""
+    command = [sys.executable, "-c", WRITE, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    lines = [line.split("|") for line in done.stdout.splitlines()]
+    assert len(lines) == 15
+    for name, kept, alone, told in lines:
+        assert told.startswith(f"FOLDER/{name}: can't write it: "), (name, told)
+        assert (kept, alone) == ("True", "True"), name
+    assert list(tmp_path.iterdir()) == []

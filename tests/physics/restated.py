@@ -1,0 +1,288 @@
+"""The vehicle's dynamics a second time, from the same sources, in vectors and matrices.
+
+Wu and Chen's eqs. (7) and (8), Bramwell's flapping, MIL-F-8785C's turbulence: numpy, body axes
+forward-right-down, north-east-down, no address of MuJoCo's. The momentum balance of the rotors, the
+noise and the sweep's shape are tested by themselves and called here.
+"""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from helisim.physics import pilot, rotor
+from helisim.physics.layout import DOUBLET, PARAM, READS_HELD, READS_ZERO, STATE, SWEEP
+
+GYRO_STATES = slice(STATE.gyro_q_filter, STATE.gyro_r_integral + 1)
+SERVOS = ("front", "left", "right", "tail")
+MIX = np.array([[1, 1, 0], [1, -0.5, np.sqrt(0.75)], [1, -0.5, -np.sqrt(0.75)]])
+"""Front, left and right servo from collective, longitudinal and lateral."""
+
+
+@dataclass
+class Moment:
+    """A moment of a flight, and the vehicle's numbers by name."""
+
+    par: np.ndarray
+    time: float
+    clock: float
+    tick: bool
+    earth: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    rates: np.ndarray
+    act: np.ndarray
+    ctrl: np.ndarray
+    late_pedal: float
+    wind: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def p(self) -> SimpleNamespace:
+        return SimpleNamespace(**dict(zip(PARAM._fields, self.par)))
+
+    @property
+    def s(self) -> SimpleNamespace:
+        return SimpleNamespace(**dict(zip(STATE._fields, self.act)))
+
+    @property
+    def last_tick(self) -> float:
+        return self.p.gyro_period * np.floor(self.clock / self.p.gyro_period + 1e-6)
+
+    @property
+    def restarting(self) -> bool:
+        p, now = self.p, self.last_tick + 1e-9
+        return bool(p.faults and p.restart_at <= now < p.restart_until)
+
+
+def turbulence(p):
+    """Return C, A and b: what the eight states mean, and their rates by themselves and noise."""
+    unit, root = np.eye(8), np.sqrt(3.0)
+    u, v_lag, w_lag, roll, v, w, q_lag, r_lag = unit
+    lag_u, lag_v, lag_w, lag_p = (
+        p.turbulence_lag_u,
+        p.turbulence_lag_v,
+        p.turbulence_lag_w,
+        p.turbulence_lag_p,
+    )
+    side, down = root * v_lag + (1.0 - root) * v, root * w_lag + (1.0 - root) * w
+    span = p.turbulence_span
+    yaw, pitch = np.pi / (3.0 * span), np.pi / (4.0 * span)
+    c = np.array([u, side, down, roll, pitch * (q_lag - down), yaw * (side - r_lag)])
+    lags = np.array([lag_u, lag_v, lag_w, lag_p, lag_v, lag_w, lag_p, 0.75 * lag_p])
+    follows = np.array([0 * u, 0 * u, 0 * u, 0 * u, v_lag, w_lag, down, side])
+    levels = np.array([p.turbulence_u, p.turbulence_v, p.turbulence_w, p.turbulence_p])
+    b = np.vstack([np.diag(levels * np.sqrt(2.0 * lags[:4] / p.gyro_period)), np.zeros((4, 4))])
+    return c, (follows - unit) / lags[:, None], b / lags[:, None]
+
+
+def air(m):
+    """Return the air's velocity and rotation, body axes, (6,)."""
+    p = m.p
+    velocity, rates = m.wind.copy(), np.zeros(3)
+    if p.gust_rise > 0.0:
+        since = m.time - p.gust_start
+        knots = np.cumsum([0.0, p.gust_rise, p.gust_hold, p.gust_rise])
+        share = 0.5 - 0.5 * np.cos(np.pi * np.interp(since, knots, [0.0, 1.0, 1.0, 0.0]))
+        velocity += share * np.array([p.gust_north, p.gust_east, p.gust_down])
+    if p.turbulence_on:
+        turn = Rotation.from_euler("z", np.arctan2(p.turbulence_sine, p.turbulence_cosine))
+        moving = turbulence(p)[0] @ m.act[STATE.air_u :]
+        velocity += turn.apply(moving[:3])
+        rates = turn.apply(moving[3:])
+    return np.concatenate([m.earth.T @ velocity, m.earth.T @ rates])
+
+
+def rotor_loads(m, moving, swash):
+    """Return thrust, torque, inflow, tip speed, pitch of the main rotor, and the tail's thrust."""
+    p, s = m.p, m.s
+    speed = 1.0 if p.pilot_on else m.ctrl[8]
+    velocity, (roll, pitch_rate, yaw) = m.velocity - moving[:3], m.rates - moving[3:]
+    tip = p.main_speed * speed * p.main_radius
+    pitch = p.main_pitch_trim + p.main_pitch_range * swash[0]
+    if speed < 0.05:
+        return 0.0, 0.0, 0.0, tip, pitch, 0.0
+    hub = velocity + np.cross([roll, pitch_rate, 0.0], [p.hub_x, 0.0, p.hub_z])
+    climb, advance = -hub[2] / tip, np.hypot(hub[0], hub[1]) / tip
+    height = -m.position[2] - (m.earth @ [p.hub_x, 0.0, p.hub_z])[2]
+    near = rotor.soft_limit(p.ground_effect * (p.main_radius / (4.0 * height)) ** 2, 0.4, 0.625)
+    shape = (p.main_solidity, p.main_lift_slope, p.main_stall, p.main_inflow_floor)
+    inflow, ct = rotor.inflow_and_thrust(pitch, climb, advance, *shape, near)
+    drag = (p.main_solidity, p.main_induced_factor, p.main_profile_drag)
+    cp = rotor.power(ct, inflow, climb, advance, *drag)
+    disc = p.air_density * np.pi * p.main_radius**2 * tip**2
+    tail_tip = p.tail_speed * speed * p.tail_radius
+    tail_pitch = p.tail_pitch_trim + p.tail_pitch_range * s.tail_position
+    side = (velocity + np.cross([roll, 0.0, yaw], [p.tail_x, 0.0, p.tail_z]))[1]
+    tail_shape = (p.tail_solidity, p.tail_lift_slope, p.tail_stall, p.tail_inflow_floor)
+    _, tail_ct = rotor.inflow_and_thrust(tail_pitch, -side / tail_tip, 0.0, *tail_shape, 0.0)
+    tail = p.air_density * np.pi * p.tail_radius**2 * tail_tip**2 * tail_ct
+    return disc * ct, disc * p.main_radius * cp, inflow, tip, pitch, tail
+
+
+def swashplate(s):
+    return np.linalg.solve(MIX, [s.front_position, s.left_position, s.right_position])
+
+
+def wrench(m):
+    """Return force and moment of the air at the body's origin, body axes, (6,)."""
+    p, s = m.p, m.s
+    moving = air(m)
+    thrust, torque, _, _, _, tail = rotor_loads(m, moving, swashplate(s))
+    velocity, rates = m.velocity - moving[:3], m.rates - moving[3:]
+    a, b = (rotor.soft_limit(tilt, p.flap_stop, 0.7) for tilt in (s.flap_a, s.flap_b))
+    turning = 1.0 if p.pilot_on or m.ctrl[8] >= 0.05 else 0.0
+    hub = thrust * np.array([-np.sin(a), np.sin(b), -np.cos(a) * np.cos(b)])
+    moment = np.cross([p.hub_x, 0.0, p.hub_z], hub)
+    moment += [turning * p.hub_stiffness * b, turning * p.hub_stiffness * a, -torque]
+    pressure = 0.5 * p.air_density * np.linalg.norm(velocity)
+    drag = -pressure * np.array([p.drag_x, p.drag_y, p.drag_z]) * velocity
+    arm = np.array([p.tail_x, 0.0, p.tail_z])
+    side = (velocity + np.cross([rates[0], 0.0, rates[2]], arm))[1]
+    fin = -0.5 * p.air_density * p.fin_area * abs(side) * side
+    sideways = np.array([0.0, fin - tail, 0.0])
+    return np.concatenate([hub + drag + sideways, moment + np.cross(arm, sideways)])
+
+
+def sensed(m):
+    """Return p, q, r as the gyro reads them."""
+    p, s, rates = m.p, m.s, m.rates.copy()
+    if p.faults and p.dropout_at <= m.last_tick + 1e-9 < p.dropout_until:
+        held = (s.gyro_p_filter, s.gyro_q_filter, s.gyro_r_lead)
+        for k, how in enumerate((p.dropout_p, p.dropout_q, p.dropout_r)):
+            rates[k] = {READS_ZERO: 0.0, READS_HELD: held[k]}.get(how, rates[k])
+    return rates
+
+
+def gyro(m):
+    """Return the commands lat, lon, ped, not yet limited, and the rates of the gyro's states."""
+    p, s = m.p, m.s
+    roll, pitch, yaw = sensed(m)
+
+    def unless_saturated(error, command):
+        return 0.0 if abs(command) > p.gyro_hold_above and error * command > 0.0 else error
+
+    behind = yaw - s.gyro_r_lead
+    plain = p.gyro_k_delta * m.late_pedal - p.gyro_k_a * yaw
+    error = plain - p.gyro_k_a * p.gyro_lead / p.gyro_lead_lag * behind
+    integral = s.gyro_r_integral - p.gyro_k_a * p.gyro_lead * s.gyro_r_lead
+    integral += 0.5 * p.gyro_period * error
+    ped = p.gyro_k_p * error + p.gyro_k_i * p.gyro_heading_lock * integral
+    reach = [[p.gyro_p_per_lat, p.gyro_p_per_lon], [p.gyro_q_per_lat, p.gyro_q_per_lon]]
+    y = np.array([s.gyro_p_filter, s.gyro_q_filter])
+    slow = np.array([s.gyro_p_derivative, s.gyro_q_derivative])
+    errors = np.array(reach) @ m.ctrl[[2, 1]] - y
+    turn = np.array(
+        [[p.gyro_phase_cosine, p.gyro_phase_sine], [-p.gyro_phase_sine, p.gyro_phase_cosine]]
+    )
+    integrals = np.array([s.gyro_p_integral, s.gyro_q_integral])
+    inner = np.array([p.gyro_ki_lat, p.gyro_ki_lon]) * integrals
+    inner -= np.array([p.gyro_kd_lat, p.gyro_kd_lon]) * (y - slow) / p.gyro_derivative_lag
+    cyclic = np.array([p.gyro_kp_lat, p.gyro_kp_lon]) * errors + turn @ inner
+    locked = [unless_saturated(*pair) for pair in zip(errors, cyclic)]
+    rates = {
+        "gyro_r_lead": behind / p.gyro_lead_filter,
+        "gyro_r_integral": p.gyro_heading_lock * unless_saturated(plain, ped),
+    }
+    for k, (axis, rate) in enumerate((("p", roll), ("q", pitch))):
+        rates[f"gyro_{axis}_filter"] = (rate - y[k]) / p.gyro_filter
+        rates[f"gyro_{axis}_derivative"] = (y[k] - slow[k]) / p.gyro_derivative_filter
+        rates[f"gyro_{axis}_integral"] = p.gyro_attitude_lock * locked[k]
+    return np.array([*cyclic, ped]), rates
+
+
+def sticks(m):
+    """Return what the pilot does to COL, LON, LAT and PED."""
+    p = m.p
+    psi, theta, phi = Rotation.from_matrix(m.earth).as_euler("ZYX")
+    heading = Rotation.from_euler("z", psi).as_matrix()
+    off = np.array([p.pilot_north, p.pilot_east, p.pilot_down]) - m.position
+    wanted = p.pilot_k_position * (heading.T @ off)[:2] - m.velocity[:2]
+    climb = p.pilot_k_height * off[2] - m.velocity[2]
+    off_heading = np.angle(np.exp(1j * (p.pilot_psi - psi)))
+    held = np.array(
+        [
+            p.pilot_col - p.pilot_k_heave * climb,
+            p.pilot_lon
+            + p.pilot_k_attitude * (p.pilot_theta - p.pilot_k_velocity * wanted[0] - theta),
+            p.pilot_lat + p.pilot_k_attitude * (p.pilot_phi + p.pilot_k_velocity * wanted[1] - phi),
+            p.pilot_ped + p.pilot_k_heading * off_heading,
+        ]
+    )
+    since, excited = m.time - p.excitation_start, 0.0
+    if p.excitation == SWEEP:
+        shape = (p.sweep_w_min, p.sweep_w_max, p.sweep_fade, p.sweep_unsteadiness, p.pilot_seed)
+        excited = pilot.sweep(since, p.excitation_duration, *shape)
+    if p.excitation == DOUBLET:
+        excited = pilot.doublet(since, p.excitation_duration)
+    for k, axis in enumerate(("col", "lon", "lat", "ped")):
+        noise = pilot.remnant(m.time, p.remnant_interval, p.pilot_seed, k)
+        held[k] += (
+            getattr(p, f"excitation_{axis}") * excited + getattr(p, f"remnant_{axis}") * noise
+        )
+    return np.clip(held, -0.5, 0.5)
+
+
+def control(m):
+    """Return controls and states after pilot and gyro have acted, if this is one of its ticks."""
+    p, ctrl, act = m.p, m.ctrl.copy(), m.act.copy()
+    if not m.tick:
+        return ctrl, act
+    if p.pilot_on:
+        ctrl[:4], ctrl[8] = sticks(m), 1.0
+    if p.gyro_on and m.restarting:
+        act[GYRO_STATES] = 0.0
+        if p.restart_neutral:
+            ctrl[4:8] = 0.0
+    elif p.gyro_on:
+        m.ctrl = ctrl
+        (lat, lon, ped), _ = gyro(m)
+        lat, lon, ctrl[7] = np.clip([lat, lon, ped], -0.5, 0.5)
+        ctrl[4:7] = MIX @ [p.gyro_collective * ctrl[0], lon, lat]
+    return ctrl, act
+
+
+def state_rates(m):
+    """Return the derivatives of the vehicle's states, (len(STATE),)."""
+    p, s = m.p, m.s
+    rates = dict.fromkeys(STATE._fields, 0.0)
+    if p.gyro_on and not m.restarting:
+        rates |= gyro(m)[1]
+    for k, name in enumerate(SERVOS):
+        part = "tail" if name == "tail" else "swash"
+        frequency, damping = getattr(p, f"{part}_frequency"), getattr(p, f"{part}_damping")
+        command, limit = m.ctrl[4 + k], p.servo_rate_limit
+        position, rate = getattr(s, f"{name}_position"), getattr(s, f"{name}_rate")
+        if p.faults and m.last_tick >= getattr(p, f"{name}_fault_at") - 1e-9:
+            low, high = getattr(p, f"{name}_fault_low"), getattr(p, f"{name}_fault_high")
+            command = np.clip(command, low, high)
+            limit = min(limit, getattr(p, f"{name}_fault_rate_limit"))
+        error = np.clip(command, -p.servo_travel, p.servo_travel) - position
+        rates[f"{name}_position"] = np.clip(rate, -limit, limit)
+        rates[f"{name}_rate"] = frequency**2 * error - 2.0 * damping * frequency * rate
+        if limit < p.servo_rate_limit:
+            wanted = np.clip(0.5 * frequency / damping * (command - position), -limit, limit)
+            rates[f"{name}_rate"] = 2.0 * damping * frequency * (wanted - rate)
+    rates["flap_a"], rates["flap_b"] = tilt_rates(m)
+    if p.turbulence_on:
+        noise = [
+            pilot.hashed_noise(p.turbulence_seed, k, round(m.last_tick / p.gyro_period))
+            for k in range(4)
+        ]
+        _, a, b = turbulence(p)
+        rates |= dict(zip(STATE._fields[STATE.air_u :], a @ m.act[STATE.air_u :] + b @ noise))
+    return np.array([rates[name] for name in STATE._fields])
+
+
+def tilt_rates(m):
+    """Return da/dt and db/dt: Wu and Chen's eq. (8), flap-back, and air that turns."""
+    p, s = m.p, m.s
+    moving, swash = air(m), swashplate(s)
+    _, _, inflow, tip, pitch, _ = rotor_loads(m, moving, swash)
+    called = np.array([[p.a_lat, p.a_lon], [p.b_lat, p.b_lon]]) @ swash[[2, 1]]
+    if p.pilot_on or m.ctrl[8] >= 0.05:
+        through = (m.velocity - moving[:3])[:2] / tip
+        called += p.flap_back * 2.0 * (4.0 / 3.0 * pitch - inflow) * through * [1.0, -1.0]
+        called += moving[3:5] / (p.main_speed * (1.0 if p.pilot_on else m.ctrl[8])) * [1.0, -1.0]
+    tilt, coupling = np.array([s.flap_a, s.flap_b]), np.array([[-1.0, p.a_b], [p.b_a, -1.0]])
+    return (coupling @ tilt + called) / p.tau_f - m.rates[[1, 0]]

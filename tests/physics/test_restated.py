@@ -1,0 +1,256 @@
+"""Every number that the callbacks write, against the same dynamics restated in matrices.
+
+Random states far from hover, with all that air, pilot, gyro and faults can do switched on, so that
+no term is near zero. What differs is rounding: sums of some ten terms of at most 1e5.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+import restated
+from scipy.integrate import solve_ivp
+
+from helisim.physics.layout import DOUBLET, NEVER, PARAM, READS_HELD, READS_ZERO, STATE, SWEEP
+from helisim.physics.native import installed
+from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
+
+STEP = 0.002
+WINDY = {
+    "gust_north": 2.0,
+    "gust_east": -1.5,
+    "gust_down": 0.7,
+    "gust_start": 0.01,
+    "gust_rise": 0.05,
+    "gust_hold": 0.02,
+    "turbulence_on": 1.0,
+    "turbulence_seed": 5.0,
+    "turbulence_cosine": np.cos(0.7),
+    "turbulence_sine": np.sin(0.7),
+    "turbulence_span": 1.534,
+    "turbulence_u": 0.8,
+    "turbulence_v": 0.6,
+    "turbulence_w": 0.4,
+    "turbulence_p": 0.3,
+    "turbulence_lag_u": 0.9,
+    "turbulence_lag_v": 0.7,
+    "turbulence_lag_w": 0.5,
+    "turbulence_lag_p": 0.3,
+    "ground_effect": 1.0,
+}
+PILOTED = {
+    "pilot_on": 1.0,
+    "pilot_north": 0.5,
+    "pilot_east": -0.4,
+    "pilot_down": -2.0,
+    "pilot_psi": 3.0,
+    "pilot_phi": 0.04,
+    "pilot_theta": -0.03,
+    "pilot_col": 0.01,
+    "pilot_lon": -0.02,
+    "pilot_lat": 0.03,
+    "pilot_ped": -0.04,
+    "pilot_seed": 7.0,
+    "remnant_col": 0.01,
+    "remnant_lon": 0.02,
+    "remnant_lat": 0.015,
+    "remnant_ped": 0.012,
+    "remnant_interval": 0.03,
+    "excitation_start": 0.003,
+    "excitation_duration": 0.2,
+    "excitation_col": 0.05,
+    "excitation_lon": 0.04,
+    "excitation_lat": 0.03,
+    "excitation_ped": -0.02,
+    "sweep_w_min": 20.0,
+    "sweep_w_max": 60.0,
+    "sweep_fade": 0.01,
+    "sweep_unsteadiness": 0.2,
+}
+FAULTY = {
+    "faults": 1.0,
+    "front_fault_at": 0.02,
+    "front_fault_rate_limit": 0.5,
+    "front_fault_low": -1.0,
+    "front_fault_high": 1.0,
+    "left_fault_at": 0.1,
+    "left_fault_rate_limit": 0.0,
+    "left_fault_low": -1.0,
+    "left_fault_high": 1.0,
+    "right_fault_at": 0.04,
+    "right_fault_rate_limit": 100.0,
+    "right_fault_low": 0.01,
+    "right_fault_high": 0.02,
+    "tail_fault_at": 0.05,
+    "tail_fault_rate_limit": 1.5,
+    "tail_fault_low": -0.1,
+    "tail_fault_high": 0.1,
+    "restart_at": 0.06,
+    "restart_until": 0.08,
+    "dropout_at": 0.03,
+    "dropout_until": 0.055,
+    "dropout_p": READS_ZERO,
+    "dropout_q": READS_HELD,
+    "dropout_r": 0.0,
+}
+OTHER = {**FAULTY, "dropout_p": READS_HELD, "dropout_q": 0.0, "dropout_r": READS_HELD}
+CASES = {
+    "calm": {},
+    "slow gyro": {"gyro_period": 0.005},
+    "wind": WINDY,
+    "wind, slow gyro": {**WINDY, "gyro_period": 0.005},
+    "sweep": {**PILOTED, "excitation": SWEEP},
+    "doublet in wind": {**PILOTED, **WINDY, "excitation": DOUBLET},
+    "faults": FAULTY,
+    "other faults": {**OTHER, "restart_neutral": 1.0, "gyro_period": 0.005},
+    "no gyro": {"gyro_on": 0.0},
+    "rate mode": {"gyro_heading_lock": 0.0, "gyro_attitude_lock": 0.5},
+    "saturated": {"gyro_hold_above": 0.02, "servo_travel": 0.1, "servo_rate_limit": 0.3},
+}
+ODD = {"hub_x": 0.03, "tail_z": -0.05, "gyro_collective": 0.7, "a_b": 0.3, "b_a": -0.4}
+"""Not the JR700's, whose are 0 or 1."""
+
+
+def moment(altered, case, seed, *, integrator="RK4", stopped=False):
+    """Return model and data at a random moment, and the same for the restated dynamics."""
+    rng = np.random.default_rng(seed)
+    model = altered(**ODD, **case)
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    model.opt.wind[:] = rng.normal(size=3)
+    model.actuator_delay[addresses(model).rotor - 5] = 0.0073
+    where, data = addresses(model), mujoco.MjData(model)
+    mujoco.mj_resetData(model, data)
+    times, pedals = [], []
+    with installed():
+        for _ in range(int(rng.integers(5, 60))):
+            data.ctrl[where.control : where.control + 4] = rng.uniform(-0.3, 0.3, 4)
+            times.append(data.time)
+            mujoco.mj_step(model, data)
+            pedals.append(data.ctrl[where.control + 3])
+    motion = Motion(*rng.uniform(-1.5, 1.5, 6), *rng.uniform(-0.6, 0.6, 2), rng.uniform(-3, 3))
+    motion = Motion(**{**vars(motion), "north": 0.3, "east": -0.2, "down": -0.6 - rng.uniform()})
+    write_motion(model, data, motion)
+    data.act[:] = rng.uniform(-0.15, 0.15, model.na)
+    data.ctrl[:] = rng.uniform(-0.4, 0.4, model.nu)
+    data.ctrl[where.control + 8] = 0.01 if stopped else rng.uniform(0.9, 1.1)
+    par = model.actuator_user[where.rotor].copy()
+    now = restated.Moment(
+        par=par,
+        time=data.time,
+        clock=data.time,
+        tick=ticks(data.time, par[PARAM.gyro_period]),
+        earth=rotation_matrix(motion.phi, motion.theta, motion.psi),
+        position=np.array([motion.north, motion.east, motion.down]),
+        velocity=np.array([motion.u, motion.v, motion.w]),
+        rates=np.array([motion.p, motion.q, motion.r]),
+        act=data.act[where.state : where.state + len(STATE)].copy(),
+        ctrl=data.ctrl[where.control : where.control + 9].copy(),
+        late_pedal=late(times, pedals, data.time, par[PARAM.gyro_period]),
+        wind=model.opt.wind * [1.0, -1.0, -1.0],
+    )
+    return model, data, now
+
+
+def ticks(time, period):
+    """Tell whether a multiple of the gyro's period lies within the step that ends now."""
+    now, every = round(time / 1e-3), round(period / 1e-3)
+    return any((now - back) % every == 0 for back in range(round(STEP / 1e-3)))
+
+
+def late(times, pedals, time, period):
+    """Return the pedal 7.3 ms before the last tick, linear between what two ticks saw."""
+    wanted = period * np.floor(time / period + 1e-6) - 0.0073
+    before = period * np.floor(wanted / period + 1e-6)
+
+    def held(when):
+        earlier = [pedal for one, pedal in zip(times, pedals) if one <= when + 1e-9]
+        return earlier[-1] if earlier else 0.0
+
+    share = (wanted - before) / period
+    return (1.0 - share) * held(before) + share * held(before + period)
+
+
+def forward(model, data):
+    with installed():
+        mujoco.mj_forward(model, data)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("case", CASES)
+def test_every_number_is_the_restated_one(altered, case, seed):
+    """Forces, controls, derivatives and reports of one evaluation, at a start of a step."""
+    model, data, now = moment(altered, CASES[case], seed)
+    where = addresses(model)
+    force = restated.wrench(now)
+    forward(model, data)
+    flipped = np.concatenate([now.earth @ force[:3], force[3:]]) * [1, -1, -1, 1, -1, -1]
+    assert data.qfrc_passive[:6] == pytest.approx(flipped, rel=1e-9, abs=1e-9)
+    now.ctrl, now.act = restated.control(now)
+    ours = slice(where.control, where.control + 9)
+    assert data.ctrl[ours] == pytest.approx(now.ctrl, rel=1e-9, abs=1e-11)
+    states = slice(where.state, where.state + len(STATE))
+    assert data.act[states] == pytest.approx(now.act, rel=1e-12)
+    assert data.act_dot[states] == pytest.approx(restated.state_rates(now), rel=1e-8, abs=1e-8)
+    assert reported(model, data) == pytest.approx(reports(now), rel=1e-9, abs=1e-9)
+
+
+def reported(model, data):
+    """Return the vehicle's own 24 numbers, before the clock."""
+    clock = next(k for k in range(model.nsensor) if model.sensor(k).name == "clock")
+    end = model.sensor_adr[clock]
+    return data.sensordata[end - 24 : end]
+
+
+def reports(now):
+    """Return controls, servos, tilt, loads and air of a moment, (24,)."""
+    moving = restated.air(now)
+    thrust, torque, inflow, _, _, tail = restated.rotor_loads(
+        now, moving, restated.swashplate(now.s)
+    )
+    servos = now.act[STATE.front_position : STATE.tail_rate + 1 : 2]
+    tilt = now.act[[STATE.flap_a, STATE.flap_b]]
+    return np.concatenate([now.ctrl[:8], servos, tilt, [thrust, torque, inflow, tail], moving])
+
+
+def test_a_stopped_rotor_is_the_restated_one(altered):
+    """Below a twentieth of its speed there are drag and hanging blades only."""
+    model, data, now = moment(altered, WINDY, 3, stopped=True)
+    force = restated.wrench(now)
+    forward(model, data)
+    flipped = np.concatenate([now.earth @ force[:3], force[3:]]) * [1, -1, -1, 1, -1, -1]
+    assert data.qfrc_passive[:6] == pytest.approx(flipped, rel=1e-9, abs=1e-9)
+    now.ctrl, now.act = restated.control(now)
+    first = addresses(model).state
+    rates = data.act_dot[first : first + len(STATE)]
+    assert rates == pytest.approx(restated.state_rates(now), rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("case", ["calm", "wind", "no gyro"])
+def test_a_held_evaluation_is_the_mean_over_the_step(altered, case):
+    """With Euler the derivatives are means: those of the restated equations, solved to 1e-10.
+
+    The laws are linear here. What the series leave out is, of a state's largest rate, x^6 / 7!
+    for gyro and servos, x = 0.8 steps per lag, and x^4 / 5! for the air, x = 0.133; there twice,
+    of the largest of all, for a state that follows another. The tilt's is the midpoint rule, with
+    other tests.
+    """
+    linear = {"gyro_hold_above": NEVER, "servo_rate_limit": 1e3, "servo_travel": 1.0}
+    linear["turbulence_lag_p"] = 0.02
+    model, data, now = moment(altered, CASES[case] | linear, 4, integrator="Euler")
+    where = addresses(model)
+    forward(model, data)
+    now.ctrl, now.act = restated.control(now)
+    start, largest = now.act.copy(), np.zeros(len(STATE))
+
+    def rates(_, act):
+        now.act = act
+        found = restated.state_rates(now)
+        np.maximum(largest, np.abs(found), out=largest)
+        return found
+
+    solved = solve_ivp(rates, (0.0, STEP), start, rtol=1e-10, atol=1e-13, method="DOP853")
+    mean = (solved.y[:, -1] - start) / STEP
+    found = data.act_dot[where.state : where.state + len(STATE)]
+    commanded, blown = slice(0, STATE.flap_a), slice(STATE.air_u, None)
+    off = np.abs(found - mean)
+    assert np.all(off[commanded] <= 0.8**6 / 5040.0 * largest[commanded]), off / largest
+    assert np.all(off[blown] <= 2.0 * 0.133**4 / 120.0 * np.max(largest[blown])), off / largest
