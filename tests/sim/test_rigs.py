@@ -320,7 +320,10 @@ def test_a_record_says_where_it_comes_from(jr700):
 def test_bench_prints_all_three(capsys):
     """`helisim bench --json` gives each finding with truth and error; without, 80 columns."""
     assert main(["bench", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
+    found, origin = printed["rigs"], printed["provenance"]
+    assert origin["seed"] == 1
+    assert origin["model_digest"] == load().digest
     assert [test["rig"] for test in found] == ["bench", "turntable", "suspension"]
     named = {f["name"]: f for test in found for f in test["findings"]}
     assert {"k_p", "k_I", "k_a", "lead", "tau_r", "cg_x", "imu_z"} <= set(named)

@@ -26,12 +26,16 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.output.ground import render_rigs
+    from helisim.provenance import made_by
     from helisim.sim.rigs import run_rigs
     from helisim.vehicle import load
 
-    tests = run_rigs(load(parameters=parameters(options)), seed=options.seed)
+    vehicle = load(parameters=parameters(options))
+    tests = run_rigs(vehicle, seed=options.seed)
     if options.json:
-        print(json.dumps([test.to_dict() for test in tests], indent=2, allow_nan=False))
+        provenance = made_by("ground tests", **vehicle.provenance, seed=options.seed)
+        data = {"rigs": [test.to_dict() for test in tests], "provenance": provenance}
+        print(json.dumps(data, indent=2, allow_nan=False))
     else:
         print(render_rigs(tests))
     return 0
