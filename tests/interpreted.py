@@ -8,7 +8,7 @@ runs the very same sources, some thousand times slower.
 import ctypes
 import sys
 from collections.abc import Callable
-from types import FunctionType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import numba
@@ -42,8 +42,6 @@ def install() -> None:
         for name, held in list(vars(module).items()):
             if id(held) in instead:
                 setattr(module, name, instead[id(held)])
-            elif isinstance(held, FunctionType):
-                vars(held).setdefault("py_func", held)
     native.cfunc = _cfunc
 
 

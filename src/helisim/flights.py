@@ -61,30 +61,31 @@ def fly_sweeps(
             jobs=jobs,
             recorder=recorder,
         )
-        records = []
-        for name, (record, last) in zip(names, flown):
-            _keep(record, last, folder, name)
+        records: list[FlightRecord] = []
+        scores: dict[int, float] = {}
+        for k, (record, last) in enumerate(flown):
+            _keep(record, last, folder, names[k])
             records.append(record)
+            if not record.ended:
+                scores[k] = sweep_coherence(record, axis)
             tell(axis)
-        whole = [k for k in range(len(records)) if not records[k].ended]
         excluded += [
             f"flight {name}: was over before its time: {record.ended}"
             for name, record in zip(names, records)
             if record.ended
         ]
-        if len(whole) < flights:
+        if len(scores) < flights:
             raise DivergedError(
-                f"{len(records) - len(whole)} of {len(records)} sweeps of {axis} were over before "
+                f"{len(records) - len(scores)} of {len(records)} sweeps of {axis} were over before "
                 f"their time, so fewer than {flights} are left; {excluded[-1]}"
             )
-        scores = {k: sweep_coherence(records[k], axis) for k in whole}
-        best = sorted(sorted(whole, key=scores.__getitem__)[-flights:])
+        best = sorted(sorted(scores, key=scores.__getitem__)[-flights:])
         kept[axis] = [records[k] for k in best]
         least = min(scores[k] for k in best)
         excluded += [
             f"flight {names[k]}: its mean coherence of {scores[k]:.4f} is not among the best "
             f"{flights} (the least coherent kept has {least:.4f})"
-            for k in whole
+            for k in scores
             if k not in best
         ]
     return kept, tuple(excluded)

@@ -180,14 +180,10 @@ def test_composite_spectra_minimise_the_published_cost():
     flight = two_inputs(11)
     frequency = np.geomspace(*BAND, 12)
     each = [
-        condition(
-            cross_spectra([flight], ["lat", "p"], frequency, window=length, overlap=0.75),
-            ["lat"],
-            ["p"],
-            [],
-            None,
+        condition(spectra, ["lat"], ["p"], [], None)
+        for spectra in cross_spectra(
+            [flight], ["lat", "p"], frequency, windows=(40.0, 25.0, 12.0), overlap=0.75
         )
-        for length in (40.0, 25.0, 12.0)
     ]
     composed = compose(each)
     error = np.stack([random_error(one.coherence, one.averages) for one in each])[:, 0, 0]

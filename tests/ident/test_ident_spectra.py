@@ -38,7 +38,7 @@ def test_white_noise_has_its_known_level():
     """The one-sided spectrum of unit white noise is 2 dt at every frequency."""
     records = [white_record(seed) for seed in range(8)]
     frequency = np.geomspace(2.0, 30.0, 60)
-    spectra = cross_spectra(records, ["lat"], frequency, window=10.0, overlap=0.75)
+    (spectra,) = cross_spectra(records, ["lat"], frequency, windows=[10.0], overlap=0.75)
     level = np.real(spectra.matrix[:, 0, 0])
     # 8 records of 20 windows average 300 independent ones: 6 % a frequency, 1.5 % together.
     assert np.mean(level) == pytest.approx(2.0 * 0.05, rel=0.05)
@@ -64,9 +64,9 @@ def test_no_window_crosses_a_join():
     first, second = white_record(1), white_record(2)
     shifted = FlightRecord(second.time, second.values + 100.0, second.channels)
     frequency = np.geomspace(1.0, 20.0, 30)
-    options = {"window": 8.0, "overlap": 0.75}
-    plain = cross_spectra([first, second], ["lat", "p"], frequency, **options)
-    moved = cross_spectra([first, shifted], ["lat", "p"], frequency, **options)
+    options = {"windows": [8.0], "overlap": 0.75}
+    (plain,) = cross_spectra([first, second], ["lat", "p"], frequency, **options)
+    (moved,) = cross_spectra([first, shifted], ["lat", "p"], frequency, **options)
     # Detrending removes the offset to rounding, 1e-16 of 100.
     np.testing.assert_allclose(moved.matrix, plain.matrix, rtol=1e-8, atol=1e-12)
 
@@ -88,8 +88,12 @@ def test_random_error_matches_monte_carlo(overlap):
         # The formula with the true coherence: |H|^2 / (|H|^2 + noise), known here.
         z = np.exp(-1j * frf.frequency * 0.05)
         power = np.abs(0.3 / (1.0 - 0.7 * z)) ** 2
-        spectra = cross_spectra(
-            [white_record(seed, samples=2400)], ["lat"], frf.frequency, window=8.0, overlap=overlap
+        (spectra,) = cross_spectra(
+            [white_record(seed, samples=2400)],
+            ["lat"],
+            frf.frequency,
+            windows=[8.0],
+            overlap=overlap,
         )
         stated.append(random_error(power / (power + 0.25), spectra.averages))
     scatter = np.std(gains, axis=0) / np.mean(gains, axis=0)
@@ -101,6 +105,6 @@ def test_random_error_matches_monte_carlo(overlap):
 def test_overlap_factor_is_the_published_one(overlap, factor):
     """For a long record C_eps^2 = n_d / n_e is Hann's 0.528 at 50 % and 0.481 at 75 %."""
     record = white_record(0, samples=20000)
-    spectra = cross_spectra([record], ["lat"], np.array([2.0]), window=50.0, overlap=overlap)
+    (spectra,) = cross_spectra([record], ["lat"], np.array([2.0]), windows=[50.0], overlap=overlap)
     # Windows over the ends and the fade into trim add up to one in twenty windows.
     assert (record.duration / 50.0) / spectra.averages == pytest.approx(factor, rel=0.05)

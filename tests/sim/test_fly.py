@@ -1,5 +1,6 @@
 """Flights: reproducible, complete, and honest about failure."""
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -203,3 +204,12 @@ def test_pilot_keeps_the_place(jr700):
         assert np.abs(record[name]).max() < 3.0
     assert np.abs(record["down"] - record["down"][0]).max() < 1.5
     assert np.abs(record.select(["phi", "theta"])).max() < 0.3
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_flights_left_early_leave_nothing_behind(jr700, jobs):
+    """Who stops looking gets MuJoCo back as it was, also where the next flight had begun."""
+    flown = fly_each(jr700, Sweep(axis="lat", duration=12.0), range(6), seed=1, jobs=jobs)
+    next(flown)
+    del flown
+    assert mujoco.get_mjcb_passive() is None

@@ -62,4 +62,4 @@ def _marks(values: NDArray[np.float64]) -> set[int]:
     changes = np.concatenate([[0], np.cumsum(np.diff(bits) != 0)])
     hashes[changes[RUN - 1 :] - changes[: hashes.size] < _CHANGES] = _NONE
     stretches = sliding_window_view(hashes, min(STRETCH, hashes.size))
-    return {int(least) for least in np.min(stretches, axis=1) if least != _NONE}
+    return set(np.unique(np.min(stretches, axis=1)).tolist()) - {int(_NONE)}

@@ -85,16 +85,14 @@ def frequency_response(
     _check_motion(flights, measured, "output")
     lengths = _window_lengths(flights, band, windows)
     frequency = _grid(band)
-    spectra = [
-        cross_spectra(flights, signals, frequency, window=length, overlap=overlap)
-        for length in lengths
-    ]
+    spectra = cross_spectra(flights, signals, frequency, windows=lengths, overlap=overlap)
     cross = _cross_control(spectra, (*wanted, *others))
     flags = damaged(flights, signals) + gate(cross, (*wanted, *others), frequency)
     if reference_names:
         flags += gate(_cross_control(spectra, reference_names), reference_names, frequency)
 
     seen = marks(flights, measured)
+    sources = tuple(fingerprint(flight) for flight in flights)
 
     def estimated(names: tuple[str, ...]) -> FrequencyResponse:
         composite, scatter = _estimate(spectra, wanted, measured, others, names, flights)
@@ -113,7 +111,7 @@ def frequency_response(
             reference=names,
             windows=lengths,
             flags=flags,
-            sources=tuple(fingerprint(flight) for flight in flights),
+            sources=sources,
             marks=seen,
             scatter=scatter,
         )

@@ -6,6 +6,7 @@ transform on a logarithmic grid): no interpolation, no energy spent outside the 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,36 +69,62 @@ def cross_spectra(
     names: Sequence[str],
     frequency: NDArray[np.float64],
     *,
-    window: float,
+    windows: Sequence[float],
     overlap: float,
-) -> Spectra:
-    """Average the cross spectra of records. No window crosses from one record to the next.
+) -> list[Spectra]:
+    """Average the cross spectra of records, for each window length.
+
+    No window crosses from one record to the next.
 
     Windows hang over both ends of a record, so that each sample counts the same: sweeps end at
     their highest frequency, and a window that fades out there biases the response by its slope
     times the vehicle's group delay. Beyond its ends a record is taken to be in trim, and it is
     faded into that over one period of the lowest frequency (5 % of the record at most).
     """
+    levelled = [_level(record, names, frequency[0]) for record in records]
+    return [_averaged(levelled, names, frequency, window, overlap) for window in windows]
+
+
+class _Levelled(NamedTuple):
+    """A record between trim and trim: detrended columns, faded at both ends."""
+
+    columns: NDArray[np.float64]
+    fade: NDArray[np.float64]
+    step: float
+
+
+def _level(record: FlightRecord, names: Sequence[str], lowest: float) -> _Levelled:
+    step = record.sample_time
+    fade = _fade(len(record), 2.0 * np.pi / (lowest * step))
+    columns = detrend(record.select(names), axis=0, type="linear") * fade[:, None]
+    return _Levelled(columns, fade, step)
+
+
+def _averaged(
+    records: Sequence[_Levelled],
+    names: Sequence[str],
+    frequency: NDArray[np.float64],
+    window: float,
+    overlap: float,
+) -> Spectra:
+    """Return the spectra of one window length."""
     pieces: list[NDArray[np.complex128]] = []
     begins: list[NDArray[np.float64]] = []
-    energies: list[NDArray] = []
-    correlated = 0.0
-    kernels: dict[tuple[int, float], NDArray[np.complex128]] = {}
-    for record in records:
-        step = record.sample_time
+    shared: list[NDArray[np.float64]] = []
+    kernels: dict[float, NDArray[np.complex128]] = {}
+    powers: dict[tuple[int, float], NDArray[np.float64]] = {}
+    for columns, fade, step in records:
         length = round(window / step)
-        key = (length, step)
-        if key not in kernels:
-            kernels[key] = _kernel(length, step, frequency)
-        starts = segment_starts(len(record), length, overlap)
-        fade = _fade(len(record), 2.0 * np.pi / (frequency[0] * step))
-        columns = detrend(record.select(names), axis=0, type="linear") * fade[:, None]
-        pieces.append(_transform(columns, starts, kernels[key]))
+        if step not in kernels:
+            kernels[step] = _kernel(length, step, frequency)
+        starts = segment_starts(fade.size, length, overlap)
+        if (fade.size, step) not in powers:
+            powers[fade.size, step] = _shared_power(starts, length, fade)
+        pieces.append(_transform(columns, starts, kernels[step]))
         begins.append(np.asarray(starts * step, dtype=np.float64))
-        shared = _shared_power(starts, length, fade)
-        energies.append(np.diagonal(shared))
-        correlated += float(np.sum(shared**2))
-    energy = np.concatenate(energies)
+        shared.append(powers[fade.size, step])
+    energy = np.concatenate([np.diagonal(one) for one in shared])
+    correlated = sum(float(np.sum(one**2)) for one in shared)
     power = float(np.sum(energy))
     transforms = np.concatenate(pieces, axis=2)
     scale = 2.0 / (window * HANN_POWER * power)

@@ -139,17 +139,17 @@ class _Sampling:
         self._sos = None
         if recorder.antialias_hz < 0.5 * rate_hz:
             self._sos = butter(4, recorder.antialias_hz, fs=rate_hz, output="sos")
+        self.sticks, self.commands = map(self._filtered, (truth.sticks, truth.servo_commands))
         self._input_noise = {name: self._noise(name) for name in (*IN2, *SERVOS)}
 
     def inputs(self, name: str) -> NDArray[np.float64]:
         """Return a stick, a servo command, or an input recomputed from the servo commands."""
-        truth = self.truth
         if name in IN2:
-            return self._digitised(name, truth.sticks[:, IN2.index(name)])
+            return self._digitised(name, self.sticks[:, IN2.index(name)])
         if name in SERVOS:
-            return self._digitised(name, truth.servo_commands[:, SERVOS.index(name)])
+            return self._digitised(name, self.commands[:, SERVOS.index(name)])
         commands = [
-            self._digitised(servo_name, truth.servo_commands[:, k], late_as=name)
+            self._digitised(servo_name, self.commands[:, k], late_as=name)
             for k, servo_name in enumerate(SERVOS)
         ]
         mixed = (*servo.unmix(*commands[:3]), commands[3])[IN1.index(name)]
@@ -157,36 +157,27 @@ class _Sampling:
 
     def motion(self) -> dict[str, NDArray[np.float64]]:
         """Return rates, attitudes, velocities, specific forces and positions by name."""
-        truth = self.truth
-        noise = {name: self._noise(name) for name in (*RATES, *ATTITUDES, *VELOCITIES)}
-        noise |= {name: self._noise(name) for name in (*ACCELERATIONS, *POSITIONS)}
-        measured = {
-            "rates": self._seen(truth.rates, RATES, noise),
-            "attitudes": self._seen(truth.attitudes, ATTITUDES, noise),
-            "velocities": self._seen(truth.velocities, VELOCITIES, noise),
-            "forces": self._seen(truth.specific_forces, ACCELERATIONS, noise),
-            "positions": self._seen(truth.positions, POSITIONS, noise),
+        groups = {
+            "rates": (self.truth.rates, RATES),
+            "attitudes": (self.truth.attitudes, ATTITUDES),
+            "velocities": (self.truth.velocities, VELOCITIES),
+            "forces": (self.truth.specific_forces, ACCELERATIONS),
+            "positions": (self.truth.positions, POSITIONS),
         }
+        noise = {name: self._noise(name) for _, names in groups.values() for name in names}
+        filtered = {group: self._filtered(signals) for group, (signals, _) in groups.items()}
         late = {
-            "velocities": self._seen(truth.velocities, VELOCITIES, noise, late=True),
-            "forces": self._seen(truth.specific_forces, ACCELERATIONS, noise, late=True),
-            "positions": self._seen(truth.positions, POSITIONS, noise, late=True),
+            group: self._seen(filtered[group], names, noise, late=True)
+            for group, (_, names) in groups.items()
         }
         if self.recorder.lever_arm_corrected:
-            shift = self._lever_arm(measured["rates"], measured["attitudes"])
-            late = {name: late[name] - shift[name] for name in late}
-        late["rates"] = self._seen(truth.rates, RATES, noise, late=True)
-        late["attitudes"] = self._seen(truth.attitudes, ATTITUDES, noise, late=True)
-        groups = {
-            "rates": RATES,
-            "attitudes": ATTITUDES,
-            "velocities": VELOCITIES,
-            "forces": ACCELERATIONS,
-            "positions": POSITIONS,
-        }
+            shift = self._lever_arm(
+                *(self._seen(filtered[g], groups[g][1], noise) for g in ("rates", "attitudes"))
+            )
+            late |= {group: late[group] - added for group, added in shift.items()}
         return {
             name: self._rounded(name, late[group][:, k])
-            for group, names in groups.items()
+            for group, (_, names) in groups.items()
             for k, name in enumerate(names)
         }
 
@@ -194,7 +185,10 @@ class _Sampling:
         """Return tilt, loads and the air's motion by name, filtered and sampled like the rest."""
         thrust, torque, _, tail_thrust = self.truth.rotor.T
         true = (*self.truth.flapping.T, thrust, torque, tail_thrust, *self.truth.air.T)
-        return {name: self._sampled(signal, name) for name, signal in zip((*ROTOR, *AIR), true)}
+        signals = self._filtered(np.column_stack(true))
+        return {
+            name: self._sampled(signal, name) for name, signal in zip((*ROTOR, *AIR), signals.T)
+        }
 
     def _lever_arm(
         self, rates: NDArray[np.float64], attitudes: NDArray[np.float64]
@@ -230,11 +224,15 @@ class _Sampling:
         sampled = self._sampled(signal, late_as or name)
         return self._rounded(name, sampled + self._input_noise[name])
 
+    def _filtered(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return columns behind the anti-alias filter, which begins at rest."""
+        if self._sos is None:
+            return signals
+        start = sosfilt_zi(self._sos)[:, :, None] * signals[0]
+        return sosfilt(self._sos, signals, axis=0, zi=start)[0]
+
     def _sampled(self, signal: NDArray[np.float64], name: str | None) -> NDArray[np.float64]:
-        """Return a signal filtered and sampled, late by the latency of a named channel."""
-        if self._sos is not None:
-            start = sosfilt_zi(self._sos) * signal[0]
-            signal, _ = sosfilt(self._sos, signal, zi=start)
+        """Return a filtered signal at the samples, late by the latency of a named channel."""
         latency = 0.0 if name is None else self.recorder.latency.get(name, 0.0)
         return np.interp(self.time - latency, self.truth.time, signal)
 
