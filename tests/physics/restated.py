@@ -9,10 +9,13 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
+from numba import njit
 from scipy.spatial.transform import Rotation
 
 from helisim.physics import pilot, rotor
 from helisim.physics.layout import DOUBLET, PARAM, READS_HELD, READS_ZERO, STATE, SWEEP
+
+hashed_noise, remnant, sweep = map(njit, (pilot.hashed_noise, pilot.remnant, pilot.sweep))
 
 GYRO_STATES = slice(STATE.gyro_q_filter, STATE.gyro_r_integral + 1)
 SERVOS = ("front", "left", "right", "tail")
@@ -212,11 +215,11 @@ def sticks(m):
     since, excited = m.time - p.excitation_start, 0.0
     if p.excitation == SWEEP:
         shape = (p.sweep_w_min, p.sweep_w_max, p.sweep_fade, p.sweep_unsteadiness, p.pilot_seed)
-        excited = pilot.sweep(since, p.excitation_duration, *shape)
+        excited = sweep(since, p.excitation_duration, *shape)
     if p.excitation == DOUBLET:
         excited = pilot.doublet(since, p.excitation_duration)
     for k, axis in enumerate(("col", "lon", "lat", "ped")):
-        noise = pilot.remnant(m.time, p.remnant_interval, p.pilot_seed, k)
+        noise = remnant(m.time, p.remnant_interval, p.pilot_seed, k)
         held[k] += (
             getattr(p, f"excitation_{axis}") * excited + getattr(p, f"remnant_{axis}") * noise
         )
@@ -266,8 +269,7 @@ def state_rates(m):
     rates["flap_a"], rates["flap_b"] = tilt_rates(m)
     if p.turbulence_on:
         noise = [
-            pilot.hashed_noise(p.turbulence_seed, k, round(m.last_tick / p.gyro_period))
-            for k in range(4)
+            hashed_noise(p.turbulence_seed, k, round(m.last_tick / p.gyro_period)) for k in range(4)
         ]
         _, a, b = turbulence(p)
         rates |= dict(zip(STATE._fields[STATE.air_u :], a @ m.act[STATE.air_u :] + b @ noise))

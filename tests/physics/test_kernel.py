@@ -9,9 +9,14 @@ from hypothesis import strategies as st
 from numba import njit
 from numba.core.errors import TypingError
 
+import interpreted
 from helisim.physics import loads, rotor
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
+
+pytestmark = pytest.mark.skipif(
+    interpreted.wanted(), reason="the force laws are interpreted here: nothing is compiled"
+)
 
 speed, rate, stick = st.floats(-8.0, 8.0), st.floats(-2.0, 2.0), st.floats(-0.5, 0.5)
 main_rotor = njit(loads.main_rotor)

@@ -48,8 +48,8 @@ def simulate(
 ) -> Iterator[Truth]:
     """Yield what truly happens in each flight; arguments and errors as for `fly`.
 
-    At most twice as many flights as threads are in memory at a time. `Truth.end` says why a flight that
-    is kept was over before its time.
+    At most twice as many flights as threads are in memory at a time. `Truth.end` says why a
+    flight that is kept was over before its time.
     """
     numbers = flight_numbers(count)
     pilot, weather = pilot or Pilot(), weather or Weather()
