@@ -68,7 +68,7 @@ def test_a_watched_flight_is_the_same_to_the_bit(jr700):
         ({"flapping": (1, 0.36)}, "flapped beyond 0.35 rad"),
         ({"velocities": (0, 42.0)}, "advance ratio of 0.3"),
         ({"air": (1, 42.0)}, "advance ratio of 0.3"),
-        ({"velocities": (2, 6.6)}, "1.5 times the hover's induced velocity"),
+        ({"velocities": (2, 8.5)}, "2 times the hover's induced velocity"),
     ],
 )
 def test_each_limit_ends_the_flight_where_it_is_exceeded(jr700, healthy, columns, says):
@@ -86,7 +86,7 @@ def test_a_gust_from_below_is_a_descent(jr700, healthy):
     induced = hover_induced_velocity(jr700)
     # momentum theory: v_h^2 = W / (2 rho A), Table 1
     assert induced**2 == pytest.approx(8.01 * 9.8015 / (2 * 1.225 * np.pi * 0.767**2), rel=1e-9)
-    gust = changed(healthy, 1000, air=(2, -1.6 * induced))
+    gust = changed(healthy, 1000, air=(2, -2.1 * induced))
     assert Watch().end(jr700, gust)[0] == 1000
     fast = changed(gust, 1000, velocities=(0, 1.5 * induced))
     assert Watch().end(jr700, fast) is None

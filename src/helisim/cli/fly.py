@@ -48,7 +48,7 @@ Exit status 3. The limits of --watch are
   tilt=1.2, rate=20                      rad, rad/s
   clearance=0                            m above the ground
   flapping=1                             of the head's stop
-  descent=1.5                            of the hover's induced velocity
+  descent=2                              of the hover's induced velocity
   advance=0.3                            ratio of airspeed and tip speed
   saturation=1, saturation_window=10     s at a limit, out of s
 """

@@ -37,9 +37,9 @@ class Watch:
         clearance: m, between the ground and the lowest point of landing gear and rotor discs.
         flapping: of the tip-path plane, in tilts at which the head's dampers bottom.
         descent: through the air along the shaft, in induced velocities of the hover, slower than
-            one of which the flight is across it. A vortex ring forms from 0.7 on (Leishman,
-            Principles of Helicopter Aerodynamics, chapter 2); at 1.5 the inflow is half the
-            hover's and momentum theory is left (`inflow_floor`), at 2 it has several solutions.
+            one of which the flight is across it. A vortex ring forms from 0.7 on and is unsteady
+            (Leishman, Principles of Helicopter Aerodynamics, chapter 2), of which the force laws
+            know the mean; beyond 2 the momentum balance has several solutions (`mass_flow`).
         advance: ratio of the airspeed across the shaft to that of the blades' tips. Up to 0.3 the
             reverse flow, which the force laws don't know, is small (Leishman, chapter 2).
         saturation: s out of `saturation_window` that a stick or a command is at its stop, or
@@ -53,7 +53,7 @@ class Watch:
     rate: float | None = 20.0
     clearance: float | None = 0.0
     flapping: float | None = 1.0
-    descent: float | None = 1.5
+    descent: float | None = 2.0
     advance: float | None = 0.3
     saturation: float | None = 1.0
     saturation_window: float = 10.0
