@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from helisim.channels import ATTITUDES, POSITIONS
 from helisim.cli import main
 from helisim.errors import DivergedError, IdentificationError, InputError
-from helisim.ident import frequency_response
+from helisim.ident import DamagedRecordWarning, frequency_response
 from helisim.physics.native import installed
 from helisim.sim import Doublet, Pilot, ServoStuck, Sweep, Watch, Weather, fly, simulate
 from helisim.sim.airframe import clearance
@@ -129,6 +129,15 @@ def test_a_stuck_tail_servo_ends_the_flight(jr700):
     stuck = ServoStuck(servo="servo_tail", at=3.0)
     with pytest.raises(DivergedError, match="ped at its limit"):
         fly(jr700, Sweep(axis="ped", duration=20.0), faults=[stuck], seed=1, jobs=1)
+
+
+def test_a_stuck_servo_that_nobody_watched_is_flagged(jr700):
+    """The identification sees in the record that the pedal's command stayed at its stop."""
+    stuck = ServoStuck(servo="servo_tail", at=10.0)
+    sweep = Sweep(axis="ped", duration=20.0)
+    record = fly(jr700, sweep, faults=[stuck], seed=1, watch=Watch.off(), jobs=1)[0]
+    with pytest.warns(DamagedRecordWarning, match="'ped' is at its stop for"):
+        frequency_response(record, inputs="ped", outputs="r", band=(3.0, 20.0))
 
 
 @pytest.mark.parametrize("attitude", [(0.0, 0.0), (0.4, 0.0), (-0.3, 0.7), (1.1, -1.0)])
