@@ -21,6 +21,8 @@ _STOP = 0.5
 """Of a stick, and of what the gyro commands: unitised."""
 _ROUNDING = 1e-9
 """By which the mixing may leave a command short of its stop."""
+_LEAST_AT_STOP = 0.7 * _STOP
+"""Of a swashplate servo's command, when a cyclic command is at its stop; by the mixing, 3/4."""
 _FULL_RATE = 0.999
 """Share of a servo's rate limit that counts as all of it: over a step it is a mean."""
 
@@ -163,10 +165,10 @@ def hover_induced_velocity(vehicle: Vehicle) -> float:
 
 
 def _saturated(vehicle: Vehicle, truth: Truth) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-    """Yield the name of each stick, command and servo, and where it is at its limit, (n,)."""
-    front, left, right, tail = truth.servo_commands.T
-    _, lon, lat = servo.unmix(front, left, right)
-    commands = {"lon": lon, "lat": lat, "ped": tail, **dict(zip(IN2, truth.sticks.T))}
+    """Yield the name of each stick, command and servo that may be at its limit, and where, (n,)."""
+    commands = dict(zip(IN2, truth.sticks.T)) | {"ped": truth.servo_commands[:, 3]}
+    if np.abs(truth.servo_commands[:, :3]).max() >= _LEAST_AT_STOP:
+        _, commands["lon"], commands["lat"] = servo.unmix(*truth.servo_commands[:, :3].T)
     for name, command in commands.items():
         yield name, np.abs(command) >= _STOP - _ROUNDING
     limit = _FULL_RATE * vehicle.parameters["servo.rate_limit"] * truth.timestep
