@@ -1,9 +1,6 @@
 """Killed at random moments: nothing that was reported as saved is lost, and nothing is torn."""
 
 import importlib.util
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -46,32 +43,3 @@ def test_the_study_sees_what_is_torn_or_missing(study, found, tmp_path):
     (folder / ".lat_0003.12345678.tmp.parquet").write_bytes(b"a stray")
     assert len(study.torn(folder, whole)) == 3
     assert study.units("fly", folder) == 2
-
-
-ORPHANS = """
-from helisim.campaign import local
-import mortal
-
-if __name__ == "__main__":
-    for number in local(2)(mortal.square_or_sleep, range(4)):
-        print(number, flush=True)
-"""
-
-
-def test_workers_end_with_a_parent_that_was_killed(tmp_path):
-    """They hold its standard output, so that ends when the last of them has gone."""
-    script = tmp_path / "orphans.py"
-    script.write_text(ORPHANS)
-    folders = (str(Path(__file__).parent / "campaign"), os.environ.get("PYTHONPATH"))
-    path = [folder for folder in folders if folder]
-    with subprocess.Popen(
-        [sys.executable, str(script)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(path)},
-    ) as process:
-        assert process.stdout.readline() == "0\n"
-        process.kill()
-        rest, _ = process.communicate(timeout=120)
-        assert rest in ("", "1\n")

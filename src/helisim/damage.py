@@ -25,6 +25,14 @@ _SHORTEST = 10
 _USUAL = 0.95
 """Quantile of the runs of equal samples that counts as their usual most."""
 
+_STOP = 0.5
+"""Of a unitised input, either way."""
+_ROUNDING = 1e-6
+"""By which an input at its stop may be short of it, or beyond."""
+_OVERSHOOT = 0.06
+"""By which a recorder's filter carries a jump to the stop beyond it: a Butterworth filter of
+fourth order by 11 % of the jump."""
+
 
 class Stretch(NamedTuple):
     """Samples in a row, from `first` to `last`, inclusive."""
@@ -104,3 +112,17 @@ def still(values: NDArray[np.float64]) -> tuple[Stretch, ...]:
         Stretch(int(start), int(start + length - 1))
         for start, length in zip(starts[long], lengths[long])
     )
+
+
+def at_stop(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return at which samples a unitised input is at its stop, (n_time,).
+
+    An input that goes further beyond than a filter does isn't unitised: no stop is known.
+
+    Args:
+        values: (n_time,), finite.
+    """
+    size = np.abs(values)
+    if np.max(size) > _STOP + _OVERSHOOT:
+        return np.zeros(values.size, dtype=np.bool_)
+    return np.abs(size - _STOP) <= _ROUNDING

@@ -10,13 +10,6 @@ def square(number):
     return number * number
 
 
-def square_or_sleep(number):
-    """Return the square of 0 or 1; for the others' one would wait ten minutes."""
-    if number > 1:
-        time.sleep(600.0)
-    return square(number)
-
-
 def die_once(task):
     """Return a number's square; the first to come to 3 kills its process."""
     number, mark = task

@@ -11,10 +11,13 @@ from helisim.record import FlightRecord
 TIME = np.arange(6001) / 100.0
 
 
-def flown(seed, spike=False, dead=False):
+def flown(seed, spike=False, dead=False, stop=0.0):
     """Return a minute of noise through a lag of 0.2 s, at 100 Hz."""
     rng = np.random.default_rng(seed)
     stick = np.convolve(rng.standard_normal(TIME.size), np.ones(5) / 5.0, mode="same")
+    if stop:
+        stick = np.clip(0.1 * stick, -0.49, 0.49)
+        stick[2000 : 2000 + round(100 * stop)] = -0.5
     rate = np.zeros(TIME.size)
     for k in range(1, TIME.size):
         rate[k] = rate[k - 1] + 0.05 * (stick[k - 1] - rate[k - 1])
@@ -43,6 +46,23 @@ def test_spikes_and_dead_sensors_are_flagged():
     assert len(frf.flags) == 2
     assert "record 2: 'p' has 1 samples that are spikes, the first at 30 s" in frf.flags[0]
     assert "record 3: 'p' stands still, in 1 places, first from 40 to 40.99 s" in frf.flags[1]
+
+
+@pytest.mark.parametrize("stop", [0.9, 4.0])
+def test_an_input_that_stays_at_its_stop_is_flagged(stop, recwarn):
+    """As the command of a servo that is stuck; less than a second is none of it."""
+    flags = estimate(flown(0), flown(1, stop=stop)).flags
+    assert len(flags) == len(recwarn) == (stop > 1.0)
+    assert all("record 2: 'lat' is at its stop for 4 s, first at 20 s" in flag for flag in flags)
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_input_beyond_half_has_no_stop_that_is_known():
+    """Not unitised: half is a number like any other."""
+    record = flown(1, stop=4.0)
+    values = record.values * [1.0, 1.0]
+    values[3000:3200, 0] = 0.6
+    assert estimate(FlightRecord(record.time, values, record.channels)).flags == ()
 
 
 @pytest.mark.filterwarnings("error")

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from helisim.channels import ATTITUDES, POSITIONS
 from helisim.cli import main
 from helisim.errors import DivergedError, IdentificationError, InputError
-from helisim.ident import frequency_response
+from helisim.ident import DamagedRecordWarning, frequency_response
 from helisim.physics.native import installed
 from helisim.sim import Doublet, Pilot, ServoStuck, Sweep, Watch, Weather, fly, simulate
 from helisim.sim.airframe import clearance
@@ -68,7 +68,7 @@ def test_a_watched_flight_is_the_same_to_the_bit(jr700):
         ({"flapping": (1, 0.36)}, "flapped beyond 0.35 rad"),
         ({"velocities": (0, 42.0)}, "advance ratio of 0.3"),
         ({"air": (1, 42.0)}, "advance ratio of 0.3"),
-        ({"velocities": (2, 6.6)}, "1.5 times the hover's induced velocity"),
+        ({"velocities": (2, 8.5)}, "2 times the hover's induced velocity"),
     ],
 )
 def test_each_limit_ends_the_flight_where_it_is_exceeded(jr700, healthy, columns, says):
@@ -86,7 +86,7 @@ def test_a_gust_from_below_is_a_descent(jr700, healthy):
     induced = hover_induced_velocity(jr700)
     # momentum theory: v_h^2 = W / (2 rho A), Table 1
     assert induced**2 == pytest.approx(8.01 * 9.8015 / (2 * 1.225 * np.pi * 0.767**2), rel=1e-9)
-    gust = changed(healthy, 1000, air=(2, -1.6 * induced))
+    gust = changed(healthy, 1000, air=(2, -2.1 * induced))
     assert Watch().end(jr700, gust)[0] == 1000
     fast = changed(gust, 1000, velocities=(0, 1.5 * induced))
     assert Watch().end(jr700, fast) is None
@@ -129,6 +129,15 @@ def test_a_stuck_tail_servo_ends_the_flight(jr700):
     stuck = ServoStuck(servo="servo_tail", at=3.0)
     with pytest.raises(DivergedError, match="ped at its limit"):
         fly(jr700, Sweep(axis="ped", duration=20.0), faults=[stuck], seed=1, jobs=1)
+
+
+def test_a_stuck_servo_that_nobody_watched_is_flagged(jr700):
+    """The identification sees in the record that the pedal's command stayed at its stop."""
+    stuck = ServoStuck(servo="servo_tail", at=10.0)
+    sweep = Sweep(axis="ped", duration=20.0)
+    record = fly(jr700, sweep, faults=[stuck], seed=1, watch=Watch.off(), jobs=1)[0]
+    with pytest.warns(DamagedRecordWarning, match="'ped' is at its stop for"):
+        frequency_response(record, inputs="ped", outputs="r", band=(3.0, 20.0))
 
 
 @pytest.mark.parametrize("attitude", [(0.0, 0.0), (0.4, 0.0), (-0.3, 0.7), (1.1, -1.0)])

@@ -42,11 +42,15 @@ a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
   recorder:gap@30,lasts=0.5
   recorder:drift,ppm=200                 channels=p+q+r: of these only
 
-A flight is over where it leaves what the model is valid for: its record says so, and the
-identification refuses it; DIR/last_second/ keeps how it came. Exit status 3. The limits are
-  tilt=1.2 rad, rate=20 rad/s, clearance=0 m, flapping=1 of the head's stop,
-  descent=1.5 of the hover's induced velocity, advance=0.3 (ratio),
-  saturation=1 s at a limit in saturation_window=10 s
+A flight is over where it leaves what the model is valid for. Its record says
+so and the identification refuses it; last_second/ beside it keeps how it came.
+Exit status 3. The limits of --watch are
+  tilt=1.2, rate=20                      rad, rad/s
+  clearance=0                            m above the ground
+  flapping=1                             of the head's stop
+  descent=2                              of the hover's induced velocity
+  advance=0.3                            ratio of airspeed and tip speed
+  saturation=1, saturation_window=10     s at a limit, out of s
 """
 
 

@@ -1,17 +1,21 @@
 """Whether records can be trusted: of whole flights, and of what sensors saw."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from helisim.damage import spikes, still
+from helisim.channels import Channel
+from helisim.damage import at_stop, spikes, still
 from helisim.errors import IdentificationError
 from helisim.record import FlightRecord
 
+_LASTS = 1.0
+"""s, for which an input is at its stop in a record before it is told."""
+
 
 class DamagedRecordWarning(UserWarning):
-    """A record has spikes, or stretches in which measured motion stands still."""
+    """A record has spikes, motion that stands still, or inputs that stay at their stops."""
 
 
 def check_whole(flights: Sequence[FlightRecord]) -> None:
@@ -33,27 +37,39 @@ def damaged(flights: Sequence[FlightRecord], names: Sequence[str]) -> tuple[str,
         flights: to look at.
         names: of the channels that are used.
     """
-    flags = []
-    for number, flight in enumerate(flights, start=1):
-        for channel in flight.channels:
-            if channel.name not in names:
-                continue
-            values = flight[channel.name]
-            out = np.flatnonzero(spikes(values))
-            if out.size:
-                flags.append(
-                    f"record {number}: {channel.name!r} has {out.size} samples that are spikes, "
-                    f"the first at {flight.time[out[0]]:.6g} s; interpolate them, with "
-                    "helisim.screen(record, repair='spikes') or --repair spikes"
-                )
-            stretches = still(values) if channel.kind == "OUT" else ()
-            if stretches:
-                flags.append(
-                    f"record {number}: {channel.name!r} stands still, in {len(stretches)} "
-                    f"places, first from {flight.time[stretches[0].first]:.6g} to "
-                    f"{flight.time[stretches[0].last]:.6g} s; leave that out, with "
-                    "helisim.screen(record, repair='frozen') or --repair frozen"
-                )
+    flags = [
+        f"record {number}: {channel.name!r} {what}"
+        for number, flight in enumerate(flights, start=1)
+        for channel in flight.channels
+        if channel.name in names
+        for what in _wrong(flight, channel)
+    ]
     for flag in flags:
         warnings.warn(flag, DamagedRecordWarning, stacklevel=3)
     return tuple(flags)
+
+
+def _wrong(flight: FlightRecord, channel: Channel) -> Iterator[str]:
+    """Yield what is wrong with a channel of a record."""
+    values, time = flight[channel.name], flight.time
+    out = np.flatnonzero(spikes(values))
+    if out.size:
+        yield (
+            f"has {out.size} samples that are spikes, the first at {time[out[0]]:.6g} s; "
+            "interpolate them, with helisim.screen(record, repair='spikes') or --repair spikes"
+        )
+    stretches = still(values) if channel.kind == "OUT" else ()
+    if stretches:
+        yield (
+            f"stands still, in {len(stretches)} places, first from "
+            f"{time[stretches[0].first]:.6g} to {time[stretches[0].last]:.6g} s; leave that out, "
+            "with helisim.screen(record, repair='frozen') or --repair frozen"
+        )
+    stopped = np.flatnonzero(at_stop(values)) if channel.kind in ("IN1", "IN2") else np.array([])
+    lost = stopped.size * flight.duration / (len(flight) - 1)
+    if lost > _LASTS:
+        yield (
+            f"is at its stop for {lost:.4g} s, first at {time[stopped[0]]:.6g} s: what the "
+            "vehicle does then, or the servo, isn't linear; leave that out, with record.slice "
+            "or --to"
+        )

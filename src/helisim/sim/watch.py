@@ -21,6 +21,8 @@ _STOP = 0.5
 """Of a stick, and of what the gyro commands: unitised."""
 _ROUNDING = 1e-9
 """By which the mixing may leave a command short of its stop."""
+_LEAST_AT_STOP = 0.7 * _STOP
+"""Of a swashplate servo's command, when a cyclic command is at its stop; by the mixing, 3/4."""
 _FULL_RATE = 0.999
 """Share of a servo's rate limit that counts as all of it: over a step it is a mean."""
 
@@ -37,9 +39,9 @@ class Watch:
         clearance: m, between the ground and the lowest point of landing gear and rotor discs.
         flapping: of the tip-path plane, in tilts at which the head's dampers bottom.
         descent: through the air along the shaft, in induced velocities of the hover, slower than
-            one of which the flight is across it. A vortex ring forms from 0.7 on (Leishman,
-            Principles of Helicopter Aerodynamics, chapter 2); at 1.5 the inflow is half the
-            hover's and momentum theory is left (`inflow_floor`), at 2 it has several solutions.
+            one of which the flight is across it. A vortex ring forms from 0.7 on and is unsteady
+            (Leishman, Principles of Helicopter Aerodynamics, chapter 2), of which the force laws
+            know the mean; beyond 2 the momentum balance has several solutions (`mass_flow`).
         advance: ratio of the airspeed across the shaft to that of the blades' tips. Up to 0.3 the
             reverse flow, which the force laws don't know, is small (Leishman, chapter 2).
         saturation: s out of `saturation_window` that a stick or a command is at its stop, or
@@ -53,7 +55,7 @@ class Watch:
     rate: float | None = 20.0
     clearance: float | None = 0.0
     flapping: float | None = 1.0
-    descent: float | None = 1.5
+    descent: float | None = 2.0
     advance: float | None = 0.3
     saturation: float | None = 1.0
     saturation_window: float = 10.0
@@ -163,10 +165,10 @@ def hover_induced_velocity(vehicle: Vehicle) -> float:
 
 
 def _saturated(vehicle: Vehicle, truth: Truth) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-    """Yield the name of each stick, command and servo, and where it is at its limit, (n,)."""
-    front, left, right, tail = truth.servo_commands.T
-    _, lon, lat = servo.unmix(front, left, right)
-    commands = {"lon": lon, "lat": lat, "ped": tail, **dict(zip(IN2, truth.sticks.T))}
+    """Yield the name of each stick, command and servo that may be at its limit, and where, (n,)."""
+    commands = dict(zip(IN2, truth.sticks.T)) | {"ped": truth.servo_commands[:, 3]}
+    if np.abs(truth.servo_commands[:, :3]).max() >= _LEAST_AT_STOP:
+        _, commands["lon"], commands["lat"] = servo.unmix(*truth.servo_commands[:, :3].T)
     for name, command in commands.items():
         yield name, np.abs(command) >= _STOP - _ROUNDING
     limit = _FULL_RATE * vehicle.parameters["servo.rate_limit"] * truth.timestep
