@@ -165,7 +165,9 @@ def test_the_cost_is_its_formula_and_its_slopes_are_differences(frf):
             shift[k] = 1e-6 * max(abs(x[k]), 1e-2)
             slope = (residual(x + shift) - residual(x - shift)) / (2.0 * shift[k])
             # central differences: the square of the step, and rounding over the step
-            assert jacobian[:, k] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.max(np.abs(slope)))
+            assert jacobian[:, k] == pytest.approx(
+                slope, rel=1e-5, abs=1e-6 * np.max(np.abs(slope))
+            )
 
 
 def test_the_phase_error_is_continuous_and_nearest_to_zero(frf):
