@@ -149,6 +149,8 @@ def read_campaign(path: str | Path) -> Campaign:
         InputError: something in it isn't known or can't be; the message names the file.
     """
     content = read_toml(path)
+    if not content:
+        raise InputError(f"{path}: is empty; a campaign has a table [campaign], [set] or [vary]")
     try:
         return campaign_from(content)
     except InputError as error:

@@ -24,16 +24,14 @@ A whole run has its models beside the flights::
 
 import hashlib
 import json
-import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import rerun as rr
-from rerun.chunk import RrdReader
+from rerun.blueprint import Blueprint
 
 from helisim.channels import (
     ACCELERATIONS,
@@ -46,7 +44,7 @@ from helisim.channels import (
     SERVOS,
     VELOCITIES,
 )
-from helisim.errors import InputError, StorageError
+from helisim.errors import InputError
 from helisim.output.blueprint import FlightViews, blueprint
 from helisim.output.rerun_findings import figure_entities, log_findings
 from helisim.output.rerun_scene import is_posed, knows_rotor, log_space
@@ -112,43 +110,29 @@ def write_recording(
         [_views(name, record) for name, record in flights.items()],
         figure_entities(run) if run else {},
     )
+    recorded = _recorded(flights, run, shapes, layout)
     with atomic_write(path) as temporary:
-        recording = rr.RecordingStream(APPLICATION, recording_id=_content_id(flights, run))
-        # The blueprint and the file come first: what is logged before them is lost.
-        with _refused_by_the_disk(path):
-            recording.save(temporary, default_blueprint=layout)
-        try:
-            made = json.dumps(made_by("recording"), sort_keys=True)
-            recording.send_property("helisim", rr.AnyValues(provenance=made))
-            if run is not None:
-                log_findings(recording, run)
-            for name, record in flights.items():
-                _log_flight(recording, name, record, shapes)
-            with _refused_by_the_disk(path):
-                recording.flush()
-        finally:
-            recording.disconnect()  # writes the footer
-        _check_whole(temporary, path)
+        temporary.write_bytes(recorded)
     return path
 
 
-@contextmanager
-def _refused_by_the_disk(path: Path) -> Iterator[None]:
-    """Say as a StorageError what Rerun says of a disk that is full."""
+def _recorded(
+    flights: Mapping[str, FlightRecord], run: Run | None, shapes: Shapes, layout: Blueprint
+) -> bytes:
+    """Return a recording, made in memory: when a disk is full, Rerun's own writer only logs it."""
+    recording = rr.RecordingStream(APPLICATION, recording_id=_content_id(flights, run))
     try:
-        yield
-    except RuntimeError as error:
-        raise StorageError(f"{path}: can't write it: {error}") from None
-
-
-def _check_whole(written: Path, path: Path) -> None:
-    """Raise StorageError unless a recording has its end: Rerun only logs that it failed there."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            RrdReader(written).recordings()
-        except (RuntimeError, Warning):
-            raise StorageError(f"{path}: can't write it: its end is missing") from None
+        memory = recording.memory_recording()
+        recording.send_blueprint(layout, make_active=False, make_default=True)
+        made = json.dumps(made_by("recording"), sort_keys=True)
+        recording.send_property("helisim", rr.AnyValues(provenance=made))
+        if run is not None:
+            log_findings(recording, run)
+        for name, record in flights.items():
+            _log_flight(recording, name, record, shapes)
+        return memory.drain_as_bytes()
+    finally:
+        recording.disconnect()
 
 
 def _content_id(flights: Mapping[str, FlightRecord], run: Run | None) -> str:

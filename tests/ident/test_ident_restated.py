@@ -1,0 +1,332 @@
+"""The identification's formulas a second time, in plain sums and loops.
+
+What differs is rounding, unless a test says otherwise.
+"""
+
+import dataclasses
+import importlib
+import math
+import pkgutil
+
+import control
+import numpy as np
+import pytest
+from scipy.signal import butter, detrend
+
+import helisim.ident
+from helisim.channels import channel
+from helisim.errors import IdentificationError
+from helisim.ident import FrequencyResponse, frequency_response, identify, structures, verify
+from helisim.ident.bounds import accuracy
+from helisim.ident.conditioning import random_error
+from helisim.ident.cost import Cost
+from helisim.ident.evaluate import response
+from helisim.ident.points import select
+from helisim.ident.spectra import cross_spectra
+from helisim.ident.transfer import first_order_delay, second_order_delay, transfer_function
+from helisim.record import FlightRecord
+
+GRID = np.geomspace(0.5, 25.0, 70)
+ROLLPITCH = structures.rollpitch
+TRUE = {
+    **{"L_b": 536.0, "M_a": 313.0, "tau_f": 0.045, "A_b": 0.9, "B_a": -0.5, "A_lat": 0.1},
+    **{"A_lon": -0.4, "B_lat": 0.2, "B_lon": 0.1, "tau_lat": 0.012, "tau_lon": -0.008},
+}
+
+
+def flight(seed, *, samples=900, step=0.02, names=("lat", "lon", "p")):
+    random = np.random.default_rng(seed)
+    columns = random.normal(size=(samples, len(names))).cumsum(axis=0) * 0.1
+    return FlightRecord(step * np.arange(samples), columns, tuple(map(channel, names)))
+
+
+def test_cross_spectra_are_sums_over_windows():
+    """Detrended, faded, Hann windows hanging over both ends, (2/T) mean of A B* / 0.375."""
+    records, names, window, overlap = [flight(1), flight(2, samples=700)], ["lat", "p"], 6.0, 0.8
+    frequency = np.array([1.1, 3.0, 7.7])
+    found = cross_spectra(records, names, frequency, window=window, overlap=overlap)
+    total, power, shared, starts, which = 0.0, 0.0, 0.0, [], []
+    for number, record in enumerate(records):
+        step, samples, length = record.sample_time, len(record), 300
+        ramp = min(2.0 * math.pi / (frequency[0] * step), 0.05 * samples)
+        ends = np.minimum(np.arange(samples), np.arange(samples)[::-1]) + 0.5
+        fade = np.where(ends < ramp, np.sin(0.5 * np.pi * ends / ramp) ** 2, 1.0)
+        signals = detrend(record.select(names), axis=0) * fade[:, None]
+        hop = length * (1.0 - overlap)
+        count = math.ceil((samples + length - 2.0 * hop) / hop) + 1
+        begins = [round(x) for x in np.linspace(hop - length, samples - hop, count)]
+        windows = []
+        for begin in begins:
+            k = np.arange(max(begin, 0), min(begin + length, samples))
+            hann = np.sin(np.pi * (k - begin) / length) ** 2
+            turn = np.exp(-1j * np.outer(frequency, (k - begin) * step))
+            sums = turn @ (signals[k] * hann[:, None]) * step
+            total = total + sums[:, :, None] * sums[:, None, :].conj()
+            full = np.zeros(samples)
+            full[k] = hann * fade[k]
+            windows.append(full)
+        gram = np.array(windows) @ np.array(windows).T / (0.375 * length)
+        power, shared = power + np.trace(gram), shared + np.sum(gram**2)
+        starts += [begin * step for begin in begins]
+        which += [number] * count
+    # the windows' energy is summed at 512 instants instead of at the samples: 1 %
+    assert found.averages == pytest.approx(power**2 / shared, rel=1e-2)
+    assert found.matrix == pytest.approx(2.0 / (window * 0.375 * power) * total, rel=1e-2)
+    ratio = found.matrix / total
+    assert ratio == pytest.approx(np.full_like(ratio, ratio[0, 0, 0]), rel=1e-9)
+    assert found.start == pytest.approx(starts)
+    assert list(found.flight) == which
+    assert np.sum(found.energy) == pytest.approx(power, rel=1e-2)
+
+
+def test_the_random_error_is_the_published_formula():
+    """C_eps sqrt(1 - g2) / (|g| sqrt(2 n_d)) with C_eps^2 in the number of averages."""
+    coherence = np.array([0.1, 0.6, 0.99])
+    expected = np.sqrt((1.0 - coherence) / (2.0 * 7.3 * coherence))
+    assert random_error(coherence, 7.3) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def frf():
+    """Three axes' worth of windowed noise, so that coherence and scatter are ordinary."""
+    random = np.random.default_rng(3)
+    records = []
+    for _ in range(2):
+        x = random.normal(size=(3000, 2))
+        y = np.array([np.convolve(x[:, k], np.exp(-np.arange(60) / 15.0))[:3000] for k in (0, 1)])
+        columns = np.column_stack([x, y[0] + 0.3 * y[1], y[1] - 0.2 * y[0]])
+        columns[:, 2:] += 0.4 * random.normal(size=(3000, 2))
+        names = ("lat", "lon", "p", "q")
+        records.append(FlightRecord(0.02 * np.arange(3000), columns, tuple(map(channel, names))))
+    return frequency_response(records, inputs=["lat", "lon"], outputs=["p", "q"], band=(1.0, 25.0))
+
+
+def chosen(frf, count=20):
+    return select(frf, ROLLPITCH, band=(2.0, 20.0), responses=None, count=count)
+
+
+def test_points_are_the_nearest_to_log_spaced_ones(frf):
+    """Of each response the coherent points of its band nearest to 20 log-spaced targets."""
+    points = chosen(frf)
+    for number, name in enumerate(points.pairs):
+        output, input_ = name.split("/")
+        o, i = frf.outputs.index(output), frf.inputs.index(input_)
+        usable = [
+            k
+            for k, w in enumerate(frf.frequency)
+            if 2.0 <= w <= 20.0 and frf.coherence[o, i, k] >= 0.6
+        ]
+        place = np.log(frf.frequency[usable])
+        targets = np.linspace(place[0], place[-1], 20)
+        near = sorted({usable[int(np.argmin(np.abs(place - target)))] for target in targets})
+        mine = points.pair == number
+        assert points.frequency[points.position[mine]] == pytest.approx(frf.frequency[near])
+        assert points.measured[mine] == pytest.approx(frf.response[o, i, near])
+        weight = 20.0 / len(near) * (1.58 * (1.0 - np.exp(-frf.coherence[o, i, near]))) ** 2
+        assert points.weight[mine] == pytest.approx(weight)
+        assert points.bands[number] == (frf.frequency[near[0]], frf.frequency[near[-1]])
+        assert set(points.output[mine]) == {ROLLPITCH.outputs.index(output)}
+        assert set(points.input[mine]) == {ROLLPITCH.inputs.index(input_)}
+
+
+def vector(names):
+    return np.array([TRUE.get(name, 0.1) for name in names])
+
+
+def test_the_cost_is_its_formula_and_its_slopes_are_differences(frf):
+    """Residuals of all three kinds, point by point, and what they become by small steps."""
+    points = chosen(frf)
+    cost = Cost(ROLLPITCH, points)
+    names = [parameter.name for parameter in ROLLPITCH.free]
+    x = vector(names)
+    model = response(ROLLPITCH, dict(zip(names, x)), points.frequency)
+    each = [model[o, i, k] for o, i, k in zip(points.output, points.input, points.position)]
+    z = np.array(each) / points.measured
+    root = np.sqrt(points.weight)
+    decibels, degrees = 20.0 * np.log10(np.abs(z)), np.rad2deg(np.angle(z))
+    plain = np.concatenate([root * decibels, root * math.sqrt(0.01745) * degrees])
+    assert cost.log(x, unwrap=False) == pytest.approx(plain, rel=1e-9)
+    squares = root**2 * (decibels**2 + 0.01745 * degrees**2)
+    by_response = [np.sum(squares[points.pair == k]) for k in range(len(points.pairs))]
+    assert cost.per_response(x) == pytest.approx(by_response, rel=1e-9)
+    scaled = 20.0 / math.log(10.0) * root * (z - 1.0)
+    assert cost.relative(x) == pytest.approx([*scaled.real, *scaled.imag], rel=1e-9)
+    spread = np.hypot(np.sqrt(0.5 * np.diagonal(points.covariance).real), 0.005)
+    assert cost.spread == pytest.approx(spread, rel=1e-12)
+    over = (z - 1.0) / spread
+    assert cost.standardised(x) == pytest.approx([*over.real, *over.imag], rel=1e-9)
+    for residual, jacobian in (
+        (lambda x: cost.log(x, unwrap=False), cost.log_jacobian(x)),
+        (cost.relative, cost.relative_jacobian(x)),
+        (cost.standardised, cost.standardised_jacobian(x)),
+    ):
+        for k in range(x.size):
+            shift = np.zeros(x.size)
+            shift[k] = 1e-6 * max(abs(x[k]), 1e-2)
+            slope = (residual(x + shift) - residual(x - shift)) / (2.0 * shift[k])
+            # central differences: the square of the step, and rounding over the step
+            assert jacobian[:, k] == pytest.approx(
+                slope, rel=1e-5, abs=1e-6 * np.max(np.abs(slope))
+            )
+
+
+def test_the_phase_error_is_continuous_and_nearest_to_zero(frf):
+    """Each response's error has no jump of half a turn, and its mean is within half a turn."""
+    points = chosen(frf)
+    cost = Cost(ROLLPITCH, points)
+    names = [parameter.name for parameter in ROLLPITCH.free]
+    x = vector(names)
+    x[names.index("tau_lat")] = 1.2
+    half = points.weight.size
+    unwrapped = cost.log(x)[half:] / np.sqrt(0.01745 * points.weight)
+    wrapped = cost.log(x, unwrap=False)[half:] / np.sqrt(0.01745 * points.weight)
+    turns = (unwrapped - wrapped) / 360.0
+    assert turns == pytest.approx(np.round(turns), abs=1e-9)
+    assert np.max(np.abs(turns)) >= 1.0
+    for k in range(len(points.pairs)):
+        mine = points.pair == k
+        assert np.max(np.abs(np.diff(unwrapped[mine]))) < 180.0
+        weight = points.weight[mine]
+        assert abs(np.sum(weight * unwrapped[mine]) / np.sum(weight)) <= 180.0
+
+
+def test_where_the_model_is_undefined_every_residual_is_hopeless(frf):
+    """A rotor without a time constant divides by zero: the search is told so and goes on."""
+    points = chosen(frf)
+    cost = Cost(ROLLPITCH, points)
+    names = [parameter.name for parameter in ROLLPITCH.free]
+    x = vector(names)
+    x[names.index("tau_f")] = math.nan
+    size = 2 * points.weight.size
+    for residual in (cost.log, cost.relative, cost.standardised):
+        assert np.array_equal(residual(x), np.full(size, 1e3))
+    for jacobian in (cost.log_jacobian, cost.relative_jacobian, cost.standardised_jacobian):
+        assert np.array_equal(jacobian(x), np.zeros((size, len(names))))
+
+
+@pytest.mark.parametrize("standardised", [False, True])
+def test_the_accuracy_is_its_formulas(frf, standardised):
+    """CR, I, correlation from H = 2 J^T J; standard errors from the response's covariance."""
+    points = chosen(frf)
+    cost = Cost(ROLLPITCH, points)
+    x = vector([parameter.name for parameter in ROLLPITCH.free])
+    found = accuracy(cost, x, standardised=standardised)
+    hessian = 2.0 * cost.log_jacobian(x).T @ cost.log_jacobian(x)
+    inverse = np.linalg.inv(hessian)
+    root = np.sqrt(np.diag(inverse))
+    # a condition number of up to 1e6, squared in H
+    assert found.cramer_rao == pytest.approx(2.0 * root, rel=1e-6)
+    assert found.insensitivity == pytest.approx(np.diag(hessian) ** -0.5, rel=1e-9)
+    assert found.correlation == pytest.approx(inverse / np.outer(root, root), abs=1e-6)
+    error = points.covariance
+    stacked = 0.5 * np.block([[error.real, -error.imag], [error.imag, error.real]])
+    if standardised:
+        scale, jacobian = np.tile(1.0 / cost.spread, 2), cost.standardised_jacobian(x)
+        residual = cost.standardised(x)
+    else:
+        weights = np.sqrt(points.weight) * 180.0 / np.pi * math.sqrt(0.01745)
+        scale = np.concatenate([20.0 / math.log(10.0) * np.sqrt(points.weight), weights])
+        jacobian, residual = cost.log_jacobian(x), cost.log(x, unwrap=False)
+    covariance = scale[:, None] * stacked * scale
+    gain = np.linalg.solve(jacobian.T @ jacobian, jacobian.T)
+    left = np.eye(residual.size) - jacobian @ gain
+    noise = max(1.0, residual @ residual / np.trace(left @ covariance @ left.T))
+    errors = np.sqrt(noise * np.diag(gain @ covariance @ gain.T))
+    assert found.standard_error == pytest.approx(errors, rel=1e-6)
+
+
+def test_without_known_errors_residuals_count_as_independent():
+    """Standard errors are then those of least squares, with n minus p degrees of freedom."""
+    structure = structures.yaw_base
+    values = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
+    clean = response(structure, values, GRID)
+    wobble = np.exp(0.05 * np.random.default_rng(5).normal(size=(*clean.shape, 2)) @ [1.0, 1j])
+    data = FrequencyResponse.exact(
+        GRID, clean * wobble, inputs=structure.inputs, outputs=structure.outputs
+    )
+    cost = Cost(structure, select(data, structure, band=None, responses=None, count=20))
+    x = np.array([values[parameter.name] for parameter in structure.free])
+    jacobian, residual = cost.log_jacobian(x), cost.log(x, unwrap=False)
+    variance = residual @ residual / (residual.size - x.size)
+    expected = np.sqrt(variance * np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    assert accuracy(cost, x).standard_error == pytest.approx(expected, rel=1e-8)
+    with pytest.raises(IdentificationError, match="errors are not known"):
+        _ = cost.spread
+
+
+def test_verification_figures_are_their_formulas():
+    """J_rms and Theil's coefficient over all records, each about its own mean, and by output."""
+    structure = structures.yaw_base
+    values = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
+    data = FrequencyResponse.exact(
+        GRID,
+        response(structure, values, GRID),
+        inputs=structure.inputs,
+        outputs=structure.outputs,
+    )
+    fit = identify(data, structure)
+    names = (*structure.inputs, *structure.outputs)
+    records = [flight(k, samples=400, names=names) for k in (7, 8)]
+    late = FlightRecord(records[1].time + 5.0, records[1].values, records[1].channels)
+    found = verify(fit, [records[0], late])
+    centred = []
+    for trace in found.traces:
+        mean = trace.measured.mean(axis=0)
+        centred.append((trace.measured - mean, trace.predicted - mean))
+    measured, predicted = (np.concatenate(pair)[:, 0] for pair in zip(*centred))
+
+    def rms(x):
+        return math.sqrt(np.mean(x**2))
+
+    theil = rms(measured - predicted) / (rms(measured) + rms(predicted))
+    assert found.j_rms == pytest.approx(rms(measured - predicted), rel=1e-12)
+    assert found.tic == pytest.approx(theil, rel=1e-12)
+    assert found.tic_by_output == pytest.approx({"r": theil}, rel=1e-12)
+    plain = found.to_dict()
+    assert [one["duration_s"] for one in plain["records"]] == pytest.approx([7.98, 7.98])
+    assert plain["outputs"][0]["unit"] == "rad/s"
+    verdict = "acceptable" if theil <= 0.25 else "above 0.25"
+    assert str(found).splitlines()[-1].split()[-len(verdict.split()) :] == verdict.split()
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_transfer_functions_start_from_well_damped_poles_with_their_units(order):
+    """Butterworth's first and second order, and a binomial of higher order, all at 5 rad/s."""
+    made = transfer_function(zeros=0, poles=order, input="lat", output="p", frequency=5.0)
+    if order <= 2:
+        expected = np.real(butter(order, 5.0, analog=True)[1])
+    else:
+        expected = np.poly([-5.0] * order)
+    found = {parameter.name: parameter for parameter in made.parameters}
+    for power in range(order):
+        parameter = found[f"a{power}"]
+        assert parameter.start == pytest.approx(expected[order - power], rel=1e-12)
+        missing = order - power
+        assert parameter.unit == ("1/s" if missing == 1 else f"1/s^{missing}")
+    model = control.tf([1.0], [1.0, *expected[1:]])
+    starts = {name: parameter.start for name, parameter in found.items()}
+    got = response(made, {**starts, "tau": 0.0}, GRID)[0, 0]
+    assert got == pytest.approx(model(1j * GRID), rel=1e-9)
+
+
+def test_the_two_named_transfer_functions_are_what_they_say():
+    """First order has one pole, second order two, and a zero where asked."""
+    assert first_order_delay(input="ped", output="r").states == ("x0",)
+    second = second_order_delay(input="ped", output="r", zeros=1)
+    assert second.states == ("x0", "x1")
+    assert {parameter.name for parameter in second.parameters} >= {"b1", "b0", "a1", "a0"}
+    assert "b1" not in second_order_delay(input="ped", output="r").names
+
+
+def value_objects():
+    for found in pkgutil.iter_modules(helisim.ident.__path__, "helisim.ident."):
+        module = importlib.import_module(found.name)
+        for one in vars(module).values():
+            if dataclasses.is_dataclass(one) and one.__module__ == found.name:
+                yield one
+
+
+@pytest.mark.parametrize("kind", list(value_objects()), ids=lambda kind: kind.__name__)
+def test_value_objects_are_frozen(kind):
+    """A result that was handed out can't be changed by whom it was handed to."""
+    assert kind.__dataclass_params__.frozen
