@@ -59,7 +59,12 @@ TIMES = pa.array([0.0, 0.1, 0.2])
         ({"t": TIMES, "time": TIMES, "p": TIMES}, None, InputError, "several columns may be time"),
         ({"time": TIMES, "p": TIMES}, None, InputError, "says no unit"),
         ({"time": TIMES, "p": TIMES}, Clock("clock", "s"), InputError, "clock"),
-        ({"time": TIMES, "p": TIMES}, Clock("time", "iso8601"), StorageError, "only timestamps are"),
+        (
+            {"time": TIMES, "p": TIMES},
+            Clock("time", "iso8601"),
+            StorageError,
+            "only timestamps are",
+        ),
         ({"time": [0, None, 2], "p": TIMES}, Clock("time", "s"), RecordError, "row 1"),
         (
             {"time": pa.array([0, 1, 2**64 - 1], pa.uint64()), "p": TIMES},
