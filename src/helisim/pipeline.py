@@ -23,6 +23,7 @@ from helisim.flights import (
 )
 from helisim.output.evidence import Evidence, write_evidence
 from helisim.output.report import write_report
+from helisim.output.run import Run
 from helisim.overall import check_overall
 from helisim.provenance import versions
 from helisim.record import FlightRecord
@@ -139,14 +140,16 @@ def reproduce(
     return results, kept
 
 
-def report(folder: Path) -> Path:
+def report(folder: Path, run: Run | None = None) -> Path:
     """Write a run's `report.html` and `figures/` from its other files; return the report's path.
+
+    The files are read again unless the `run` in them is given.
 
     Raises:
         StorageError: a file can't be read or written.
         InputError: a file holds something else.
     """
-    return write_report(folder, errata=errata())
+    return write_report(folder, errata=errata(), run=run)
 
 
 def frequency_response(model: Model, flights: Flights) -> ident.FrequencyResponse:

@@ -46,7 +46,7 @@ def test_a_name_that_does_not_exist_is_not_compiled():
 
     @njit
     def wrong(numbers):
-        return numbers[PARAM.main_raduis]
+        return numbers[PARAM.main_raduis]  # pyright: ignore[reportAttributeAccessIssue]
 
     with pytest.raises(TypingError, match="main_raduis"):
         wrong(np.zeros(4))

@@ -109,8 +109,12 @@ def _reproduce(options: argparse.Namespace) -> int:
             timestep=options.timestep,
             rotor=options.rerun is not None,
             reuse=options.reuse,
+            with_report=False,
             on_progress=advance,
         )
+        run = read_run(out)
+        pipeline.report(out, run)
+        advance("report")
     if options.json:
         print(json.dumps(results.to_dict(), indent=2, allow_nan=False))
     else:
@@ -120,5 +124,5 @@ def _reproduce(options: argparse.Namespace) -> int:
     if options.rerun is not None:
         records = named_records(flights)
         quiet = options.quiet or options.json
-        write_recording(options.rerun, records, run=read_run(out), quiet=quiet)
+        write_recording(options.rerun, records, run=run, quiet=quiet)
     return 1 if results.misses else 0

@@ -1,5 +1,8 @@
 """Which figures belong to a fit and to a run."""
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 from helisim.ident import Fit
 from helisim.output.evidence import Evidence
 from helisim.output.plots import Drawing, draw_bode, draw_flight, draw_verification
@@ -13,12 +16,15 @@ _SWEPT = {
 }
 """Axis -> what is shown of its sweep: stick, swashplate or tail, motion."""
 
+_MODELS = 16
+"""Models whose figures are kept: a run's report and its recording show the same ones."""
+
 _AXIS_NAMES = {"col": "collective", "lon": "longitudinal", "lat": "lateral", "ped": "pedal"}
 
 
-def run_drawings(run: Run) -> dict[str, list[Drawing]]:
+def run_drawings(run: Run) -> dict[str, Sequence[Drawing]]:
     """Return all figures of a run: by model, "time MODEL" for verifications, and "sweeps"."""
-    groups: dict[str, list[Drawing]] = {}
+    groups: dict[str, Sequence[Drawing]] = {}
     for item in run.evidence:
         groups[item.name] = bode_drawings(item)
         groups[f"time {item.name}"] = verification_drawings(item)
@@ -34,7 +40,8 @@ def run_drawings(run: Run) -> dict[str, list[Drawing]]:
     return groups
 
 
-def bode_drawings(item: Evidence) -> list[Drawing]:
+@lru_cache(maxsize=_MODELS)
+def bode_drawings(item: Evidence) -> tuple[Drawing, ...]:
     """Return one figure for each pair of a model."""
     fit = item.fit
     drawings = []
@@ -53,22 +60,23 @@ def bode_drawings(item: Evidence) -> list[Drawing]:
                     caption=_pair_caption(fit, pair),
                 )
             )
-    return drawings
+    return tuple(drawings)
 
 
-def verification_drawings(item: Evidence) -> list[Drawing]:
+@lru_cache(maxsize=_MODELS)
+def verification_drawings(item: Evidence) -> tuple[Drawing, ...]:
     """Return one figure for each flight that verified a model."""
     if item.verification is None:
-        return []
+        return ()
     names = item.verified_on or tuple(
         f"flight {k + 1}" for k in range(len(item.verification.traces))
     )
-    return [
+    return tuple(
         draw_verification(
             f"time_{item.name}_{k + 1}", item.verification, item.fit.structure.inputs, k, name
         )
         for k, name in enumerate(names)
-    ]
+    )
 
 
 def _pair_caption(fit: Fit, pair: str) -> str:

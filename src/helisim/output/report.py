@@ -46,7 +46,9 @@ _SHOWN_ELSEWHERE = (
 """Keys of the results; the others are unfolded with the provenance."""
 
 
-def write_report(folder: str | Path, *, errata: Sequence[Erratum] = ()) -> Path:
+def write_report(
+    folder: str | Path, *, errata: Sequence[Erratum] = (), run: Run | None = None
+) -> Path:
     """Write FOLDER/report.html and FOLDER/figures from the other files in the folder.
 
     Each file appears complete or not at all.
@@ -54,6 +56,7 @@ def write_report(folder: str | Path, *, errata: Sequence[Erratum] = ()) -> Path:
     Args:
         folder: that `helisim reproduce` wrote.
         errata: the known errors of the paper.
+        run: what is in the folder; read if None.
 
     Returns:
         The path of the report.
@@ -63,7 +66,7 @@ def write_report(folder: str | Path, *, errata: Sequence[Erratum] = ()) -> Path:
         InputError: a file holds something else.
     """
     folder = Path(folder)
-    run = read_run(folder)
+    run = run or read_run(folder)
     drawings = run_drawings(run)
     make_folder(folder / FIGURES)
     for group in drawings.values():
