@@ -1,12 +1,14 @@
 """Every benchmark in one table of ratios, measured in one run on this machine.
 
 Speeds are CPU time, the best of several rounds that alternate; only the scaling over threads is
-wall time, so let the machine be idle for that. Peers come with `pip install helisim[benchmark]`;
+wall time, which means something on an idle machine alone: the machine's load is printed first. The
+whole experiment has a benchmark of its own, `benchmark_experiment.py`. Peers come with `pip install helisim[benchmark]`;
 rows of those that aren't installed say so.
 
     OPENBLAS_NUM_THREADS=1 python scripts/benchmark.py
 """
 
+import os
 import time
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -20,6 +22,9 @@ import helisim as hs
 from helisim.vehicle import Vehicle, load
 
 THREADS = (1, 2)
+FLIGHTS = 6
+IDLE = 0.5
+"""Load of a machine below which wall time is that of the benchmark."""
 ROUNDS = 5
 SEEDS = 3
 KINDS = (("pole error", "%", "< 1"), ("J", "", "< 1"), ("CPU time", "s", ""))
@@ -73,12 +78,12 @@ def threads(vehicle: Vehicle) -> Iterator[Row]:
     for _ in range(ROUNDS):
         for jobs in THREADS:
             start = {name: clock() for name, clock in clocks.items()}
-            hs.fly(vehicle, sweep, count=4, jobs=jobs)
+            hs.fly(vehicle, sweep, count=FLIGHTS, jobs=jobs)
             for name, clock in clocks.items():
                 best[name, jobs] = min(best[name, jobs], clock() - start[name])
     many = THREADS[-1]
     for name, wanted in (("wall", ">= 1.8"), ("CPU", "about 1")):
-        ours, one = (360.0 / best[name, jobs] for jobs in (many, 1))
+        ours, one = (FLIGHTS * 90.0 / best[name, jobs] for jobs in (many, 1))
         yield Row(
             f"flown s/{name} s, {many} threads, one",
             f"{ours:.0f} s/s",
@@ -129,6 +134,9 @@ def missing(what: str, package: str) -> Row:
 
 def main() -> None:
     """Print the table, row by row."""
+    busy = os.getloadavg()[0]
+    told = "" if busy < IDLE else f", above {IDLE}: wall times are those of a busy machine"
+    print(f"load of the machine {busy:.1f}{told}")
     vehicle = load("jr700")
     print(f"{'helisim beside ...':<42}{'helisim':>10}{'beside':>12}{'ratio':>8}  wanted")
     for rows in (steps(), threads(vehicle), memories(), identifications()):
