@@ -2,8 +2,8 @@
 
 Speeds are CPU time, the best of several rounds that alternate; only the scaling over threads is
 wall time, which means something on an idle machine alone: the machine's load is printed first. The
-whole experiment has a benchmark of its own, `benchmark_experiment.py`. Peers come with `pip install helisim[benchmark]`;
-rows of those that aren't installed say so.
+whole experiment has a benchmark of its own, `benchmark_experiment.py`. Peers come with
+`pip install helisim[benchmark]`; rows of those that aren't installed say so.
 
     OPENBLAS_NUM_THREADS=1 python scripts/benchmark.py
 """
