@@ -169,7 +169,7 @@ def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
     bounds = {(model, name): bound(model, name) for model, name in WANTED if model in found}
     if not bounds:
         return
-    limits = ", ".join(f"{name} {100 * limit:.2g} %" for (_, name), limit in bounds.items())
+    limits = ", ".join(f"{name} {100 * limit:.3g} %" for (_, name), limit in bounds.items())
     print(f"\nshortest flight time with {SHARE:.0%} of the replicates within the paper's bounds")
     print(f"({limits} of the truth)")
     print("(s of all sweeps together; in brackets sweeps of each axis x s)")
@@ -191,6 +191,8 @@ def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
         of_length = wanted if duration is None else {**wanted, LENGTH: duration}
         for flights in reversed(levels(rows, "flights")):
             some = select(rows, {**of_length, "flights": flights})
+            if not some:
+                continue
             if (np.abs(errors(some)) <= limit).sum() < SHARE * len(some):
                 break
             time = max(row["flight_time"] for row in some if row["flight_time"] is not None)
