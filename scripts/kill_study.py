@@ -33,6 +33,8 @@ COMMANDS = ("fly", "campaign", "reproduce")
 GOES_ON = ("fly", "campaign")
 """Those that a second call goes on with."""
 SEED = 9
+_PATIENCE = 4
+"""Kills of which one comes before the work is complete, at least."""
 PLAN = """
 [campaign]
 replicates = 4
@@ -133,17 +135,18 @@ def _read_table(path: Path) -> None:
 
 
 def study(command: str, kills: int, scratch: Path, seed: int = SEED) -> dict[str, int]:
-    """Kill a command so many times and return what was found, by name."""
+    """Kill a command so many times while it works and return what was found, by name."""
     whole = scratch / f"{command} whole"
     lines, lasts = run(command, whole)
     reports = lines.count("saved")
-    moments = np.random.default_rng([seed, *command.encode()]).uniform(0.0, 1.0, kills)
+    rng = np.random.default_rng([seed, *command.encode()])
     found = dict.fromkeys(("kills", "in time", "reported", "lost", "torn", "strays"), 0)
     folder = scratch / f"{command} 0"
-    for number, moment in enumerate(moments):
+    while found["in time"] < kills and found["kills"] < _PATIENCE * kills:
+        moment = rng.uniform()
         done = units(command, folder) / units(command, whole)
         if command not in GOES_ON or done == 1.0:
-            folder, done = scratch / f"{command} {number}", 0.0
+            folder, done = scratch / f"{command} {found['kills']}", 0.0
         after = reports * (done + moment * (1.0 - done))
         lines, _ = run(command, folder, float(after), lasts / reports)
         reported = lines.count("saved")
