@@ -33,6 +33,8 @@ COMMANDS = ("fly", "campaign", "reproduce")
 GOES_ON = ("fly", "campaign")
 """Those that a second call goes on with."""
 SEED = 9
+_PATIENCE = 4
+"""Kills of which one comes before the work is complete, at least."""
 PLAN = """
 [campaign]
 replicates = 4
@@ -66,15 +68,19 @@ def work(command: str, folder: Path) -> None:
     print("complete", flush=True)
 
 
-def run(command: str, folder: Path, after: float | None = None) -> tuple[list[str], float]:
-    """Run a command in a process, killed some seconds after it begins; return its lines and time.
+def run(
+    command: str, folder: Path, moment: float | None = None, pace: float = 0.0
+) -> tuple[list[str], float]:
+    """Run a command in a process and return its lines and how long they took, s.
 
     It returns when the process and the workers that it started are gone: all have its output.
 
     Args:
         command: one of `COMMANDS`.
         folder: to work in.
-        after: s; never if None.
+        moment: at which it is killed: after 2.7 reports it is so long after the second as 0.7 of
+            a report takes. Never if None.
+        pace: s, that a report takes.
     """
     arguments = [sys.executable, __file__, "--work", command, str(folder)]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
@@ -82,13 +88,15 @@ def run(command: str, folder: Path, after: float | None = None) -> tuple[list[st
         arguments, stdout=subprocess.PIPE, text=True, env=environment, cwd=folder.parent
     ) as process:
         assert process.stdout is not None
-        first = process.stdout.readline()
+        lines = [process.stdout.readline()]
         began = time.monotonic()
-        if after is not None:
-            time.sleep(after)
+        if moment is not None:
+            while lines[-1] and len(lines) - 1 < int(moment):
+                lines.append(process.stdout.readline())
+            time.sleep(pace * (moment % 1.0))
             process.kill()
-        lines = (first + process.stdout.read()).splitlines()
-    return lines, time.monotonic() - began
+        lines += process.stdout.readlines()
+    return [line.strip() for line in lines], time.monotonic() - began
 
 
 def units(command: str, folder: Path) -> int:
@@ -127,17 +135,20 @@ def _read_table(path: Path) -> None:
 
 
 def study(command: str, kills: int, scratch: Path, seed: int = SEED) -> dict[str, int]:
-    """Kill a command so many times and return what was found, by name."""
+    """Kill a command so many times while it works and return what was found, by name."""
     whole = scratch / f"{command} whole"
-    _, lasts = run(command, whole)
-    moments = np.random.default_rng([seed, *command.encode()]).uniform(0.0, 1.0, kills)
+    lines, lasts = run(command, whole)
+    reports = lines.count("saved")
+    rng = np.random.default_rng([seed, *command.encode()])
     found = dict.fromkeys(("kills", "in time", "reported", "lost", "torn", "strays"), 0)
     folder = scratch / f"{command} 0"
-    for number, moment in enumerate(moments):
+    while found["in time"] < kills and found["kills"] < _PATIENCE * kills:
+        moment = rng.uniform()
         done = units(command, folder) / units(command, whole)
         if command not in GOES_ON or done == 1.0:
-            folder, done = scratch / f"{command} {number}", 0.0
-        lines, _ = run(command, folder, float(moment * lasts * (1.0 - done)))
+            folder, done = scratch / f"{command} {found['kills']}", 0.0
+        after = reports * (done + moment * (1.0 - done))
+        lines, _ = run(command, folder, float(after), lasts / reports)
         reported = lines.count("saved")
         if command == "reproduce":  # models and the report are reported too, when all are flown
             reported = min(reported, units(command, whole))

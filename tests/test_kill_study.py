@@ -23,8 +23,7 @@ def found(study, tmp_path_factory):
 
 def test_a_folder_of_flights_survives_kills(found):
     """Three kills; then it is gone on with, to the same bytes as an undisturbed run's."""
-    assert found["kills"] == 3
-    assert found["in time"] > 0
+    assert found["kills"] >= found["in time"] == 3
     assert found["reported"] > 0
     assert (found["lost"], found["torn"], found["not complete in the end"]) == (0, 0, 0)
 

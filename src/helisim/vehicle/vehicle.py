@@ -51,6 +51,10 @@ class Vehicle:
     model: mujoco.MjModel
     trim: Trim
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let a vehicle pass between processes, without what can be computed again."""
+        return Vehicle, (self.name, self.parameters, self.model, self.trim)
+
     def trimmed(
         self,
         *,
