@@ -23,6 +23,9 @@ _C = {
     types.float64: ctypes.c_double,
 }
 
+raised: list[BaseException] = []
+"""What the force laws raised: a fault of theirs, as compiled code can't."""
+
 
 def wanted() -> bool:
     """Tell whether this process is to interpret the force laws."""
@@ -54,7 +57,14 @@ def _cfunc(signature: Any, **_: Any) -> Callable[[Callable], SimpleNamespace]:
     prototype = ctypes.CFUNCTYPE(_C[signature.return_type], *(_C[one] for one in signature.args))
 
     def decorate(function: Callable) -> SimpleNamespace:
-        pointer = prototype(function)
+        def told(*arguments: Any) -> Any:
+            try:
+                return function(*arguments)
+            except BaseException as error:  # ctypes would print it and go on
+                raised.append(error)
+                return 0
+
+        pointer = prototype(told)
         return SimpleNamespace(ctypes=pointer, address=ctypes.cast(pointer, ctypes.c_void_p).value)
 
     return decorate
