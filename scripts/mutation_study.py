@@ -5,10 +5,10 @@
     python scripts/mutation_study.py ident --count 120 --seed 1 --only spectra,cost
 
 cosmic-ray's operators make the mutants. A seeded sample of places in the sources is drawn, each
-with one of the mutants possible there; annotations and the `kernel` decorator are left out. The
-tests run once under coverage, so that a mutant meets only tests that execute its line, the fastest
-first, until one fails. Its CPU time is limited: an endless loop counts as killed. The physics runs
-interpreted (tests/interpreted.py). Everything happens in a temporary copy of the checkout.
+with one of the mutants possible there that is still Python; annotations and decorators are left
+out. The tests run once under coverage, so that a mutant meets only tests that execute its line,
+the fastest first, until one fails. Its CPU time is limited: an endless loop counts as killed. The
+physics runs interpreted (tests/interpreted.py). Everything happens in a copy of the checkout.
 
 Prints the survivors as differences, then killed and tried of each module, and of all with the
 Wilson interval of 95 %.
