@@ -41,8 +41,6 @@ TESTS = {
     ),
     "ident": ("tests/ident", "tests/test_damage.py", "tests/test_cli_identify.py"),
 }
-NOT_INTERPRETED = ("tests/physics/test_callbacks.py::test_works_without_a_writable_cache",)
-"""Processes of their own, which compile."""
 SKIPPED = ("core/NoOp", "core/VariableReplacer", "core/VariableInserter")
 CPU_LIMIT = 30
 """s of a mutant's tests beyond twice what they take by themselves."""
@@ -204,8 +202,7 @@ class Baseline:
         )
         watching.start()
         watch = Watch(watching)
-        apart = [word for test in NOT_INTERPRETED for word in ("--deselect", test)]
-        status = pytest.main(["-q", "-m", "not slow", *apart, *tests], plugins=[watch])
+        status = pytest.main(["-q", "-m", "not slow", *tests], plugins=[watch])
         watching.stop()
         data = watching.get_data()
         lines = {

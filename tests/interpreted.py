@@ -2,7 +2,14 @@
 
 With NUMBA_DISABLE_JIT=1 the laws themselves stay Python functions, but numba still compiles what
 MuJoCo calls and what follows pointers. `install` replaces those two by ctypes, so that MuJoCo
-runs the very same sources, some thousand times slower.
+runs the very same sources, some thousand times slower. Which lines the tests run::
+
+    pip install -e '.[test,proof]'
+    coverage run -m pytest
+    NUMBA_DISABLE_JIT=1 coverage run -m pytest -W ignore -m "not slow" \
+        tests/physics tests/vehicle/test_trim.py tests/vehicle/test_hover.py
+    coverage combine
+    coverage report --fail-under=95
 """
 
 import ctypes

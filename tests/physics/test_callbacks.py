@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import interpreted
 from helisim.errors import CallbackError
 from helisim.physics import fields, native
 from helisim.physics.layout import MAGIC
@@ -239,6 +240,7 @@ print(helisim.__file__)
 """
 
 
+@pytest.mark.skipif(interpreted.wanted(), reason="a process of its own, which compiles")
 def test_works_without_a_writable_cache(tmp_path):
     """Where numba can write its cache nowhere, the callbacks are compiled in memory.
 
