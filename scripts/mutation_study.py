@@ -5,10 +5,10 @@
     python scripts/mutation_study.py ident --count 120 --seed 1 --only spectra,cost
 
 cosmic-ray's operators make the mutants. A seeded sample of places in the sources is drawn, each
-with one of the mutants possible there; annotations and the `kernel` decorator are left out. The
-tests run once under coverage, so that a mutant meets only tests that execute its line, the fastest
-first, until one fails. Its CPU time is limited: an endless loop counts as killed. The physics runs
-interpreted (tests/interpreted.py). Everything happens in a temporary copy of the checkout.
+with one of the mutants possible there that is still Python; annotations and decorators are left
+out. The tests run once under coverage, so that a mutant meets only tests that execute its line,
+the fastest first, until one fails. Its CPU time is limited: an endless loop counts as killed. The
+physics runs interpreted (tests/interpreted.py). Everything happens in a copy of the checkout.
 
 Prints the survivors as differences, then killed and tried of each module, and of all with the
 Wilson interval of 95 %.
@@ -39,10 +39,8 @@ TESTS = {
         "tests/vehicle/test_atmosphere.py",
         "tests/verification/test_momentum_theory.py",
     ),
-    "ident": ("tests/ident", "tests/test_damage.py"),
+    "ident": ("tests/ident", "tests/test_damage.py", "tests/test_cli_identify.py"),
 }
-NOT_INTERPRETED = ("tests/physics/test_callbacks.py::test_works_without_a_writable_cache",)
-"""Processes of their own, which compile."""
 SKIPPED = ("core/NoOp", "core/VariableReplacer", "core/VariableInserter")
 CPU_LIMIT = 30
 """s of a mutant's tests beyond twice what they take by themselves."""
@@ -82,17 +80,37 @@ def mutants(path: Path, name: str, known: dict) -> Iterator[tuple[object, Mutant
     """Yield every mutant of a file, each with the place where it changes something."""
     from cosmic_ray.ast import ast_nodes, get_ast_from_path
 
-    hidden = left_out(path.read_text(encoding="utf-8"))
+    source = path.read_text(encoding="utf-8")
+    lines, hidden = source.split("\n"), left_out(source)
     nodes = list(ast_nodes(get_ast_from_path(path)))
     for operator, made in known.items():
         occurrence = -1
         for node in nodes:
             for start, end in made.mutation_positions(node):
                 occurrence += 1
+                marker = lines[start[0] - 1][start[1] :].startswith("*,")  # keywords follow
                 decorator = operator == "core/RemoveDecorator"
-                if decorator or any(low <= start and end <= high for low, high in hidden):
-                    continue
-                yield (name, start, end), Mutant(name, operator, occurrence, start[0])
+                unseen = any(low <= start and end <= high for low, high in hidden)
+                if not (marker or decorator or unseen):
+                    yield (name, start, end), Mutant(name, operator, occurrence, start[0])
+
+
+def compiles(root: Path, mutant: Mutant) -> bool:
+    """Tell whether a mutant is Python at all: one that isn't would only flatter the tests."""
+    try:
+        ast.parse(changed(root, mutant))
+    except SyntaxError:
+        return False
+    return True
+
+
+def changed(root: Path, mutant: Mutant) -> str:
+    """Return the mutant's source."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    source = (root / mutant.path).read_text(encoding="utf-8")
+    return mutate_code(source, get_operator(mutant.operator)(), mutant.occurrence)
 
 
 def sample(files: list[Path], root: Path, count: int, seed: int) -> list[Mutant]:
@@ -103,9 +121,15 @@ def sample(files: list[Path], root: Path, count: int, seed: int) -> list[Mutant]
         for place, mutant in mutants(path, str(path.relative_to(root)), known):
             places[place].append(mutant)
     dice = random.Random(seed)
-    drawn = dice.sample(sorted(places), min(count, len(places)))
+    drawn = []
+    for place in dice.sample(sorted(places), len(places)):
+        here = dice.sample(places[place], len(places[place]))
+        if (found := next((one for one in here if compiles(root, one)), None)) is not None:
+            drawn.append(found)
+        if len(drawn) == count:
+            break
     print(f"{len(drawn)} of {len(places)} places, {sum(map(len, places.values()))} mutants")
-    return [dice.choice(places[place]) for place in drawn]
+    return drawn
 
 
 class Watch:
@@ -178,8 +202,7 @@ class Baseline:
         )
         watching.start()
         watch = Watch(watching)
-        apart = [word for test in NOT_INTERPRETED for word in ("--deselect", test)]
-        status = pytest.main(["-q", "-m", "not slow", *apart, *tests], plugins=[watch])
+        status = pytest.main(["-q", "-m", "not slow", *tests], plugins=[watch])
         watching.stop()
         data = watching.get_data()
         lines = {
@@ -209,15 +232,12 @@ class Baseline:
 
 def tried(root: Path, mutant: Mutant, baseline: Baseline, budget: float) -> tuple[str, str]:
     """Return what became of a mutant (killed, time, survived, unseen) and its difference."""
-    from cosmic_ray.mutating import mutate_code
-    from cosmic_ray.plugins import get_operator
-
     path = root / mutant.path
     source, stamp = path.read_text(encoding="utf-8"), path.stat()
-    changed = mutate_code(source, get_operator(mutant.operator)(), mutant.occurrence)
+    mutated = changed(root, mutant)
     name = mutant.path.removeprefix("src/helisim/")
     difference = "\n".join(
-        difflib.unified_diff(source.split("\n"), changed.split("\n"), name, name, "", "", 0, "")
+        difflib.unified_diff(source.split("\n"), mutated.split("\n"), name, name, "", "", 0, "")
     )
     tests, seconds = baseline.tests_of(mutant, budget)
     if not tests:
@@ -230,7 +250,7 @@ def tried(root: Path, mutant: Mutant, baseline: Baseline, budget: float) -> tupl
         return int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *tests]))
 
     try:
-        path.write_text(changed, encoding="utf-8")
+        path.write_text(mutated, encoding="utf-8")
         status = in_child(run, CPU_LIMIT + 2.0 * seconds, root / "log.txt")
     finally:
         path.write_text(source, encoding="utf-8")

@@ -83,14 +83,23 @@ def resolved(python: str, which: str, folder: Path) -> Path:
         check=False,
     )
     if done.returncode:
-        raise NotToBeHad(done.stderr.strip().splitlines()[-1].strip())
+        raise NotToBeHad(reason(done.stderr))
     return pinned
+
+
+def reason(told: str) -> str:
+    """Return the line of uv's that says why."""
+    lines = [line.strip() for line in told.splitlines() if line.strip()]
+    return next((line for line in lines if line.startswith("error:")), lines[-1])
 
 
 def made(python: str, pinned: Path, wheel: Path, folder: Path) -> Path:
     """Return the interpreter of an environment with the pinned versions and helisim's wheel."""
     interpreter = folder / "venv" / "bin" / "python"
-    run("uv", "venv", "--quiet", "--no-python-downloads", "--python", python, folder / "venv")
+    make = ("uv", "venv", "--quiet", "--no-python-downloads", "--python", python)
+    done = run(*make, folder / "venv", check=False)
+    if done.returncode:
+        raise NotToBeHad(reason(done.stderr))
     install = ("uv", "pip", "install", "--quiet", "--python", interpreter, "--only-binary", ":all:")
     run(*install, "--requirement", pinned)
     run(*install, "--no-deps", wheel)
@@ -109,10 +118,10 @@ def tested(python: str, which: str, wheel: Path, tests: list[str]) -> bool | Non
         folder = Path(name)
         try:
             pinned = resolved(python, which, folder)
-        except NotToBeHad as reason:
-            print(f"Python {python} {which}: not to be had: {reason}", flush=True)
+            interpreter = made(python, pinned, wheel, folder)
+        except NotToBeHad as told:
+            print(f"Python {python} {which}: not to be had: {told}", flush=True)
             return None
-        interpreter = made(python, pinned, wheel, folder)
         done = run(interpreter, "-m", "pytest", "-p", "no:cacheprovider", *tests, check=False)
         said = done.stdout.strip().splitlines()
         print(f"Python {python} {which}: {said[-1] if said else done.stderr.strip()}")

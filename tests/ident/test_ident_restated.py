@@ -42,9 +42,10 @@ def flight(seed, *, samples=900, step=0.02, names=("lat", "lon", "p")):
 
 def test_cross_spectra_are_sums_over_windows():
     """Detrended, faded, Hann windows hanging over both ends, (2/T) mean of A B* / 0.375."""
-    records, names, window, overlap = [flight(1), flight(2, samples=700)], ["lat", "p"], 6.0, 0.8
-    frequency = np.array([1.1, 3.0, 7.7])
-    found = cross_spectra(records, names, frequency, window=window, overlap=overlap)
+    records, names, overlap = [flight(1), flight(2, samples=700)], ["lat", "p"], 0.8
+    frequency, window = np.array([1.1, 3.0, 7.7]), 6.0
+    both = cross_spectra(records, names, frequency, windows=(4.0, window), overlap=overlap)
+    found = both[1]
     total, power, shared, starts, which = 0.0, 0.0, 0.0, [], []
     for number, record in enumerate(records):
         step, samples, length = record.sample_time, len(record), 300

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import interpreted
 from helisim.errors import CallbackError
 from helisim.physics import fields, native
 from helisim.physics.layout import MAGIC
@@ -26,6 +27,14 @@ PENDULUM = """
   </body>
 </worldbody>{actuator}{sensor}</mujoco>
 """
+
+
+def actuators(numbers):
+    """Return nine user actuators, as a vehicle has, with their first user numbers."""
+    one = '<general joint="a" dyntype="user" actdim="2" user="{0[0]:.1f} {0[1]} 1 1"/>'
+    return f"<actuator>{''.join(one.format(numbers(k)) for k in range(9))}</actuator>"
+
+
 BARE = {"integrator": "RK4", "size": "", "actuator": "", "sensor": ""}
 OTHERS = {
     "plain": {},
@@ -44,6 +53,14 @@ OTHERS = {
         "size": '<size nuser_actuator="160"/>',
         "actuator": f'<actuator><general joint="a" dyntype="user" actdim="2" '
         f'user="{MAGIC + 1.0:.1f} 8 1 1 1"/></actuator>',
+    },
+    "as many actuators as ours, numbers near ours": {
+        "size": '<size nuser_actuator="160"/>',
+        "actuator": actuators(lambda k: (MAGIC - 1.0, k)),
+    },
+    "our actuators in another order": {
+        "size": '<size nuser_actuator="160"/>',
+        "actuator": actuators(lambda k: (MAGIC, (k + 8) % 9 if k < 8 else k)),
     },
     "user sensor": {
         "size": '<size nuser_actuator="160"/>',
@@ -223,6 +240,7 @@ print(helisim.__file__)
 """
 
 
+@pytest.mark.skipif(interpreted.wanted(), reason="a process of its own, which compiles")
 def test_works_without_a_writable_cache(tmp_path):
     """Where numba can write its cache nowhere, the callbacks are compiled in memory.
 

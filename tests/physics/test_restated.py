@@ -117,6 +117,7 @@ def moment(altered, case, seed, *, integrator="RK4", stopped=False):
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     model.opt.wind[:] = rng.normal(size=3)
     model.actuator_delay[addresses(model).rotor - 5] = 0.0073
+    model.body_ipos[model.jnt_bodyid[0]] = (0.1, -0.05, 0.08)  # the body's origin is elsewhere
     where, data = addresses(model), mujoco.MjData(model)
     mujoco.mj_resetData(model, data)
     times, pedals = [], []
@@ -131,6 +132,7 @@ def moment(altered, case, seed, *, integrator="RK4", stopped=False):
     write_motion(model, data, motion)
     data.act[:] = rng.uniform(-0.15, 0.15, model.na)
     data.ctrl[:] = rng.uniform(-0.4, 0.4, model.nu)
+    data.act_dot[:] = 7.0  # what isn't written would stay
     data.ctrl[where.control + 8] = 0.01 if stopped else rng.uniform(0.9, 1.1)
     par = model.actuator_user[where.rotor].copy()
     now = restated.Moment(
