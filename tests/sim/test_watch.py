@@ -266,7 +266,9 @@ def test_a_diverged_flight_on_the_command_line(tmp_path, capsys):
     """One line, status 3, the record marked and its last second beside it."""
     out = tmp_path / "lat.parquet"
     asked = ["fly", "--axis", "lat", "--amplitude", "0.5", "--duration", "20", "--quiet"]
-    assert main([*asked, "--out", str(out)]) == 3
+    recording = tmp_path / "lat.rrd"
+    assert main([*asked, "--out", str(out), "--rerun", str(recording)]) == 3
+    assert recording.read_bytes().startswith(b"RRF2")
     error = capsys.readouterr().err
     assert error.startswith("helisim fly: the helicopter rolled or pitched beyond 1.2 rad at ")
     assert error.count("\n") == 1

@@ -204,6 +204,7 @@ def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, how: dict[str, A
         if error.record is not None:
             beside = write_flight(error.record, error.last_second, options.out)
             tell_written(options, f"{options.out}, as far as the flight went, and {beside}")
+            _write_recording(options, vehicle, error.record)
         raise
     write_record(record, options.out)
     tell_written(
@@ -211,10 +212,14 @@ def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, how: dict[str, A
         f"{options.out} ({record.duration:.2f} s, {len(record)} samples, "
         f"{len(record.names)} channels)",
     )
+    _write_recording(options, vehicle, record)
+    return 0
+
+
+def _write_recording(options: argparse.Namespace, vehicle: Any, record: Any) -> None:
     if options.rerun is not None:
         flown, quiet = {options.axis: record}, options.quiet
         write_recording(options.rerun, flown, vehicle=vehicle.name, quiet=quiet)
-    return 0
 
 
 def _many(options: argparse.Namespace, vehicle: Any, sweep: Any, how: dict[str, Any]) -> int:
