@@ -6,6 +6,7 @@ import os
 import sys
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from helisim.channels import channel
 from helisim.cli import main
+from helisim.physics import fields, native
 from helisim.record import FlightRecord
 from helisim.storage import write_record
 
@@ -39,7 +41,7 @@ SOUND = {
     "frf": ["--inputs", "lat", "--outputs", "p", "--band", "2", "20"],
     "identify": ["--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p", "--quiet"],
     "linearize": [],
-    "fly": ["--axis", "lat", "--duration", "2", "--quiet", "--out"],
+    "fly": ["--axis", "lat", "--duration", "13", "--quiet", "--out"],
     "structures": [],
 }
 
@@ -66,6 +68,16 @@ def outcome(arguments):
         except SystemExit as exit_:  # argparse's own, with its one line and status 2
             status = exit_.code
     return status, [line for line in told.getvalue().split("\n") if line]
+
+
+@pytest.mark.parametrize("command", SOUND)
+def test_what_the_fuzzer_starts_from_is_sound(folder, command):
+    """Without another option each command ends well: what follows is not refused for others."""
+    place = [str(folder / "r.parquet")] if command in ("frf", "identify") else []
+    more = [str(folder / "sound.csv")] if command == "fly" else []
+    status, lines = outcome([command, *place, *SOUND[command], *more])
+    assert status in (0, 1), lines
+    (folder / "sound.csv").unlink(missing_ok=True)
 
 
 @pytest.mark.parametrize("command", OPTIONS)
@@ -111,6 +123,19 @@ def test_a_recording_is_nobodys_input(tmp_path, monkeypatch, arguments, content)
     assert len(lines) == 1, lines
     assert "a.rrd" in lines[0] or "no display" in lines[0]
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
+
+
+def test_another_mujoco_than_helisim_knows_is_one_line(monkeypatch, tmp_path):
+    """Where the layout check fails, a flight ends before it begins: the version, what to do."""
+    for held in (fields.offsets, native.compiled):
+        held.cache_clear()
+    monkeypatch.setattr(fields, "_structure", lambda name: type(name, (), {"opt": None}))
+    out = str(tmp_path / "a.csv")
+    status, lines = outcome(["fly", "--axis", "lat", "--duration", "13", "--out", out])
+    assert (status, len(lines)) == (2, 1)
+    assert f"MuJoCo {mujoco.__version__} has no field that helisim needs" in lines[0]
+    assert "install a version that this helisim supports" in lines[0]
+    assert list(tmp_path.iterdir()) == []
 
 
 _written: list[str] = []

@@ -20,6 +20,7 @@ from helisim.ident import (
     verify,
 )
 from helisim.ident.archive import response_from_dict
+from helisim.ident.composite import window_lengths
 from helisim.ident.evaluate import response
 from helisim.ident.verify import _theil, _tic
 from helisim.record import FlightRecord
@@ -145,6 +146,39 @@ def test_a_window_that_does_not_fit_is_told_in_seconds():
     with pytest.raises(InputError) as refused:
         frequency_response(noise(1), **ask, band=(0.5, 20.0), windows=[10.0])
     assert "from 0.6283 rad/s, but the band starts at 0.5 rad/s" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("durations", "band", "lengths"),
+    [
+        ([90.0, 90.0], (0.8, 45.0), np.linspace(36.0, 7.2, 5)),
+        ([60.0, 80.0, 90.0], (1.0, 12.0), np.linspace(30.0, 20.0 * 2.0 * np.pi / 12.0, 5)),
+        ([30.0], (1.1, 4.0), [6.0]),
+        ([8.0 * np.pi] * 5, (0.5, 50.0), np.linspace(4.0 * np.pi, 0.8 * np.pi, 5)),
+    ],
+)
+def test_window_lengths_follow_the_published_rules(durations, band, lengths):
+    """At most half a record and a fifth of all, at least 20 periods of the highest frequency."""
+    assert window_lengths(durations, band) == pytest.approx(tuple(lengths), rel=1e-12)
+
+
+def test_records_too_short_for_the_band_are_told_with_their_figures():
+    """What they last, the window that they allow, and the frequency that it resolves."""
+    with pytest.raises(IdentificationError) as raised:
+        window_lengths([30.0, 40.0], (0.4, 20.0))
+    for told in ("lasts 30 s", "together 70 s", "windows of 14 s", "from 0.4488 rad/s", "at 0.4 "):
+        assert told in str(raised.value)
+
+
+@pytest.mark.parametrize(("count", "searches"), [(4, 1), (5, 0)])
+def test_too_few_points_or_searches_are_refused(fit, count, searches):
+    """At least five frequencies a response, and one search."""
+    data = FrequencyResponse.exact(
+        GRID, np.ones((1, 1, 60)), inputs=fit.structure.inputs, outputs=fit.structure.outputs
+    )
+    with pytest.raises(InputError, match="expected at least 5 and 1"):
+        identify(data, fit.structure, frequencies_per_response=count, searches=searches)
+    identify(data, fit.structure, frequencies_per_response=5, searches=1)
 
 
 @pytest.mark.parametrize("windows", [[], [0.0], [-1.0], [math.inf], [math.nan]])

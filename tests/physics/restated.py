@@ -276,11 +276,12 @@ def state_rates(m):
     return np.array([rates[name] for name in STATE._fields])
 
 
-def tilt_rates(m):
+def tilt_rates(m, collective=None):
     """Return da/dt and db/dt: Wu and Chen's eq. (8), flap-back, and air that turns."""
     p, s = m.p, m.s
     moving, swash = air(m), swashplate(s)
-    _, _, inflow, tip, pitch, _ = rotor_loads(m, moving, swash)
+    lifting = swash if collective is None else [collective]
+    _, _, inflow, tip, pitch, _ = rotor_loads(m, moving, lifting)
     called = np.array([[p.a_lat, p.a_lon], [p.b_lat, p.b_lon]]) @ swash[[2, 1]]
     if p.pilot_on or m.ctrl[8] >= 0.05:
         through = (m.velocity - moving[:3])[:2] / tip

@@ -10,6 +10,7 @@ import pytest
 import restated
 from scipy.integrate import solve_ivp
 
+from helisim.physics import pilot
 from helisim.physics.layout import DOUBLET, NEVER, PARAM, READS_HELD, READS_ZERO, STATE, SWEEP
 from helisim.physics.native import installed
 from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
@@ -99,6 +100,8 @@ CASES = {
     "wind": WINDY,
     "wind, slow gyro": {**WINDY, "gyro_period": 0.005},
     "sweep": {**PILOTED, "excitation": SWEEP},
+    "pilot at two stops": {**PILOTED, "pilot_lat": 0.9, "pilot_lon": -0.9, "pilot_ped": 1.5},
+    "pilot at the others": {**PILOTED, "pilot_lat": -0.9, "pilot_lon": 0.9, "pilot_col": 0.9},
     "doublet in wind": {**PILOTED, **WINDY, "excitation": DOUBLET},
     "faults": FAULTY,
     "other faults": {**OTHER, "restart_neutral": 1.0, "gyro_period": 0.005},
@@ -256,3 +259,43 @@ def test_a_held_evaluation_is_the_mean_over_the_step(altered, case):
     off = np.abs(found - mean)
     assert np.all(off[commanded] <= 0.8**6 / 5040.0 * largest[commanded]), off / largest
     assert np.all(off[blown] <= 2.0 * 0.133**4 / 120.0 * np.max(largest[blown])), off / largest
+
+
+@pytest.mark.parametrize("case", ["calm", "wind"])
+def test_a_held_tilt_is_that_of_the_steps_middle(altered, case):
+    """With Euler: the midpoint rule, the collective where its servos will be in half a step."""
+    model, data, now = moment(altered, CASES[case], 4, integrator="Euler")
+    where = addresses(model)
+    forward(model, data)
+    now.ctrl, now.act = restated.control(now)
+    servos = now.act[STATE.front_position : STATE.tail_position].reshape(3, 2)
+    limit = now.p.servo_rate_limit
+    soon = servos[:, 0] + 0.5 * STEP * np.clip(servos[:, 1], -limit, limit)
+    collective = np.linalg.solve(restated.MIX, soon)[0]
+    tilt = slice(STATE.flap_a, STATE.flap_b + 1)
+    first = restated.tilt_rates(now, collective)
+    now.act[tilt] += 0.5 * STEP * first
+    middle = restated.tilt_rates(now, collective)
+    found = data.act_dot[where.state :][tilt]
+    assert found == pytest.approx(middle, rel=1e-9)
+    assert np.all(np.abs(first - middle) > 1e-3 * np.abs(middle))
+    # reported half a step on, as the tilt is kept half a step early
+    assert reported(model, data)[12:14] == pytest.approx(
+        now.act[tilt] - 0.5 * STEP * first + 0.5 * STEP * found, rel=1e-9
+    )
+
+
+def test_the_noise_is_splitmix64_of_the_seed_channel_and_knot():
+    """In whole numbers modulo 2^64: two rounds of the mix, then the sum of four 16-bit lanes."""
+    whole = (1 << 64) - 1
+    golden, first, second = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
+    for seed, channel, knot in ((0, 0, 0), (1, 0, 5), (7, 3, 10**6), (2**31, 12, -4)):
+        x = (seed * golden + channel * 0xD1342543DE82EF95 + knot * first) & whole
+        for _ in range(2):
+            x = (x + golden) & whole
+            x = ((x ^ (x >> 30)) * first) & whole
+            x = ((x ^ (x >> 27)) * second) & whole
+            x ^= x >> 31
+        lanes = sum((x >> shift) & 0xFFFF for shift in (0, 16, 32, 48))
+        expected = (lanes / 65535.0 - 2.0) * np.sqrt(3.0)
+        assert pilot.hashed_noise(seed, channel, knot) == pytest.approx(expected, abs=1e-15)
