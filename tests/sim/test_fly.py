@@ -208,7 +208,7 @@ def test_pilot_keeps_the_place(jr700):
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_flights_left_early_leave_nothing_behind(jr700, jobs):
-    """Who stops looking gets MuJoCo back as it was, also where the next flight had begun."""
+    """Who stops looking gets MuJoCo back as it was."""
     flown = fly_each(jr700, Sweep(axis="lat", duration=12.0), range(6), seed=1, jobs=jobs)
     next(flown)
     del flown

@@ -102,9 +102,8 @@ def fly_each(
 ) -> Iterator[FlightRecord]:
     """Fly the flights of these numbers and yield each record; the rest is as for `fly`.
 
-    Flight k is the same whatever the other numbers, their order and `jobs`. With several
-    threads the next flights are simulated while the ones before are recorded: at most twice as
-    many flights as threads are in memory at a time.
+    Flight k is the same whatever the other numbers, their order and `jobs`. Only as many
+    flights as threads are in memory at a time.
     """
     flights = fly_watched(
         vehicle,

@@ -2,10 +2,7 @@
 
 import copy
 import os
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TypeVar
+from collections.abc import Iterator, Sequence
 
 import mujoco
 import numpy as np
@@ -26,9 +23,6 @@ from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 
-_Item = TypeVar("_Item")
-_Done = TypeVar("_Done")
-
 _Flown = tuple[mujoco.MjModel, NDArray[np.float64], NDArray[np.float64]]
 """The model of a flight, its first state, and its sensor data."""
 
@@ -48,8 +42,8 @@ def simulate(
 ) -> Iterator[Truth]:
     """Yield what truly happens in each flight; arguments and errors as for `fly`.
 
-    At most twice as many flights as threads are in memory at a time. `Truth.end` says why a
-    flight that is kept was over before its time.
+    Only as many flights as threads are in memory at a time. `Truth.end` says why a flight that
+    is kept was over before its time.
     """
     numbers = flight_numbers(count)
     pilot, weather = pilot or Pilot(), weather or Weather()
@@ -107,23 +101,7 @@ def simulated(
         starts = [_start(vehicle, weather, seed=seed, number=k) for k in batch]
         return list(zip(models, starts, _run(models, starts, excitation.duration)))
 
-    flights = map(flown, batches) if threads == 1 else _one_ahead(flown, batches)
-    return (watched(vehicle, watch, *flight) for batch in flights for flight in batch)
-
-
-def _one_ahead(work: Callable[[_Item], _Done], items: Iterable[_Item]) -> Iterator[_Done]:
-    """Yield work(item) for each in order; the next is worked on while one is looked at."""
-    worker = ThreadPoolExecutor(1)
-    try:
-        begun: deque[Future[_Done]] = deque()
-        for item in items:
-            begun.append(worker.submit(work, item))
-            if len(begun) > 1:
-                yield begun.popleft().result()
-        while begun:
-            yield begun.popleft().result()
-    finally:
-        worker.shutdown(cancel_futures=True)
+    return (watched(vehicle, watch, *flight) for batch in batches for flight in flown(batch))
 
 
 def _run(
