@@ -216,12 +216,12 @@ class Baseline:
     def tests_of(self, mutant: Mutant, budget: float) -> tuple[list[str], float]:
         """Return the tests that execute a mutant's line, fastest first, and their time together.
 
-        A line that runs while a module is imported, or in a fixture, meets all tests of its file.
+        A line that runs while a module is imported, or in a fixture, meets all tests.
         """
         by_line = self.lines.get(mutant.path, {})
         contexts = set(by_line.get(str(mutant.line), []))
         if "" in contexts or not contexts:
-            contexts.update(*by_line.values())
+            contexts = set(self.seconds)
         chosen, total = [], 0.0
         known = (test for test in contexts if test in self.seconds)
         order = sorted((FIRST not in test, self.seconds[test], test) for test in known)
