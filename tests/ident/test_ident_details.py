@@ -1,6 +1,7 @@
 """Details of the identification that other tests pass by: delays of outputs, names, tables."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from helisim.errors import InputError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
 from helisim.ident.evaluate import response, response_and_slope
 from helisim.ident.expression import Expression
+from helisim.ident.verify import _tic
 
 GRID = np.geomspace(0.5, 20.0, 40)
 LATE = Structure(
@@ -92,3 +94,23 @@ def test_the_latex_table_marks_what_is_poorly_identified_or_at_its_bound(fit):
         assert f" & {one.cr_percent:.1f} & {one.insensitivity_percent:.1f} " in row
         stars += "^*" in row
     assert 0 < stars < len(rows)
+
+
+def test_theils_coefficient_of_all_weighs_each_output_by_its_own_size():
+    """Outputs of 0.1 and 0.01, each in units of its own root mean square."""
+    random = np.random.default_rng(4)
+    measured = random.normal(size=(50, 2)) * [0.1, 0.01]
+    predicted = measured + random.normal(size=(50, 2)) * [0.02, 0.005]
+    size = np.sqrt(np.mean(measured**2, axis=0))
+    error, one, other = (
+        np.sqrt(np.mean((values / size) ** 2))
+        for values in (measured - predicted, measured, predicted)
+    )
+    assert _tic(measured, predicted) == pytest.approx(error / (one + other), rel=1e-12)
+
+
+def test_a_point_is_usable_from_a_coherence_of_six_tenths():
+    """The published limit, which counts itself."""
+    data = FrequencyResponse.exact(GRID[:3], np.ones((1, 1, 3)), inputs=["lat"], outputs=["p"])
+    doubtful = replace(data, coherence=np.array([[[0.59, 0.6, 0.61]]]))
+    assert doubtful.usable().tolist() == [[[False, True, True]]]
