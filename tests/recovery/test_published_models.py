@@ -19,6 +19,9 @@ from helisim.ident import Fit, Structure, frequency_response, identify, load_fit
 from helisim.ident.evaluate import state_space
 from helisim.record import FlightRecord
 
+# The direct fit is made to be told apart from the joint one, and says so at each response.
+pytestmark = pytest.mark.filterwarnings("ignore::helisim.ident.ClosedLoopWarning")
+
 GUST = 0.5
 
 

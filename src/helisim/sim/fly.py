@@ -148,17 +148,6 @@ def fly_watched(
     """
     pilot, recorder = pilot or Pilot(), recorder or Recorder.of(vehicle)
     weather, watch = weather or Weather(), watch or Watch()
-    truths = simulated(
-        vehicle,
-        excitation,
-        numbers,
-        seed=seed,
-        pilot=pilot,
-        weather=weather,
-        faults=check_faults(faults, excitation.duration),
-        watch=watch,
-        jobs=jobs,
-    )
 
     def recorded(number: int, truth: Truth) -> tuple[FlightRecord, FlightRecord | None]:
         provenance = flight_provenance(
@@ -182,7 +171,18 @@ def fly_watched(
                 record = fault.spoil(record, generator(seed, number, f"fault {n}"))
         return record, None if truth.end is None else last_second(truth, provenance)
 
-    return (recorded(number, truth) for number, truth in zip(numbers, truths))
+    return simulated(
+        vehicle,
+        excitation,
+        numbers,
+        seed=seed,
+        pilot=pilot,
+        weather=weather,
+        faults=check_faults(faults, excitation.duration),
+        watch=watch,
+        then=recorded,
+        jobs=jobs,
+    )
 
 
 def _diverged(record: FlightRecord, last: FlightRecord) -> DivergedError:
