@@ -10,7 +10,8 @@ whole experiment has a benchmark of its own, `benchmark_experiment.py`. Peers co
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ import benchmark_identification as identification
 import benchmark_memory as memory
 import benchmark_step as step
 import helisim as hs
+from helisim.sim import simulate
 from helisim.vehicle import Vehicle, load
 
 THREADS = (1, 2)
@@ -70,22 +72,27 @@ def steps() -> Iterator[Row]:
 def threads(vehicle: Vehicle) -> Iterator[Row]:
     """Compare flights in several threads with those in one: by wall time, and by CPU time.
 
-    CPU time says what the threads cost each other, even where others use the processors.
+    Simulated only, and recorded too. CPU time says what the threads cost each other, even where
+    others use the processors.
     """
     sweep = hs.Sweep(axis="lat", duration=90.0)
+    works: dict[str, Callable[[int], object]] = {
+        "simulated": lambda jobs: list(simulate(vehicle, sweep, count=FLIGHTS, jobs=jobs)),
+        "recorded": lambda jobs: hs.fly(vehicle, sweep, count=FLIGHTS, jobs=jobs),
+    }
     clocks = {"wall": time.perf_counter, "CPU": time.process_time}
-    best = {(name, jobs): float("inf") for name in clocks for jobs in THREADS}
-    for _ in range(ROUNDS):
-        for jobs in THREADS:
-            start = {name: clock() for name, clock in clocks.items()}
-            hs.fly(vehicle, sweep, count=FLIGHTS, jobs=jobs)
-            for name, clock in clocks.items():
-                best[name, jobs] = min(best[name, jobs], clock() - start[name])
+    best: dict[tuple[str, str, int], float] = {}
+    for what, jobs in ROUNDS * list(product(works, THREADS)):
+        start = {name: clock() for name, clock in clocks.items()}
+        works[what](jobs)
+        for name, clock in clocks.items():
+            spent = clock() - start[name]
+            best[what, name, jobs] = min(best.get((what, name, jobs), spent), spent)
     many = THREADS[-1]
-    for name, wanted in (("wall", ">= 1.8"), ("CPU", "about 1")):
-        ours, one = (FLIGHTS * 90.0 / best[name, jobs] for jobs in (many, 1))
+    for what, (name, wanted) in product(works, (("wall", ">= 1.8"), ("CPU", "about 1"))):
+        ours, one = (FLIGHTS * 90.0 / best[what, name, jobs] for jobs in (many, 1))
         yield Row(
-            f"flown s/{name} s, {many} threads, one",
+            f"{what} s/{name} s, {many} threads, one",
             f"{ours:.0f} s/s",
             f"{one:.0f} s/s",
             ours / one,
