@@ -1,0 +1,105 @@
+"""What the verdict of a fit, a composite's search step and a record's marks rest on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from helisim.channels import channel
+from helisim.ident import FrequencyResponse, Parameter, identify, structures
+from helisim.ident.composite import _COHERENCE_WEIGHT, _Aim, _cost, _step
+from helisim.ident.evaluate import response
+from helisim.ident.fingerprint import RUN, STRETCH, marks
+from helisim.record import FlightRecord
+
+GRID = np.geomspace(0.5, 20.0, 40)
+TRUE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
+
+
+def fitted(structure=structures.heave):
+    exact = response(structures.heave, TRUE, GRID)
+    data = FrequencyResponse.exact(GRID, exact, inputs=structure.inputs, outputs=structure.outputs)
+    return identify(data, structure)
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fitted()
+
+
+def test_a_fit_is_in_order_only_if_nothing_is_amiss(fit):
+    """One complaint is enough: each of the four alone takes the verdict away."""
+    assert fit.ok
+    name, sound = next(iter(fit.parameters.items()))
+    others = {key: one for key, one in fit.parameters.items() if key != name}
+    assert not replace(fit, converged=False).ok
+    assert not replace(fit, costs=dict.fromkeys(fit.costs, 1e4)).ok
+    assert not replace(fit, parameters={name: replace(sound, at_bound=True), **others}).ok
+    vague = replace(sound, cramer_rao=abs(sound.value), insensitivity=abs(sound.value))
+    assert not replace(fit, parameters={name: vague, **others}).ok
+
+
+def test_a_parameter_is_at_its_bound_when_the_data_want_it_beyond():
+    """Z_w = -0.8 within -2 to 0 is free; within -0.7 to 0, or -2 to -0.9, it ends at the edge."""
+
+    def bounded(low, high):
+        old = structures.heave
+        new = tuple(
+            replace(one, start=0.5 * (low + high), bounds=(low, high)) if one.name == "Z_w" else one
+            for one in old.parameters
+        )
+        return fitted(replace(old, parameters=new))
+
+    assert bounded(-2.0, 0.0).at_bound == ()
+    assert bounded(-0.7, 0.0).at_bound == ("Z_w",)
+    assert bounded(-2.0, -0.9).at_bound == ("Z_w",)
+    # a thousandth of the range inside is not the edge, whose width is a millionth of it
+    assert bounded(-0.802, 0.0).at_bound == ()
+
+
+def test_a_parameters_size_is_its_scale_or_its_start_or_one():
+    """The scale counts first, then the size of the start; a start of zero has none."""
+    assert Parameter("k", "1", -4.0, scale=3.0).magnitude == 3.0
+    assert Parameter("k", "1", -4.0).magnitude == 4.0
+    assert Parameter("k", "1", 0.0).magnitude > 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_composites_step_is_gauss_and_newtons(seed):
+    """-(J'J)^-1 J'r of the residuals, with J by differences: rows of the identity and one more."""
+    random = np.random.default_rng(seed)
+    target = np.array([1.0, 1.0, 0.7, 0.5]) + 0.1 * random.normal(size=4)
+    unit, g2, g2_unit = random.uniform(0.5, 2.0, size=4), 0.6, 0.2
+    z = target + 0.1 * random.normal(size=4)
+    aim = _Aim(target[:, None], unit[:, None], np.array([g2]), np.array([g2_unit]))
+
+    def residuals(at):
+        gxx, gyy, real, imaginary = at * unit
+        coherence = (real**2 + imaginary**2) / (gxx * gyy)
+        misfit = np.sqrt(_COHERENCE_WEIGHT) * (coherence - g2) / g2_unit
+        return np.append(at - target, misfit)
+
+    steps = 1e-6 * np.eye(4)
+    jacobian = np.array([(residuals(z + d) - residuals(z - d)) / 2e-6 for d in steps]).T
+    expected = np.linalg.lstsq(jacobian, -residuals(z), rcond=None)[0]
+    # central differences of 1e-6 are good to 1e-9 here
+    assert _step(z[:, None], aim)[:, 0] == pytest.approx(expected, abs=1e-7)
+    assert _cost(z[:, None], aim)[0] == pytest.approx(np.sum(residuals(z) ** 2), rel=1e-12)
+
+
+def test_a_records_mark_is_the_least_hash_of_its_runs():
+    """A polynomial of the golden ratio in a run's bits, mixed as splitmix64 mixes."""
+    whole = (1 << 64) - 1
+    values = np.random.default_rng(5).normal(size=RUN + 20)
+    bits = [int(one) for one in values.view(np.uint64)]
+    hashes = []
+    for first in range(len(bits) - RUN + 1):
+        x = 0
+        for one in bits[first : first + RUN]:
+            x = (x * 0x9E3779B97F4A7C15 + one) & whole
+        x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & whole
+        x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & whole
+        hashes.append(x ^ (x >> 31))
+    assert len(hashes) < STRETCH
+    record = FlightRecord(0.01 * np.arange(values.size), values[:, None], (channel("p"),))
+    assert marks([record], ["p"]) == (f"{min(hashes):016x}",)
