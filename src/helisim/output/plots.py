@@ -251,7 +251,8 @@ def draw_trims(flights: Sequence[Vehicle]) -> Drawing:
             attitude.plot(speeds, values, label=name, **_ink(k))
         attitude.set_ylabel("attitude, deg")
         for axes in (controls, attitude):
-            axes.legend(loc="best", ncols=2)
+            axes.margins(y=0.2)
+            axes.legend(loc="lower left", ncols=4)
         title = f"{flights[0].name} in level flight"
         power.set_title(title)
         attitude.set_xlabel("speed, m/s")
