@@ -33,6 +33,13 @@ def test_expressions_give_value_and_exact_derivative(text, value, slope):
     assert gradient == pytest.approx(slope, rel=1e-15)
 
 
+def test_a_negative_number_has_whole_powers_only():
+    """Its cube is real, its root undefined."""
+    assert Expression("tau**3").evaluate({"tau": -2.0}) == (-8.0, {"tau": 12.0})
+    root, slope = Expression("tau**0.5").evaluate({"tau": -2.0})
+    assert np.isnan([root, slope["tau"]]).all()
+
+
 @pytest.mark.parametrize(
     "text",
     ["", "__import__('os')", "a.b", "a[0]", "lambda: 1", "a if b else c", "a and b", "1e999",
