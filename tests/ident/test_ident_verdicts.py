@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from helisim.channels import channel
+from helisim.errors import InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, identify, structures
 from helisim.ident.composite import _COHERENCE_WEIGHT, _Aim, _cost, _step
 from helisim.ident.evaluate import response
+from helisim.ident.export import rounded
 from helisim.ident.fingerprint import RUN, STRETCH, marks
 from helisim.record import FlightRecord
 
@@ -62,6 +64,48 @@ def test_a_parameters_size_is_its_scale_or_its_start_or_one():
     assert Parameter("k", "1", -4.0, scale=3.0).magnitude == 3.0
     assert Parameter("k", "1", -4.0).magnitude == 4.0
     assert Parameter("k", "1", 0.0).magnitude > 0.0
+
+
+def test_percent_is_of_the_values_size_and_endless_of_nothing(fit):
+    """A bound of 0.5 is 50 % of -1, infinitely much of 0, and none of either if it is 0."""
+    one = replace(fit["Z_w"], cramer_rao=0.5, insensitivity=0.25)
+    assert replace(one, value=-1.0).cr_percent == 50.0
+    assert replace(one, value=-1.0).insensitivity_percent == 25.0
+    assert replace(one, value=0.0).cr_percent == np.inf
+    assert replace(one, value=0.0, cramer_rao=0.0).cr_percent == 0.0
+
+
+def test_a_verdict_names_whom_a_parameter_is_correlated_with(fit):
+    """In both directions, and nobody where no correlation exceeds nine tenths."""
+    names = [parameter.name for parameter in fit.structure.free]
+    apart = replace(fit, correlation=np.eye(len(names)))
+    assert all("correlated" not in apart.verdict(name) for name in names)
+    tied = np.eye(len(names))
+    tied[0, 1] = tied[1, 0] = -0.95
+    together = replace(fit, correlation=tied)
+    for one, other in (names[:2], names[1::-1]):
+        assert together.verdict(one) == f"{apart.verdict(one)}, correlated with {other}"
+
+
+def test_only_signals_of_a_structure_are_renamed():
+    """The message names what there is."""
+    with pytest.raises(UnknownNameError, match="'ped'; available: col, w"):
+        structures.heave.renamed({"ped": "PED"})
+
+
+@pytest.mark.parametrize("frequency", [[1.0, 1.0, 2.0], [0.0, 1.0, 2.0], [1.0, 3.0, 2.0], []])
+def test_frequencies_are_positive_and_increasing(frequency):
+    """None twice, none zero, none out of order, and one at least."""
+    exact = np.ones((1, 1, len(frequency)), dtype=complex)
+    with pytest.raises(InputError, match="frequency"):
+        FrequencyResponse.exact(frequency, exact, inputs=("col",), outputs=("w",))
+
+
+def test_a_value_of_negligible_error_has_seven_digits():
+    """An error of a ten-millionth of the value or less isn't stated."""
+    assert rounded(1.23456789, 1e-8) == ("1.234568", "")
+    assert rounded(1.23456789, 1e-7) == ("1.234568", "")
+    assert rounded(1.23456789, 2e-7)[1] != ""
 
 
 @pytest.mark.parametrize("seed", range(3))
