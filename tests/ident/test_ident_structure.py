@@ -24,6 +24,7 @@ NAMES = list(structures.BUILT_IN)
         ("a/tau**2", 1.25, {"a": 0.25, "tau": -1.25}),
         ("sqrt(tau*2) + exp(0)", 3.0, {"tau": 0.5}),
         ("tau**-1", 0.5, {"tau": -0.25}),
+        ("log(a*tau/10) + 1", 1.0, {"a": 0.2, "tau": 0.5}),
     ],
 )
 def test_expressions_give_value_and_exact_derivative(text, value, slope):

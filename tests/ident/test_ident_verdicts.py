@@ -64,6 +64,9 @@ def test_a_parameters_size_is_its_scale_or_its_start_or_one():
     assert Parameter("k", "1", -4.0, scale=3.0).magnitude == 3.0
     assert Parameter("k", "1", -4.0).magnitude == 4.0
     assert Parameter("k", "1", 0.0).magnitude > 0.0
+    for scale in (0.0, -1.0, np.inf):
+        with pytest.raises(InputError, match="expected > 0"):
+            Parameter("k", "1", 1.0, scale=scale)
 
 
 def test_percent_is_of_the_values_size_and_endless_of_nothing(fit):
