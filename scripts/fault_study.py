@@ -19,6 +19,7 @@ import numpy as np
 import helisim as hs
 from helisim.errors import DivergedError, HelisimError
 from helisim.experiment import YAW_BASE
+from helisim.pipeline import identify_model
 from helisim.sim import parse_fault
 
 FAULTS = (
@@ -50,15 +51,7 @@ SHORTEST = 22.0
 
 def identified(records: Sequence[hs.FlightRecord]) -> hs.Fit:
     """Return the yaw base model of records."""
-    frf = hs.frequency_response(
-        records,
-        inputs=YAW_BASE.inputs,
-        outputs=YAW_BASE.outputs,
-        conditioning=YAW_BASE.conditioning,
-        reference=YAW_BASE.reference,
-        band=YAW_BASE.band,
-    )
-    return hs.identify(frf, YAW_BASE.structure)
+    return identify_model(YAW_BASE, {"ped": list(records)})
 
 
 def shift(records: Sequence[hs.FlightRecord], good: hs.Fit) -> str:

@@ -28,6 +28,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -42,6 +43,19 @@ TESTS = {
     ),
     "ident": ("tests/ident", "tests/test_damage.py"),
 }
+LIBRARIES = (
+    "control",
+    "hypothesis",
+    "matplotlib.pyplot",
+    "mujoco.batch",
+    "mujoco.rollout",
+    "numba",
+    "pyarrow.parquet",
+    "scipy.linalg",
+    "scipy.optimize",
+    "scipy.signal",
+    "scipy.stats",
+)
 FIRST = "restated"
 """In the name of tests that hold whole laws against a second statement of them: tried first."""
 SKIPPED = ("core/NoOp", "core/VariableReplacer", "core/VariableInserter")
@@ -265,17 +279,8 @@ def tried(root: Path, mutant: Mutant, baseline: Baseline, budget: float) -> tupl
 
 def preload() -> None:
     """Import what every mutant's tests need and no mutant changes, once."""
-    import control  # noqa: F401
-    import hypothesis  # noqa: F401
-    import matplotlib.pyplot  # noqa: F401
-    import mujoco.batch
-    import mujoco.rollout  # noqa: F401
-    import numba  # noqa: F401
-    import pyarrow.parquet  # noqa: F401
-    import scipy.linalg
-    import scipy.optimize
-    import scipy.signal
-    import scipy.stats  # noqa: F401
+    for name in LIBRARIES:
+        import_module(name)
 
 
 def table(outcomes: dict[str, list[str]]) -> str:

@@ -9,6 +9,7 @@ from helisim import ident
 from helisim.cli import main
 from helisim.experiment import YAW_BASE
 from helisim.logs import screen
+from helisim.pipeline import identify_model
 from helisim.sim import (
     ClockDrift,
     RecordGap,
@@ -34,15 +35,7 @@ def identified(records):
     with warnings.catch_warnings():
         for expected in (ident.DamagedRecordWarning, ident.ClosedLoopWarning):
             warnings.simplefilter("ignore", expected)
-        frf = ident.frequency_response(
-            records,
-            inputs=YAW_BASE.inputs,
-            outputs=YAW_BASE.outputs,
-            conditioning=YAW_BASE.conditioning,
-            reference=YAW_BASE.reference,
-            band=YAW_BASE.band,
-        )
-    return ident.identify(frf, YAW_BASE.structure)
+        return identify_model(YAW_BASE, {"ped": records})
 
 
 @pytest.fixture(scope="module")

@@ -1,19 +1,13 @@
 """Killed at random moments: nothing that was reported as saved is lost, and nothing is torn."""
 
-import importlib.util
-from pathlib import Path
-
 import pytest
 
-SCRIPT = Path(__file__).parents[1] / "scripts" / "kill_study.py"
+from script import loaded
 
 
 @pytest.fixture(scope="module")
 def study():
-    spec = importlib.util.spec_from_file_location("kill_study", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded("kill_study")
 
 
 @pytest.fixture(scope="module")

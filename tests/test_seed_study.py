@@ -1,21 +1,14 @@
 """The script that repeats the experiment with several seeds."""
 
-import importlib.util
-from pathlib import Path
-
 import pytest
 
 from helisim.comparison import ComparisonTable, ParameterRow, Results
-
-SCRIPT = Path(__file__).parents[1] / "scripts" / "seed_study.py"
+from script import loaded
 
 
 @pytest.fixture
 def study():
-    spec = importlib.util.spec_from_file_location("seed_study", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded("seed_study")
 
 
 def made(seed, identified):

@@ -1,20 +1,18 @@
 """The version matrix reads its bounds from pyproject.toml and says what could not be had."""
 
-import importlib.util
 import subprocess
 from pathlib import Path
 
 import pytest
+
+from script import loaded
 
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
 def matrix():
-    spec = importlib.util.spec_from_file_location("m", ROOT / "scripts" / "version_matrix.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded("version_matrix")
 
 
 def done(status, text=""):

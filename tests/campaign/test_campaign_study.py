@@ -1,19 +1,13 @@
 """The script that says what a campaign's error bars are worth, on rows whose answer is known."""
 
-import importlib.util
-from pathlib import Path
-
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "scripts" / "campaign_study.py"
+from script import loaded
 
 
 @pytest.fixture(scope="module")
 def study():
-    spec = importlib.util.spec_from_file_location("campaign_study", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded("campaign_study")
 
 
 def made(errors, *, duration=90, flights=1, turbulence=0.0, parameter="N_r", se=0.01):

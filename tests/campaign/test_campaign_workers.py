@@ -88,7 +88,9 @@ if __name__ == "__main__":
         parent.kill()
         parent.wait()
     workers = [int(path.stem) for path in tmp_path.glob("*.pid")]
+    assert len(workers) == 2
     wait_until(lambda: not any(map(runs, workers)))
+    assert [worker for worker in workers if runs(worker)] == []
 
 
 def wait_until(happened):

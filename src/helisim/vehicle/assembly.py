@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError, UnknownNameError
 from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, STATE
-from helisim.vehicle.parameters import Parameters, force_law_block
+from helisim.vehicle.force_laws import force_law_block
+from helisim.vehicle.parameters import Parameters
 
 Integrator = Literal["RK4", "Euler"]
 _INTEGRATORS = {

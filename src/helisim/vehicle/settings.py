@@ -3,7 +3,35 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from helisim.vehicle.parameters import check_settings
+from helisim.errors import InputError
+
+_CHOICES = {
+    "gyro.flight_mode": (1, 2, 3),
+    "gyro.heading_lock": (0, 1),
+    "gyro.anti_windup": (0, 1),
+}
+_RATES = tuple(
+    f"{section}.{rate}"
+    for section in ("gyro", "gyro_tuned")
+    for rate in ("pitch_rate", "elevator_rate", "aileron_rate")
+)
+
+
+def check_settings(values: Mapping[str, float]) -> None:
+    """Check what a pilot can set on the gyro, by dotted names; other names are not looked at.
+
+    Raises:
+        InputError: a setting that the gyro does not have.
+    """
+    for name, choices in _CHOICES.items():
+        if name in values and values[name] not in choices:
+            listed = ", ".join(map(str, choices))
+            raise InputError(f"{name} must be one of {listed}, got {values[name]:g}")
+    for name in _RATES:
+        if name in values and not 0.0 < values[name] <= 1.0:
+            raise InputError(
+                f"{name} must be above 0 and at most 1, the whole travel, got {values[name]:g}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,182 @@
+"""The numbers that the compiled force laws read, from a vehicle's parameters."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import ModelError
+from helisim.physics.gyro import held_lag
+from helisim.physics.layout import MAGIC, NEVER, PARAM, ROTOR
+from helisim.vehicle.parameters import Parameters
+from helisim.vehicle.settings import check_settings
+
+_DIRECT = {
+    "air_density": "air.density",
+    "ground_effect": "air.ground_effect",
+    "main_radius": "main_rotor.radius",
+    "main_speed": "main_rotor.speed",
+    "main_lift_slope": "main_rotor.lift_slope",
+    "main_induced_factor": "main_rotor.induced_factor",
+    "main_profile_drag": "main_rotor.profile_drag",
+    "main_pitch_trim": "main_rotor.pitch_trim",
+    "main_pitch_range": "main_rotor.pitch_range",
+    "main_stall": "main_rotor.stall",
+    "main_inflow_floor": "main_rotor.inflow_floor",
+    "hub_x": "main_rotor.hub_x",
+    "hub_z": "main_rotor.hub_z",
+    "hub_stiffness": "main_rotor.hub_stiffness",
+    "tau_f": "flapping.tau_f",
+    "a_b": "flapping.a_b",
+    "b_a": "flapping.b_a",
+    "a_lat": "flapping.a_lat",
+    "a_lon": "flapping.a_lon",
+    "b_lat": "flapping.b_lat",
+    "b_lon": "flapping.b_lon",
+    "flap_back": "main_rotor.flap_back",
+    "flap_stop": "main_rotor.flap_stop",
+    "tail_radius": "tail_rotor.radius",
+    "tail_speed": "tail_rotor.speed",
+    "tail_lift_slope": "tail_rotor.lift_slope",
+    "tail_pitch_trim": "tail_rotor.pitch_trim",
+    "tail_pitch_range": "tail_rotor.pitch_range",
+    "tail_stall": "tail_rotor.stall",
+    "tail_inflow_floor": "tail_rotor.inflow_floor",
+    "tail_x": "tail_rotor.arm_x",
+    "tail_z": "tail_rotor.arm_z",
+    "drag_x": "airframe.drag_area_x",
+    "drag_y": "airframe.drag_area_y",
+    "drag_z": "airframe.drag_area_z",
+    "fin_area": "airframe.fin_area",
+    "swash_frequency": "servo.swash_frequency",
+    "swash_damping": "servo.swash_damping",
+    "tail_frequency": "servo.tail_frequency",
+    "tail_damping": "servo.tail_damping",
+    "servo_rate_limit": "servo.rate_limit",
+    "servo_travel": "servo.travel",
+    "gyro_period": "gyro.period",
+    "gyro_heading_lock": "gyro.heading_lock",
+    "gyro_k_p": "gyro.k_p",
+    "gyro_k_i": "gyro.k_i",
+    "gyro_k_delta": "gyro.k_delta",
+    "gyro_k_a": "gyro.k_a",
+    "gyro_lead": "gyro.lead",
+    "gyro_lead_filter": "gyro.lead_filter",
+    "gyro_kp_lat": "gyro.kp_lat",
+    "gyro_kp_lon": "gyro.kp_lon",
+    "gyro_ki_lat": "gyro.ki_lat",
+    "gyro_ki_lon": "gyro.ki_lon",
+    "gyro_kd_lat": "gyro.kd_lat",
+    "gyro_kd_lon": "gyro.kd_lon",
+    "gyro_filter": "gyro.filter",
+    "gyro_derivative_filter": "gyro.derivative_filter",
+    "pilot_k_attitude": "pilot.k_attitude",
+    "pilot_k_velocity": "pilot.k_velocity",
+    "pilot_k_position": "pilot.k_position",
+    "pilot_k_heave": "pilot.k_heave",
+    "pilot_k_height": "pilot.k_height",
+    "pilot_k_heading": "pilot.k_heading",
+}
+"""Slot of the compiled force laws -> parameter, where one is simply the other."""
+
+_POSITIVE = (
+    "air.density",
+    "airframe.ixx",
+    "airframe.iyy",
+    "airframe.izz",
+    "main_rotor.induced_factor",
+    "main_rotor.radius",
+    "main_rotor.chord",
+    "main_rotor.blades",
+    "main_rotor.speed",
+    "main_rotor.lift_slope",
+    "main_rotor.stall",
+    "main_rotor.inflow_floor",
+    "main_rotor.flap_stop",
+    "flapping.tau_f",
+    "tail_rotor.radius",
+    "tail_rotor.chord",
+    "tail_rotor.blades",
+    "tail_rotor.speed",
+    "tail_rotor.lift_slope",
+    "tail_rotor.stall",
+    "tail_rotor.inflow_floor",
+    "servo.swash_frequency",
+    "servo.swash_damping",
+    "servo.tail_frequency",
+    "servo.tail_damping",
+    "servo.rate_limit",
+    "servo.travel",
+    "gyro.period",
+    "gyro.k_i",
+    "gyro.ki_lat",
+    "gyro.ki_lon",
+    "gyro.lead_filter",
+    "gyro.filter",
+    "gyro.derivative_filter",
+)
+
+
+_NOT_NEGATIVE = (
+    "air.ground_effect",
+    "airframe.drag_area_x",
+    "airframe.drag_area_y",
+    "airframe.drag_area_z",
+    "airframe.fin_area",
+    "main_rotor.profile_drag",
+    "main_rotor.hub_stiffness",
+    "main_rotor.flap_back",
+    "gyro.ped_latency",
+    "gyro.latency",
+    "gyro.lead",
+)
+
+
+def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
+    """Return the numbers that the compiled force laws read, (len(PARAM),), pilot at rest.
+
+    Raises:
+        ModelError: a parameter has a sign that it can't have.
+        InputError: the gyro has no such setting.
+    """
+    check_settings(parameters)
+    for name in _POSITIVE:
+        if parameters[name] <= 0.0:
+            raise ModelError(f"parameter {name!r} must be positive, got {parameters[name]:g}")
+    for name in _NOT_NEGATIVE:
+        if parameters[name] < 0.0:
+            raise ModelError(f"parameter {name!r} must be 0 or more, got {parameters[name]:g}")
+    block = np.zeros(len(PARAM))
+    block[PARAM.magic] = MAGIC
+    block[PARAM.ordinal] = ROTOR
+    for slot, name in _DIRECT.items():
+        block[getattr(PARAM, slot)] = parameters[name]
+    block[PARAM.main_solidity] = _solidity(parameters, "main_rotor")
+    block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
+    block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
+    block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
+    block[PARAM.gyro_attitude_lock] = 0.5 * (parameters["gyro.flight_mode"] - 1.0)
+    block[PARAM.gyro_hold_above] = 0.5 if parameters["gyro.anti_windup"] else NEVER
+    block[PARAM.gyro_collective] = _travel(parameters, "pitch_rate")
+    for stick, rate in (("lat", "aileron_rate"), ("lon", "elevator_rate")):
+        for answer in ("p", "q"):
+            commanded = parameters[f"gyro.{answer}_per_{stick}"] * _travel(parameters, rate)
+            block[getattr(PARAM, f"gyro_{answer}_per_{stick}")] = commanded
+    period = parameters["gyro.period"]
+    block[PARAM.gyro_lead_lag] = held_lag(parameters["gyro.lead_filter"], period)
+    block[PARAM.gyro_derivative_lag] = held_lag(parameters["gyro.derivative_filter"], period)
+    block[PARAM.gyro_on] = 1.0
+    block[PARAM.remnant_interval] = 1.0
+    block[PARAM.excitation_duration] = 1.0
+    block[PARAM.sweep_fade] = 1.0
+    return block
+
+
+def _travel(parameters: Parameters, rate: str) -> float:
+    """Return how far a stick reaches, as a multiple of what it does where the gains hold."""
+    return parameters[f"gyro.{rate}"] / parameters[f"gyro_tuned.{rate}"]
+
+
+def _solidity(parameters: Parameters, rotor: str) -> float:
+    blade_area = parameters[f"{rotor}.blades"] * parameters[f"{rotor}.chord"]
+    return blade_area / (math.pi * parameters[f"{rotor}.radius"])
