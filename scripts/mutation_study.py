@@ -35,7 +35,7 @@ ROOT = Path(__file__).parents[1]
 TESTS = {
     "physics": (
         "tests/physics",
-        "tests/sim/test_weather.py::test_filters_have_the_standards_spectra",
+        "tests/sim/test_dryden.py::test_filters_have_the_standards_spectra",
         "tests/vehicle/test_trim.py",
         "tests/vehicle/test_hover.py",
         "tests/vehicle/test_atmosphere.py",

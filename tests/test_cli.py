@@ -8,24 +8,10 @@ import sys
 
 import pytest
 
+from command import fails
 from helisim import experiment, load, read_record
 from helisim.cli import main
 from helisim.experiment import Tolerance
-
-
-def fails(capsys, *arguments):
-    """Run a command that must fail on its input; return the one line that it prints."""
-    try:
-        status = main(list(arguments))
-    except SystemExit as exit_:
-        status = exit_.code
-    captured = capsys.readouterr()
-    assert status == 2
-    assert captured.out == ""
-    lines = captured.err.strip().splitlines()
-    assert len(lines) == 1, captured.err
-    assert "Traceback" not in captured.err
-    return lines[0]
 
 
 def test_a_flight_is_recorded(tmp_path, capsys):

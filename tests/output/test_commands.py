@@ -5,17 +5,9 @@ import json
 import pytest
 from made_run import make_flight, write_run
 
+from command import fails
 from helisim.cli import main
 from helisim.storage import write_record
-
-
-def fails(capsys, *arguments) -> str:
-    """Run a command that must fail on its input; return the one line that it prints."""
-    assert main(list(arguments)) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.strip().splitlines()
-    return line
 
 
 def test_a_log_becomes_a_recording(tmp_path, capsys):

@@ -1,0 +1,77 @@
+"""Logs of sweeps for tests of the command line: as helisim records them, and as others do."""
+
+import csv
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from helisim.channels import channel
+from helisim.ident import structures
+from helisim.record import FlightRecord
+from helisim.storage import write_record
+
+sys.path.insert(0, str(Path(__file__).parent / "recovery"))
+
+import plants
+
+HEAVE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
+
+
+def flown(structure, values, axis, seed, *, duration=60.0, noise=0.0, jitter=False):
+    """Return time, inputs and outputs of a sweep, uniform or with 20 ms jitter."""
+    random = np.random.default_rng(seed)
+    inputs = np.zeros((round(duration * plants.RATE), len(structure.inputs)))
+    for k, name in enumerate(structure.inputs):
+        inputs[:, k] = (
+            plants.sweep(duration, 1.0, 40.0, 0.1)
+            if name == axis
+            else plants.coloured(random, inputs.shape[0], 0.003, 20.0)
+        )
+    outputs = plants.respond(structure, values, inputs)
+    if jitter:  # steps from 0.5 to 20.5 ms, on the simulation's grid
+        rows = np.cumsum(random.integers(1, 42, size=inputs.shape[0] // 21))
+        rows = rows[rows < inputs.shape[0]]
+    else:
+        rows = np.arange(0, inputs.shape[0], plants.KEEP)
+    outputs = outputs[rows] + noise * random.standard_normal((rows.size, outputs.shape[1]))
+    return rows / plants.RATE, inputs[rows], outputs
+
+
+def write_clean(path, structure, values, axis, seed, noise):
+    """Write a sweep as helisim records it."""
+    time, inputs, outputs = flown(structure, values, axis, seed, noise=noise)
+    names = (*structure.inputs, *structure.outputs)
+    record = FlightRecord(time, np.hstack([inputs, outputs]), tuple(map(channel, names)))
+    write_record(record, path)
+
+
+def write_foreign(path, headings, time, columns, *, delimiter=";", encoding="utf-8"):
+    """Write columns as another program does."""
+    with path.open("w", newline="", encoding=encoding) as file:
+        writer = csv.writer(file, delimiter=delimiter)
+        writer.writerow(headings)
+        for row in zip(time, *columns):
+            writer.writerow([f"{cell:.10g}" for cell in row])
+
+
+def same_within_errors(clean, foreign):
+    """Assert that two fits' parameters agree within three of their difference's errors."""
+    for name, one in clean.parameters.items():
+        other = foreign[name]
+        error = np.hypot(one.standard_error, other.standard_error)
+        assert abs(other.value - one.value) <= 3.0 * error, (name, one.value, other.value, error)
+
+
+def csv_writer(folder):
+    """Return a function that writes a heave sweep as CSV, its cells changed by the test."""
+    time, inputs, outputs = flown(structures.heave, HEAVE, "col", 5, duration=30.0, noise=0.01)
+    rows = [[f"{cell:.8g}" for cell in row] for row in zip(time, inputs[:, 0], outputs[:, 0])]
+
+    def write(change=lambda rows: rows, header="t [s],col [1],w [m/s]", name="bad.csv"):
+        path = folder / name
+        lines = [header, *(",".join(row) for row in change([list(row) for row in rows]))]
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+    return write
