@@ -46,12 +46,14 @@ def main(flights: int = 10) -> None:
     clock = Clock()
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/compiled"
-        from helisim import pipeline
-        from helisim.experiment import MODELS
-        from helisim.flights import named_records
+        from helisim.output.report import write_report
         from helisim.output.rerun_log import write_recording
-        from helisim.output.run import read_run
         from helisim.physics import native
+        from helisim.study.flights import named_records
+        from helisim.study.identification import identify_model
+        from helisim.study.models import MODELS
+        from helisim.study.reproduce import reproduce
+        from helisim.study.run import read_run
         from helisim.vehicle import load as load_vehicle
 
         clock("imports")
@@ -59,18 +61,17 @@ def main(flights: int = 10) -> None:
         clock("compilation")
         names = {model.name for model in MODELS}
         out = Path(folder) / "run"
-        results, kept = pipeline.reproduce(
+        results, kept = reproduce(
             out=out,
             flights=flights,
             rotor=True,
-            with_report=False,
             on_progress=lambda what: clock(
                 "ground tests, identification, truth" if what in names else "flights, recorded"
             ),
         )
         run = read_run(out)
         clock("files")
-        pipeline.report(out, run)
+        write_report(out, run)
         clock("report")
         records, model = named_records(kept), load_vehicle("jr700").visual_model()
         write_recording(Path(folder) / "run.rrd", records, model=model, run=run)
@@ -82,7 +83,7 @@ def main(flights: int = 10) -> None:
     found = {table.name: table for table in results.tables}
     ground: Any = results.further["ground"]
     for model in MODELS:
-        pipeline.identify_model(model, kept, before=found, ground=ground)
+        identify_model(model, kept, before=found, ground=ground)
     alone(f"identification of {len(MODELS)} models alone")
     print("\n".join(str(alone).splitlines()[1:-1]))
 

@@ -34,7 +34,7 @@ from plants import ROLLPITCH_IN1, fly, fly_closed_loop
 
 from helisim.ident import frequency_response, identify, structures
 from helisim.ident.evaluate import response, state_space
-from helisim.record import FlightRecord
+from helisim.records.record import FlightRecord
 
 INPUTS, OUTPUTS, STICKS = ("lat", "lon"), ("p", "q"), ("LAT", "LON")
 BAND = (3.0, 35.0)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from distributed import Client, LocalCluster
 
-from helisim.campaign import campaign_from, local, on_dask, run_campaign
+from helisim.study.campaign import campaign_from, local, on_dask, run_campaign
 
 CAMPAIGN = {
     "campaign": {"replicates": 3, "models": ["heave"], "flights": 1},

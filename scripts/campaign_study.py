@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from helisim.campaign import read_dataset
-from helisim.campaign.summary import Summary, errors, render, summarise
-from helisim.exact import exact_response
-from helisim.experiment import MODELS
 from helisim.ident import identify
-from helisim.reference import jr700
+from helisim.paper import jr700
 from helisim.sim import Recorder
+from helisim.study.campaign import read_dataset
+from helisim.study.campaign.summary import Summary, errors, render, summarise
+from helisim.study.models import MODELS
+from helisim.study.truth import exact_response
 from helisim.vehicle import load
 
 WANTED = (("yaw_base", "N_r"), ("rollpitch_in1", "L_b"), ("rollpitch_in1", "M_a"))

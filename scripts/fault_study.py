@@ -18,9 +18,9 @@ import numpy as np
 
 import helisim as hs
 from helisim.errors import DivergedError, HelisimError
-from helisim.experiment import YAW_BASE
-from helisim.pipeline import identify_model
 from helisim.sim import parse_fault
+from helisim.study.models import YAW_BASE
+from helisim.study.reproduce import identify_model
 
 FAULTS = (
     "servo_front:stuck@45",

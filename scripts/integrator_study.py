@@ -12,12 +12,12 @@ Cramér-Rao bound).
 import sys
 import time
 
-from helisim.comparison import ComparisonTable
-from helisim.experiment import MODELS
-from helisim.flights import fly_sweeps
-from helisim.pipeline import compare, identify_model
 from helisim.sim import Recorder
 from helisim.sim.rigs import run_rigs
+from helisim.study.flights import fly_sweeps
+from helisim.study.models import MODELS
+from helisim.study.reproduce import compare, identify_model
+from helisim.study.results import ComparisonTable
 from helisim.vehicle import load
 from helisim.vehicle.assembly import Integrator
 

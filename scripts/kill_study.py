@@ -21,12 +21,12 @@ from pathlib import Path
 
 import numpy as np
 
-from helisim.campaign import campaign_from, run_campaign
 from helisim.errors import HelisimError
-from helisim.pipeline import reproduce
+from helisim.records.files import read_json
+from helisim.records.parquet import read_table
 from helisim.sim import Sweep, fly_to
-from helisim.storage import read_json
-from helisim.storage.parquet import read_table
+from helisim.study.campaign import campaign_from, run_campaign
+from helisim.study.reproduce import reproduce
 from helisim.vehicle import load
 
 COMMANDS = ("fly", "campaign", "reproduce")

@@ -5,8 +5,8 @@ python scripts/lever_arm_study.py [FLIGHTS] [SEED]
 
 import sys
 
-from helisim.lever_arm import lever_arm_study
-from helisim.sim.truth import imu_offset
+from helisim.sim.trajectory import imu_offset
+from helisim.study.lever_arm import lever_arm_study
 from helisim.vehicle import load
 
 

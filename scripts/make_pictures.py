@@ -25,7 +25,7 @@ from rerun.experimental import ViewerClient
 import helisim as hs
 from helisim.output.drawings import bode_drawings
 from helisim.output.rerun_log import write_recording
-from helisim.output.run import Run, read_run
+from helisim.study.run import Run, read_run
 
 PICTURES = Path(__file__).parent / "pictures"
 MODEL = Path(__file__).parents[1] / "models" / "jr700"

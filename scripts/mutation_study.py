@@ -41,7 +41,7 @@ TESTS = {
         "tests/vehicle/test_atmosphere.py",
         "tests/verification/test_momentum_theory.py",
     ),
-    "ident": ("tests/ident", "tests/test_damage.py"),
+    "ident": ("tests/ident", "tests/records/test_quality.py"),
 }
 LIBRARIES = (
     "control",

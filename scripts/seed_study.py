@@ -10,9 +10,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from helisim.comparison import ParameterRow, Results
 from helisim.errors import InputError, StorageError
-from helisim.pipeline import reproduce
+from helisim.study.reproduce import reproduce
+from helisim.study.results import ParameterRow, Results
 
 FORM = "{:<15}{:<12}{:>10}{:>9}{:>7}{:>12}{:>9}{:>7}"
 
@@ -21,9 +21,9 @@ def run(seed: int, folder: Path) -> Results:
     """Return the results of one seed, from the flights in the folder if it holds them."""
     out = folder / f"seed_{seed}"
     try:
-        results, _ = reproduce(out=out, seed=seed, reuse=True, with_report=False)
+        results, _ = reproduce(out=out, seed=seed, reuse=True)
     except (InputError, StorageError):
-        results, _ = reproduce(out=out, seed=seed, with_report=False)
+        results, _ = reproduce(out=out, seed=seed)
     return results
 
 

@@ -7,7 +7,7 @@ import sys
 from statistics import mean
 
 from helisim.sim import Weather
-from helisim.turbulence import SWEEPS, turbulence_study
+from helisim.study.turbulence import SWEEPS, turbulence_study
 from helisim.vehicle import load
 
 LIMIT = 10.0

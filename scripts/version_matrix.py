@@ -28,15 +28,14 @@ TOOLS = ("pytest", "hypothesis")
 TESTS = (
     "tests/physics",
     "tests/vehicle/test_trim.py",
-    "tests/storage",
-    "tests/logs",
+    "tests/records",
     "tests/ident/test_ident_fit.py",
     "tests/ident/test_ident_frf.py",
     "tests/ident/test_ident_result.py",
     "tests/sim/test_fly.py",
     "tests/output/test_rerun_log.py",
     "tests/output/test_report.py",
-    "tests/test_cli.py",
+    "tests/cli/test_cli.py",
 )
 """One of each kind of work: compiled callbacks, flights, files, identification, output."""
 SHOWN = ("mujoco", "numpy", "scipy", "numba", "control", "pyarrow", "matplotlib", "rerun-sdk")

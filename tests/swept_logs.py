@@ -1,19 +1,14 @@
 """Logs of sweeps for tests of the command line: as helisim records them, and as others do."""
 
 import csv
-import sys
-from pathlib import Path
 
 import numpy as np
-
-from helisim.channels import channel
-from helisim.ident import structures
-from helisim.record import FlightRecord
-from helisim.storage import write_record
-
-sys.path.insert(0, str(Path(__file__).parent / "recovery"))
-
 import plants
+
+from helisim.ident import structures
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
+from helisim.records.storage import write_record
 
 HEAVE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
 

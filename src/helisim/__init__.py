@@ -4,6 +4,20 @@ import helisim as hs
 
 vehicle = hs.load("jr700")
 flights = hs.fly(vehicle, hs.Sweep(axis="lat"), count=10, seed=1)
+
+The house, from the ground up; each room imports only from those above it in this list, but
+`ident` knows neither `physics`, `vehicle` nor `sim`: a flight record is all that it sees.
+
+    errors, units   what can go wrong, and conversion factors
+    records         flight records: channels, provenance, quality, files; `logs`: anyone's logs
+    physics         the force laws, compiled to callbacks that MuJoCo calls at every step
+    vehicle         a folder with an MJCF and parameters, as a model that is trimmed and linearised
+    ident           from flight records to models with bounds, by the frequency-response method
+    sim             what is flown and recorded: pilot, manoeuvre, weather, faults; `rigs`: benches
+    paper           published values and the paper's errata: compared with, never fed to `ident`
+    study           the experiment: models, truth, flights, results; `campaign`: many replicates
+    output          results as tables, plots, a report, a Rerun recording; computes nothing
+    cli             each command parses, calls the library once, prints, exits
 """
 
 from importlib import import_module
@@ -22,10 +36,10 @@ if TYPE_CHECKING:
         structures,
         verify,
     )
-    from helisim.logs import read_log, screen
     from helisim.physics.native import installed
-    from helisim.pipeline import reproduce
-    from helisim.record import FlightRecord
+    from helisim.records.logs import read_log, screen
+    from helisim.records.record import FlightRecord
+    from helisim.records.storage import read_record, write_record
     from helisim.sim import (
         ClockDrift,
         Doublet,
@@ -47,7 +61,7 @@ if TYPE_CHECKING:
         fly_each,
         fly_to,
     )
-    from helisim.storage import read_record, write_record
+    from helisim.study.reproduce import reproduce
     from helisim.vehicle import GyroSettings, Vehicle, isa_density, load
 
 __version__ = "0.1.0"
@@ -56,7 +70,7 @@ _HOMES = {
     "ClockDrift": "helisim.sim",
     "Doublet": "helisim.sim",
     "Fit": "helisim.ident",
-    "FlightRecord": "helisim.record",
+    "FlightRecord": "helisim.records.record",
     "FrequencyResponse": "helisim.ident",
     "Gust": "helisim.sim",
     "GyroDropout": "helisim.sim",
@@ -85,14 +99,14 @@ _HOMES = {
     "isa_density": "helisim.vehicle",
     "load": "helisim.vehicle",
     "load_fit": "helisim.ident",
-    "read_log": "helisim.logs",
-    "read_record": "helisim.storage",
+    "read_log": "helisim.records.logs",
+    "read_record": "helisim.records.storage",
     "reduce": "helisim.ident",
-    "reproduce": "helisim.pipeline",
-    "screen": "helisim.logs",
+    "reproduce": "helisim.study.reproduce",
+    "screen": "helisim.records.logs",
     "structures": "helisim.ident",
     "verify": "helisim.ident",
-    "write_record": "helisim.storage",
+    "write_record": "helisim.records.storage",
 }
 """Public name -> module. Loaded on first use, so that identifying a log needs no simulator."""
 

@@ -29,17 +29,17 @@ READING = ("logs", "storage", "record", "ident", "output", "repeat", "comparison
 with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING]):
     import numpy as np
 
-    from helisim.channels import channel
     from helisim.errors import HelisimError, InputError
     from helisim.ident import Structure, load_fit, structures
     from helisim.ident.expression import Expression
-    from helisim.logs import REPAIRS, Clock, Column, Map, read_log
-    from helisim.logs.mapping import EXAMPLE
-    from helisim.output.evidence import read_evidence
-    from helisim.output.run import read_run
-    from helisim.record import FlightRecord
-    from helisim.repeat import arguments_of
-    from helisim.storage import read_record, write_record
+    from helisim.records.channels import channel
+    from helisim.records.logs import REPAIRS, Clock, Column, Map, read_log
+    from helisim.records.logs.mapping import EXAMPLE
+    from helisim.records.record import FlightRecord
+    from helisim.records.storage import read_record, write_record
+    from helisim.study.identified import read_evidence
+    from helisim.study.replay import arguments_of
+    from helisim.study.run import read_run
     from helisim.vehicle import read_parameters
     from helisim.vehicle.assembly import model_folder
 

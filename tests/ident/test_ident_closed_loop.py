@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from helisim.channels import channel
 from helisim.ident import ClosedLoopWarning, frequency_response
 from helisim.ident.archive import response_from_dict, response_to_dict
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 STEP = 0.05
 ARGUMENTS = {"inputs": "ped", "outputs": "r", "band": (2.0, 20.0), "reference": "PED"}

@@ -8,7 +8,6 @@ import re
 import numpy as np
 import pytest
 
-from helisim.channels import channel
 from helisim.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import (
     FrequencyResponse,
@@ -23,7 +22,8 @@ from helisim.ident.archive import response_from_dict
 from helisim.ident.composite import window_lengths
 from helisim.ident.evaluate import response
 from helisim.ident.verify import _theil, _tic
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 GRID = np.geomspace(0.5, 20.0, 60)
 HEAVE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}

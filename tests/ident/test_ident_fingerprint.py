@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.channels import channel
 from helisim.ident.fingerprint import RUN, STRETCH, fingerprint, marks, share_known
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 CERTAIN = RUN + STRETCH - 1
 """Samples from which a part has a mark for certain (winnowing's guarantee)."""

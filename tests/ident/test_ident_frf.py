@@ -7,13 +7,13 @@ import pytest
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from helisim.channels import channel
 from helisim.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import CrossControlWarning, FrequencyResponse, frequency_response
 from helisim.ident.composite import PERIODS, compose
 from helisim.ident.conditioning import condition, random_error
 from helisim.ident.spectra import cross_spectra
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 STEP = 0.05
 BAND = (2.0, 20.0)

@@ -14,7 +14,6 @@ import pytest
 from scipy.signal import butter, detrend
 
 import helisim.ident
-from helisim.channels import channel
 from helisim.errors import IdentificationError
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures, verify
 from helisim.ident.bounds import accuracy
@@ -24,7 +23,8 @@ from helisim.ident.evaluate import response
 from helisim.ident.points import select
 from helisim.ident.spectra import cross_spectra
 from helisim.ident.transfer import first_order_delay, second_order_delay, transfer_function
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 GRID = np.geomspace(0.5, 25.0, 70)
 ROLLPITCH = structures.rollpitch

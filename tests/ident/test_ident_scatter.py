@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter
 
-from helisim.channels import channel
 from helisim.errors import IdentificationError, InputError
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures
 from helisim.ident.cost import Cost
 from helisim.ident.evaluate import response
 from helisim.ident.points import select
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 STEP = 0.05
 SAMPLES = 2400

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import ZoomFFT, lfilter
 
-from helisim.channels import channel
 from helisim.ident import frequency_response
 from helisim.ident.conditioning import random_error
 from helisim.ident.spectra import _kernel, cross_spectra, segment_starts
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 
 def white_record(seed, samples=4000, step=0.05, noise=0.0, names=("lat", "p")):

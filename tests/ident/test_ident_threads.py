@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from helisim.channels import channel
 from helisim.ident import frequency_response, identify, structures, verify
 from helisim.ident.threads import one_blas_thread
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 
 def blas_threads():

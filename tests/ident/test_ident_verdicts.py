@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helisim.channels import channel
 from helisim.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import (
     FrequencyResponse,
@@ -19,7 +18,8 @@ from helisim.ident.composite import _COHERENCE_WEIGHT, _Aim, _cost, _step
 from helisim.ident.evaluate import response
 from helisim.ident.export import rounded
 from helisim.ident.fingerprint import RUN, STRETCH, marks
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 GRID = np.geomspace(0.5, 20.0, 40)
 TRUE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}

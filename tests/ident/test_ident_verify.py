@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete, dlsim
 
-from helisim.channels import channel
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, identify, structures, verify
 from helisim.ident.evaluate import matrices, response, state_space
 from helisim.ident.simulation import delayed, simulate
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 
 def test_simulation_is_the_exact_discretisation():

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from helisim.errors import ModelError
+from helisim.paper import blade360, published
 from helisim.physics import servo
 from helisim.physics.frames import flip
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.reference import blade360, published
-from helisim.tuning import margins
+from helisim.study.tune import margins
 from helisim.vehicle import load, read_parameters
 from helisim.vehicle.assembly import check_interface, mass_and_gravity, model_folder, total_inertia
 from helisim.vehicle.calibrate import DIRECT, SOLVED, calibrate

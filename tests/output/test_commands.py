@@ -7,7 +7,7 @@ from made_run import make_flight, write_run
 
 from command import fails
 from helisim.cli import main
-from helisim.storage import write_record
+from helisim.records.storage import write_record
 
 
 def test_a_log_becomes_a_recording(tmp_path, capsys):

@@ -4,9 +4,9 @@ import pytest
 from made_run import make_verification
 
 from helisim import ident
-from helisim.before_after import BeforeAfter, Change, Statement
 from helisim.output.findings import render_further
-from helisim.overall import Coefficient, OverallCheck
+from helisim.paper.eq8 import Coefficient, OverallCheck
+from helisim.paper.gyro_effect import BeforeAfter, Change, Statement
 
 CHANGE = Change(
     name="A_lon", unit="rad", paper_before=0.3697, paper_after=0.2109, before=0.37, after=0.2128

@@ -15,12 +15,13 @@ WRITE = """
 import resource, sys
 from pathlib import Path
 import numpy as np
-from helisim.channels import channel
+from helisim.records.channels import channel
 from helisim.errors import StorageError
 from helisim.ident import structures
 from helisim.output.rerun_log import write_recording
-from helisim.record import FlightRecord
-from helisim.storage import write_json, write_record
+from helisim.records.record import FlightRecord
+from helisim.records.files import write_json
+from helisim.records.storage import write_record
 
 folder, endless = Path(sys.argv[1]), resource.RLIM_INFINITY
 values = np.random.default_rng(1).normal(size=(2000, 2))

@@ -7,12 +7,11 @@ import pytest
 from browser import Browser, find
 from made_run import make_evidence, make_flight, write_run
 
-from helisim import pipeline
 from helisim.errors import InputError, StorageError
 from helisim.output.report import write_report
 from helisim.output.report_fit import write_fit_report
-from helisim.output.run import read_run
-from helisim.reference import jr700
+from helisim.paper import jr700
+from helisim.study.run import read_run
 
 PAIRS = ("w_col", "p_lat", "p_lon", "q_lat", "q_lon")
 ROUNDING = 0.6e-3  # four digits: half a unit of the last, of numbers that begin with 1
@@ -53,7 +52,7 @@ class Page(HTMLParser):
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("run")
     write_run(made)
-    pipeline.report(made)
+    write_report(made)
     return made
 
 
@@ -164,7 +163,7 @@ def test_the_kept_sweep_is_shown(folder):
 def test_the_report_is_the_same_again(folder):
     """Made again from the same files, it has the same bytes."""
     before = (folder / "report.html").read_bytes()
-    pipeline.report(folder)
+    write_report(folder)
     assert (folder / "report.html").read_bytes() == before
 
 

@@ -8,10 +8,10 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from helisim.channels import CHANNELS, IN2, POSITIONS, RATES, Channel, channel
 from helisim.errors import InputError, StorageError
 from helisim.output.rerun_log import GROUPS, write_recording
-from helisim.record import FlightRecord
+from helisim.records.channels import CHANNELS, IN2, POSITIONS, RATES, Channel, channel
+from helisim.records.record import FlightRecord
 
 SINGLE = 1e-6
 """Rerun keeps poses and shapes in single precision: 6e-8 of the largest number, here below 10."""

@@ -8,11 +8,11 @@ import pytest
 from made_run import make_flight, write_run
 from test_rerun_log import SINGLE, read
 
-from helisim.channels import CHANNELS, POSITIONS, ROTOR
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN
 from helisim.output.rerun_log import write_recording
-from helisim.output.run import read_run
+from helisim.records.channels import CHANNELS, POSITIONS, ROTOR
 from helisim.sim import Recorder, Sweep, fly
+from helisim.study.run import read_run
 
 STIFFNESS = 86.0
 SPEED = 178.0

@@ -3,8 +3,8 @@ import re
 
 import pytest
 
-from helisim.comparison import ComparisonTable, ParameterRow, Results
 from helisim.output.tables import render_results, render_table, wants_color
+from helisim.study.results import ComparisonTable, ParameterRow, Results
 
 ESCAPE = re.compile(r"\x1b\[[0-9;]*m")
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_continuous_are
 from scipy.signal import butter, sosfiltfilt
 
-from helisim.channels import channel
 from helisim.ident import Structure
 from helisim.ident.evaluate import matrices, state_space
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 _BLOCK = 64
 

@@ -16,7 +16,7 @@ from helisim.ident import (
     identify,
     structures,
 )
-from helisim.record import FlightRecord
+from helisim.records.record import FlightRecord
 
 
 @dataclass(frozen=True, kw_only=True)

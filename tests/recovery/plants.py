@@ -11,11 +11,11 @@ from control import StateSpace
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from helisim.channels import channel
 from helisim.ident import Structure
 from helisim.ident.evaluate import matrices, state_space
 from helisim.ident.simulation import simulate
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 RATE = 2000
 """Simulation rate, Hz."""

@@ -2,9 +2,9 @@
 
 import pytest
 
-from helisim.comparison import Results
-from helisim.recovery import base_models, recover
-from helisim.reference import published
+from helisim.paper import published
+from helisim.study.recover import base_models, recover
+from helisim.study.results import Results
 from helisim.vehicle import load
 
 

@@ -6,13 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.channels import IN1, SERVOS
 from helisim.physics import servo
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
+from helisim.records.channels import IN1, SERVOS
 from helisim.sim.excitation import Doublet
 from helisim.sim.fly import fly
-from helisim.sim.instruments import Recorder
+from helisim.sim.recorder import Recorder
 from helisim.vehicle.motion import addresses
 
 STEP = 0.002

@@ -2,8 +2,8 @@
 
 import pytest
 
-from helisim.channels import SERVOS
 from helisim.errors import InputError, UnknownNameError
+from helisim.records.channels import SERVOS
 from helisim.sim.fault_notation import from_dict, parse_fault, to_dict
 from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak
 from helisim.sim.recorder_faults import (

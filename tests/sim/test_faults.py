@@ -7,17 +7,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.channels import RATES, SERVOS
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics import servo
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
+from helisim.records.channels import RATES, SERVOS
+from helisim.sim.envelope import Watch
 from helisim.sim.excitation import Doublet, Sweep
 from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak, write_faults
 from helisim.sim.fly import fly
 from helisim.sim.pilot import Pilot
 from helisim.sim.simulation import simulate
-from helisim.sim.watch import Watch
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 

@@ -4,14 +4,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.channels import CHANNELS, IN1, IN2, OUT, SERVOS
 from helisim.errors import DivergedError, InputError
 from helisim.physics import pilot as pilot_laws
+from helisim.records.channels import CHANNELS, IN1, IN2, OUT, SERVOS
 from helisim.sim.excitation import Doublet, Sweep
 from helisim.sim.fly import fly, fly_each
 from helisim.sim.pilot import Pilot
 from helisim.sim.simulation import simulate
-from helisim.sim.truth import read_truth
+from helisim.sim.trajectory import read_truth
 from helisim.vehicle import load
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)

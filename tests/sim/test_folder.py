@@ -5,8 +5,8 @@ import pytest
 
 from helisim.cli import main
 from helisim.errors import InputError
+from helisim.records.storage import read_record
 from helisim.sim import Pilot, Recorder, Sweep, Watch, fly, fly_to, simulate
-from helisim.storage import read_record
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
 

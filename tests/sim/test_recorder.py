@@ -7,7 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.channels import (
+from helisim.errors import InputError, UnknownNameError
+from helisim.physics import servo
+from helisim.physics.native import installed
+from helisim.records.channels import (
     ACCELERATIONS,
     ATTITUDES,
     CHANNELS,
@@ -19,14 +22,11 @@ from helisim.channels import (
     SERVOS,
     VELOCITIES,
 )
-from helisim.errors import InputError, UnknownNameError
-from helisim.physics import servo
-from helisim.physics.native import installed
 from helisim.sim.excitation import Sweep
 from helisim.sim.fly import fly
-from helisim.sim.instruments import Recorder
+from helisim.sim.recorder import Recorder
 from helisim.sim.simulation import simulate
-from helisim.sim.truth import Truth, imu_offset, read_truth
+from helisim.sim.trajectory import Truth, imu_offset, read_truth
 from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, write_motion
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from helisim.channels import channel
 from helisim.errors import InputError, UnknownNameError
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 from helisim.sim.excitation import Doublet
 from helisim.sim.fly import fly
 from helisim.sim.recorder_faults import (

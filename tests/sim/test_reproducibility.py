@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import helisim
+from helisim.records.storage import write_record
 from helisim.sim import Sweep, fly
-from helisim.storage import write_record
 from helisim.vehicle import load
 from helisim.vehicle.assembly import models_folder
 

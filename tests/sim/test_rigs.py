@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.channels import CHANNELS
 from helisim.cli import main
 from helisim.errors import InputError, RecordError, UnknownNameError
 from helisim.physics.layout import ACTUATORS
-from helisim.record import FlightRecord
+from helisim.records.channels import CHANNELS
+from helisim.records.record import FlightRecord
 from helisim.sim import Recorder
 from helisim.sim.rigs import (
     PedalSteps,

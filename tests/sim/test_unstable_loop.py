@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from helisim.physics.native import installed
-from helisim.tuning import margins
+from helisim.study.tune import margins
 from helisim.vehicle import load
 
 LATE = {"gyro.period": 0.001, "gyro.latency": 0.041, "gyro.lead": 0.0}

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.channels import AIR
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics import weather as law
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
+from helisim.records.channels import AIR
 from helisim.sim import Gust, Pilot, Recorder, Sweep, Weather, fly, simulate
 from helisim.sim.simulation import _start, prepare
 from helisim.vehicle import load

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from helisim.errors import ModelError
+from helisim.paper.jr700 import table
 from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, STATE
 from helisim.physics.native import installed
-from helisim.reference.jr700 import table
 from helisim.vehicle import load
 from helisim.vehicle.assembly import assemble, check_interface, total_inertia
 from helisim.vehicle.motion import addresses

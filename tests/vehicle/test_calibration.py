@@ -3,7 +3,7 @@
 import pytest
 
 from helisim.errors import InputError, ModelError
-from helisim.reference.jr700 import table
+from helisim.paper.jr700 import table
 from helisim.vehicle import calibrate, read_parameters
 from helisim.vehicle.assembly import model_folder
 from helisim.vehicle.calibrate import DIRECT, SOLVED

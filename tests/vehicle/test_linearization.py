@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from helisim.errors import InputError
+from helisim.paper.jr700 import table
 from helisim.physics import servo
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.reference.jr700 import table
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 

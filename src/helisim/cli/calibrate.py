@@ -25,8 +25,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.pipeline import calibrated_text
-    from helisim.storage import atomic_write
+    from helisim.records.files import atomic_write
+    from helisim.study.calibrate import calibrated_text
     from helisim.vehicle.assembly import model_folder
 
     text = calibrated_text(options.vehicle)

@@ -80,8 +80,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.campaign import read_dataset
-    from helisim.campaign.summary import render, summarise
+    from helisim.study.campaign import read_dataset
+    from helisim.study.campaign.summary import render, summarise
 
     path = options.file
     if not path.is_dir() and path.suffix != ".parquet":
@@ -94,7 +94,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _fly(options: argparse.Namespace) -> Path:
-    from helisim.campaign import read_campaign, run_campaign
+    from helisim.study.campaign import read_campaign, run_campaign
 
     campaign = read_campaign(options.file)
     folder = options.out or options.file.with_suffix("")
@@ -110,7 +110,7 @@ def _fly(options: argparse.Namespace) -> Path:
 
 
 def _executor(options: argparse.Namespace) -> Any:
-    from helisim.campaign import local, on_dask
+    from helisim.study.campaign import local, on_dask
 
     if options.executor == "dask":
         return on_dask(options.scheduler, options.jobs)

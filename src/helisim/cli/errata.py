@@ -18,8 +18,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.errata import errata
     from helisim.output.ground import render_errata
+    from helisim.paper.errata import errata
 
     found = errata()
     if options.json:

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from helisim.channels import AXES
 from helisim.cli.common import (
     Progress,
     add_common,
@@ -21,6 +20,7 @@ from helisim.cli.common import (
     write_recording,
 )
 from helisim.errors import DivergedError, InputError, UnknownNameError
+from helisim.records.channels import AXES
 
 if TYPE_CHECKING:
     from helisim.sim import Watch
@@ -177,7 +177,7 @@ def _watch(items: Sequence[str]) -> "Watch":
 
 def _check(options: argparse.Namespace) -> None:
     """Refuse what can't be written, before any time is spent."""
-    from helisim.storage import SUFFIXES, check_destination
+    from helisim.records.files import SUFFIXES, check_destination
 
     if options.count is None:
         check_destination(options.out)
@@ -193,9 +193,9 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, how: dict[str, Any]) -> int:
+    from helisim.records.storage import write_record
     from helisim.sim import fly
     from helisim.sim.folder import write_flight
-    from helisim.storage import write_record
 
     try:
         with Progress(1, options.quiet) as advance:

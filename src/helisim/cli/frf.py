@@ -44,8 +44,8 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.ident.archive import response_to_dict
-    from helisim.provenance import made_by
-    from helisim.storage import check_destination, write_json
+    from helisim.records.files import check_destination, write_json
+    from helisim.records.provenance import made_by
 
     for path, suffix in ((options.json, ".json"), (options.csv, ".csv")):
         if path is not None:
@@ -92,7 +92,7 @@ def _table(frf: "FrequencyResponse") -> list[str]:
 
 def _write_csv(frf: "FrequencyResponse", provenance: dict[str, Any], path: Path) -> None:
     """Write a comment with the provenance, the headings, and a line a frequency."""
-    from helisim.storage import atomic_write
+    from helisim.records.files import atomic_write
 
     heads = ["frequency [rad/s]"]
     columns = [frf.frequency]

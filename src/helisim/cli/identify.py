@@ -120,7 +120,7 @@ def _asked(options: argparse.Namespace) -> "tuple[Structure, Signals]":
 
 
 def _check_destinations(options: argparse.Namespace) -> None:
-    from helisim.storage import check_destination
+    from helisim.records.files import check_destination
 
     for path, suffix in (
         (options.json, ".json"),
@@ -139,7 +139,7 @@ def _write(
     reduction: "Reduction | None",
 ) -> None:
     """Write what was asked for, and say so."""
-    from helisim.storage import atomic_write, write_json
+    from helisim.records.files import atomic_write, write_json
 
     if options.json is not None:
         log = {} if reduction is None else {"reduction": reduction.log()}

@@ -29,7 +29,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.output.tables import render_derivatives
-    from helisim.provenance import made_by
+    from helisim.records.provenance import made_by
     from helisim.vehicle import load
 
     vehicle = load(options.vehicle, parameters=parameters(options))

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 from helisim.cli.common import names, wrapped
 from helisim.errors import HelisimError, IdentificationError, InputError
-from helisim.logs import REPAIRS, Clock, Column, Log, Map, read_log
-from helisim.logs.mapping import EXAMPLE
-from helisim.record import FlightRecord
+from helisim.records.logs import REPAIRS, Clock, Column, Log, Map, read_log
+from helisim.records.logs.mapping import EXAMPLE
+from helisim.records.record import FlightRecord
 
 MAP_HELP = "a map is a TOML file, such as\n" + indent(EXAMPLE, "  ")
 

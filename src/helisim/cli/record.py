@@ -29,8 +29,9 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.errors import InputError
-    from helisim.output.run import FLIGHTS, read_run
-    from helisim.storage import check_destination, read_record
+    from helisim.records.files import check_destination
+    from helisim.records.storage import read_record
+    from helisim.study.run import FLIGHTS, read_run
 
     check_destination(options.out, (".rrd",))
     run, paths = None, []

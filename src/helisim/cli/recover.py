@@ -32,9 +32,9 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.flights import flights_in_all
     from helisim.output.tables import render_results, wants_color
-    from helisim.recovery import recover
+    from helisim.study.flights import flights_in_all
+    from helisim.study.recover import recover
 
     with Progress(flights_in_all(max(1, options.flights)) + 3, options.quiet) as advance:
         results = recover(

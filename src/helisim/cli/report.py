@@ -24,9 +24,9 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.pipeline import report
+    from helisim.output.report import write_report
 
-    path = report(options.folder)
+    path = write_report(options.folder)
     if options.json:
         figures = sorted(str(item) for item in (path.parent / "figures").iterdir())
         print(json.dumps({"report": str(path), "figures": figures}, indent=2))

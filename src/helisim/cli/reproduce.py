@@ -57,9 +57,10 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _repeat(options: argparse.Namespace) -> int:
-    from helisim.experiment import MODELS
-    from helisim.flights import flights_in_all
-    from helisim.repeat import arguments_of, repeat
+    from helisim.output.report import write_report
+    from helisim.study.flights import flights_in_all
+    from helisim.study.models import MODELS
+    from helisim.study.replay import arguments_of, repeat
 
     given = {
         "--flights": options.flights,
@@ -78,17 +79,21 @@ def _repeat(options: argparse.Namespace) -> int:
     steps = flights_in_all(flights) + len(MODELS) + (options.out is not None)
     with Progress(steps, options.quiet) as advance:
         found = repeat(options.run_folder, out=options.out, jobs=options.jobs, on_progress=advance)
+        if options.out is not None:
+            write_report(options.out)
+            advance("report")
     print(json.dumps(found.to_dict(), indent=2) if options.json else found)
     return 0 if found.same else 1
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    from helisim import pipeline
-    from helisim.experiment import MODELS
-    from helisim.flights import flights_in_all, named_records
-    from helisim.output.run import read_run
+    from helisim.output.report import write_report
     from helisim.output.tables import render_results, wants_color
-    from helisim.storage import check_destination
+    from helisim.records.files import check_destination
+    from helisim.study.flights import flights_in_all, named_records
+    from helisim.study.models import MODELS
+    from helisim.study.reproduce import reproduce
+    from helisim.study.run import read_run
 
     flights_kept = _FLIGHTS if options.flights is None else options.flights
     seed = 1 if options.seed is None else options.seed
@@ -100,7 +105,7 @@ def _reproduce(options: argparse.Namespace) -> int:
     flown = 0 if options.reuse else flights_in_all(flights_kept)
     steps = flown + len(MODELS) + 1  # the report
     with Progress(steps, options.quiet) as advance:
-        results, flights = pipeline.reproduce(
+        results, flights = reproduce(
             out=out,
             flights=flights_kept,
             seed=seed,
@@ -109,11 +114,10 @@ def _reproduce(options: argparse.Namespace) -> int:
             timestep=options.timestep,
             rotor=options.rerun is not None,
             reuse=options.reuse,
-            with_report=False,
             on_progress=advance,
         )
         run = read_run(out)
-        pipeline.report(out, run)
+        write_report(out, run)
         advance("report")
     if options.json:
         print(json.dumps(results.to_dict(), indent=2, allow_nan=False))

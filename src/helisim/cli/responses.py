@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from helisim.cli.common import names
 from helisim.cli.logs import located, read_logs
 from helisim.errors import IdentificationError
-from helisim.logs import Log
-from helisim.record import FlightRecord
+from helisim.records.logs import Log
+from helisim.records.record import FlightRecord
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse

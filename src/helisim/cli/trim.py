@@ -64,7 +64,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.output.tables import render_trims
-    from helisim.storage import check_destination
+    from helisim.records.files import check_destination
     from helisim.vehicle import load
     from helisim.vehicle.trim import HEIGHT
 
@@ -115,8 +115,8 @@ def speeds_of(text: str) -> list[float]:
 
 
 def _write_json(flights: Sequence["Vehicle"], options: argparse.Namespace) -> None:
-    from helisim.provenance import made_by
-    from helisim.storage import write_json
+    from helisim.records.files import write_json
+    from helisim.records.provenance import made_by
 
     found = [
         {
@@ -133,7 +133,7 @@ def _write_json(flights: Sequence["Vehicle"], options: argparse.Namespace) -> No
 
 def _draw(flights: Sequence["Vehicle"], path: Path) -> None:
     from helisim.output.plots import draw_trims
-    from helisim.storage import atomic_write
+    from helisim.records.files import atomic_write
 
     drawing = draw_trims(flights)
     with atomic_write(path) as temporary:

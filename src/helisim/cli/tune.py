@@ -26,8 +26,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.storage import atomic_write
-    from helisim.tuning import margin_table, tune
+    from helisim.records.files import atomic_write
+    from helisim.study.tune import margin_table, tune
     from helisim.vehicle import load
     from helisim.vehicle.assembly import model_folder
     from helisim.vehicle.parameters import to_toml

@@ -36,8 +36,8 @@ def add(commands: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     from helisim.ident import load_fit, verify
     from helisim.ident.verify import check_unseen
-    from helisim.provenance import made_by
-    from helisim.storage import check_destination, write_json
+    from helisim.records.files import check_destination, write_json
+    from helisim.records.provenance import made_by
 
     fit = load_fit(options.model)
     if options.json is not None:

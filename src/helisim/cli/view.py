@@ -3,8 +3,8 @@
 import argparse
 from typing import Any
 
-from helisim.channels import AXES
 from helisim.cli.common import add_parameters, add_vehicle, parameters
+from helisim.records.channels import AXES
 
 
 def add(commands: Any) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.io import savemat
 
-from helisim.storage import atomic_write
+from helisim.records.files import atomic_write
 
 if TYPE_CHECKING:
     from helisim.ident.fitted import FittedParameter

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from helisim.record import FlightRecord
+from helisim.records.record import FlightRecord
 
 RUN = 16
 """Samples of a run; so many noisy ones don't repeat by chance."""

@@ -19,7 +19,7 @@ from helisim.ident.result import Fit
 from helisim.ident.starts import starting_points
 from helisim.ident.structure import Structure
 from helisim.ident.threads import one_blas_thread
-from helisim.provenance import plain
+from helisim.records.provenance import plain
 
 _APPROACH_STEPS = 60
 """Evaluations of the search through relative errors, which only has to find the valley."""

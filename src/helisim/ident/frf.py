@@ -17,7 +17,7 @@ from helisim.ident.response import FrequencyResponse
 from helisim.ident.scatter import Scatter, WindowWeights
 from helisim.ident.spectra import Spectra, cross_spectra
 from helisim.ident.threads import one_blas_thread
-from helisim.record import FlightRecord
+from helisim.records.record import FlightRecord
 
 POINTS_PER_DECADE = 80
 """Density of the frequency grid; 20 points of it a response go into a fit."""

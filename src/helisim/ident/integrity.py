@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from helisim.channels import Channel
-from helisim.damage import at_stop, spikes, still
 from helisim.errors import IdentificationError
-from helisim.record import FlightRecord
+from helisim.records.channels import Channel
+from helisim.records.quality import at_stop, spikes, still
+from helisim.records.record import FlightRecord
 
 _LASTS = 1.0
 """s, for which an input is at its stop in a record before it is told."""

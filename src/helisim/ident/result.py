@@ -21,8 +21,8 @@ from helisim.ident.export import latex_table, text_table, write_matlab
 from helisim.ident.fitted import FittedParameter, parameter_from_dict, parameter_to_dict
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
-from helisim.provenance import versions
-from helisim.storage import read_json, write_json
+from helisim.records.files import read_json, write_json
+from helisim.records.provenance import versions
 
 FORMAT = "helisim fit, version 1"
 """What `Fit.to_dict` writes and `Fit.from_dict` reads."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import detrend
 
-from helisim.record import FlightRecord
+from helisim.records.record import FlightRecord
 
 HANN_POWER = 0.375
 """Mean square of the Hann window; dividing by it restores the power (CIFER's 1.63^2)."""

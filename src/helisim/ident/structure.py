@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.expression import FUNCTIONS, Expression
 from helisim.ident.plain import MATRICES, axes, read_fields, to_toml
-from helisim.storage import atomic_write, read_toml
+from helisim.records.files import atomic_write, read_toml
 
 Entries = tuple[tuple[str, ...], ...]
 """A matrix of expressions, by rows."""

@@ -20,7 +20,7 @@ from helisim.ident.integrity import check_whole
 from helisim.ident.result import Fit
 from helisim.ident.simulation import delayed, simulate
 from helisim.ident.threads import one_blas_thread
-from helisim.record import FlightRecord
+from helisim.records.record import FlightRecord
 
 ACCEPTABLE_TIC = 0.25
 """Theil's coefficient up to which a model predicts well (Tischler and Remple)."""

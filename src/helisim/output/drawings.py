@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from helisim.ident import Fit
-from helisim.output.evidence import Evidence
 from helisim.output.plots import Drawing, draw_bode, draw_flight, draw_verification
-from helisim.output.run import Run
+from helisim.study.identified import Evidence
+from helisim.study.run import Run
 
 _SWEPT = {
     "col": ("COL", "col", "w", "phi", "theta"),

@@ -3,10 +3,10 @@
 import textwrap
 from collections.abc import Mapping, Sequence
 
-from helisim.before_after import BeforeAfter, Change
-from helisim.comparison import Plain
 from helisim.ident import Verification
-from helisim.overall import OverallCheck
+from helisim.paper.eq8 import OverallCheck
+from helisim.paper.gyro_effect import BeforeAfter, Change
+from helisim.study.results import Plain
 
 _WIDTH = 80
 

@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Sequence
 
-from helisim.errata import Erratum
+from helisim.paper.errata import Erratum
 from helisim.sim.rigs import Finding, RigTest
 
 _WIDTH = 80

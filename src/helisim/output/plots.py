@@ -21,10 +21,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 from numpy.typing import NDArray
 
-from helisim.channels import ATTITUDES, IN1, RATES
 from helisim.ident import FrequencyResponse, Verification
-from helisim.record import FlightRecord
-from helisim.storage import atomic_write
+from helisim.records.channels import ATTITUDES, IN1, RATES
+from helisim.records.files import atomic_write
+from helisim.records.record import FlightRecord
 from helisim.vehicle import Vehicle
 
 DATA = "#a6a6a6"

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from helisim.errata import Erratum
 from helisim.errors import UnknownNameError
 from helisim.ident import Fit
 from helisim.output import html
@@ -22,8 +21,9 @@ from helisim.output.report_tables import (
     verification_table,
     versions_table,
 )
-from helisim.output.run import Run, read_run
-from helisim.storage import atomic_write, make_folder
+from helisim.paper.errata import Erratum, errata
+from helisim.records.files import atomic_write, make_folder
+from helisim.study.run import Run, read_run
 from helisim.vehicle.assembly import model_folder
 
 FIGURES = "figures"
@@ -46,16 +46,13 @@ _SHOWN_ELSEWHERE = (
 """Keys of the results; the others are unfolded with the provenance."""
 
 
-def write_report(
-    folder: str | Path, *, errata: Sequence[Erratum] = (), run: Run | None = None
-) -> Path:
+def write_report(folder: str | Path, run: Run | None = None) -> Path:
     """Write FOLDER/report.html and FOLDER/figures from the other files in the folder.
 
     Each file appears complete or not at all.
 
     Args:
         folder: that `helisim reproduce` wrote.
-        errata: the known errors of the paper.
         run: what is in the folder; read if None.
 
     Returns:
@@ -72,7 +69,7 @@ def write_report(
     for group in drawings.values():
         for drawing in group:
             drawing.write(folder / FIGURES)
-    text = render_run(run, drawings, errata=errata)
+    text = render_run(run, drawings, errata=errata())
     with atomic_write(folder / REPORT) as path:
         path.write_text(text, encoding="utf-8")
     return folder / REPORT

@@ -6,12 +6,12 @@ from pathlib import Path
 from helisim.ident import Fit, Verification
 from helisim.output import html
 from helisim.output.drawings import bode_drawings, verification_drawings
-from helisim.output.evidence import Evidence
 from helisim.output.plots import draw_flight
 from helisim.output.report import as_json, left_out
 from helisim.output.report_tables import fit_table, verification_table
-from helisim.record import FlightRecord
-from helisim.storage import atomic_write
+from helisim.records.files import atomic_write
+from helisim.records.record import FlightRecord
+from helisim.study.identified import Evidence
 
 
 def write_fit_report(

@@ -3,14 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from helisim.comparison import ComparisonTable, ParameterRow
-from helisim.errata import Erratum
 from helisim.ident import Fit, Verification
 from helisim.output import html
 from helisim.output.html import Cell
 from helisim.output.tables import HEADINGS, LEFT, cells, percent
-from helisim.record import FlightRecord
-from helisim.reference import jr700
+from helisim.paper import jr700
+from helisim.paper.errata import Erratum
+from helisim.records.record import FlightRecord
+from helisim.study.results import ComparisonTable, ParameterRow
 
 _FLOWN = {
     "R_mr": "main_rotor.radius",

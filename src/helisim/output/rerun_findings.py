@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from helisim.ident import Fit, FrequencyResponse
 from helisim.output.drawings import bode_drawings, verification_drawings
-from helisim.output.run import Run
 from helisim.output.tables import cells
 from helisim.output.timelines import STEP, time_column
+from helisim.study.run import Run
 
 
 def figure_entities(run: Run) -> dict[str, tuple[str, ...]]:

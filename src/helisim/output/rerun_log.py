@@ -33,7 +33,13 @@ import numpy as np
 import rerun as rr
 from rerun.blueprint import Blueprint
 
-from helisim.channels import (
+from helisim.errors import InputError
+from helisim.output.blueprint import FlightViews, blueprint
+from helisim.output.rerun_findings import figure_entities, log_findings
+from helisim.output.rerun_scene import is_posed, knows_rotor, log_space
+from helisim.output.shapes import Shapes, box_shapes, model_shapes
+from helisim.output.timelines import time_column
+from helisim.records.channels import (
     ACCELERATIONS,
     ATTITUDES,
     IN1,
@@ -44,16 +50,10 @@ from helisim.channels import (
     SERVOS,
     VELOCITIES,
 )
-from helisim.errors import InputError
-from helisim.output.blueprint import FlightViews, blueprint
-from helisim.output.rerun_findings import figure_entities, log_findings
-from helisim.output.rerun_scene import is_posed, knows_rotor, log_space
-from helisim.output.run import Run
-from helisim.output.shapes import Shapes, box_shapes, model_shapes
-from helisim.output.timelines import time_column
-from helisim.provenance import made_by
-from helisim.record import FlightRecord
-from helisim.storage import atomic_write
+from helisim.records.files import atomic_write
+from helisim.records.provenance import made_by
+from helisim.records.record import FlightRecord
+from helisim.study.run import Run
 
 APPLICATION = "helisim"
 

@@ -7,11 +7,11 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from helisim.channels import ATTITUDES, POSITIONS, ROTOR
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN, drawn_tilt, drawn_turn
 from helisim.output.shapes import Shapes
 from helisim.output.timelines import time_column
-from helisim.record import FlightRecord
+from helisim.records.channels import ATTITUDES, POSITIONS, ROTOR
+from helisim.records.record import FlightRecord
 
 _TILT = ROTOR[:2]
 

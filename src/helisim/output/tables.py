@@ -6,9 +6,9 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TextIO
 
-from helisim.channels import IN1
-from helisim.comparison import ComparisonTable, ParameterRow, Results, Verdict
 from helisim.output.findings import render_further
+from helisim.records.channels import IN1
+from helisim.study.results import ComparisonTable, ParameterRow, Results, Verdict
 from helisim.vehicle import Linearization, Vehicle
 
 WIDTH = 80

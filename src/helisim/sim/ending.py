@@ -9,7 +9,9 @@ import numpy as np
 from mujoco import rollout
 from numpy.typing import NDArray
 
-from helisim.channels import (
+from helisim.errors import DivergedError
+from helisim.physics.native import installed
+from helisim.records.channels import (
     ACCELERATIONS,
     AIR,
     ATTITUDES,
@@ -22,11 +24,9 @@ from helisim.channels import (
     VELOCITIES,
     Channel,
 )
-from helisim.errors import DivergedError
-from helisim.physics.native import installed
-from helisim.record import FlightRecord
-from helisim.sim.truth import End, Truth, read_truth, sound_samples
-from helisim.sim.watch import Watch, told
+from helisim.records.record import FlightRecord
+from helisim.sim.envelope import Watch, told
+from helisim.sim.trajectory import End, Truth, read_truth, sound_samples
 from helisim.vehicle import Vehicle
 
 _LAST = 1.0

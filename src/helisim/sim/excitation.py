@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.channels import AXES
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import DOUBLET, PARAM, SWEEP
+from helisim.records.channels import AXES
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, fields
 from typing import Any
 
-from helisim.channels import CHANNELS, SERVOS
 from helisim.errors import InputError, UnknownNameError
+from helisim.records.channels import CHANNELS, SERVOS
 from helisim.sim.faults import FlightFault, GyroDropout, GyroRestart, ServoStuck, ServoWeak
 from helisim.sim.recorder_faults import (
     ClockDrift,

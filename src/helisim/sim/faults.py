@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.channels import RATES, SERVOS
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import NEVER, PARAM, READS_HELD, READS_ZERO
+from helisim.records.channels import RATES, SERVOS
 
 _READS = {"zero": READS_ZERO, "held": READS_HELD}
 

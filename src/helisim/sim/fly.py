@@ -4,17 +4,17 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from helisim.errors import DivergedError
-from helisim.provenance import made_by
-from helisim.record import FlightRecord
+from helisim.records.provenance import made_by
+from helisim.records.record import FlightRecord
 from helisim.sim.ending import last_second
+from helisim.sim.envelope import Watch, told
 from helisim.sim.excitation import Excitation
 from helisim.sim.fault_notation import Fault, check_faults, to_dict
-from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
+from helisim.sim.recorder import Recorder
 from helisim.sim.recorder_faults import RecorderFault
 from helisim.sim.simulation import flight_numbers, generator, simulated
-from helisim.sim.truth import Truth
-from helisim.sim.watch import Watch, told
+from helisim.sim.trajectory import Truth
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 

@@ -7,17 +7,18 @@ from types import MappingProxyType
 from typing import Any
 
 from helisim.errors import InputError, RecordError, StorageError
-from helisim.provenance import difference, plain
-from helisim.record import FlightRecord
+from helisim.records.files import make_folder
+from helisim.records.provenance import difference, plain
+from helisim.records.record import FlightRecord
+from helisim.records.storage import read_record, write_record
+from helisim.sim.envelope import Watch
 from helisim.sim.excitation import Excitation
 from helisim.sim.fault_notation import Fault
 from helisim.sim.fly import flight_provenance, fly_watched
-from helisim.sim.instruments import Recorder
 from helisim.sim.pilot import Pilot
+from helisim.sim.recorder import Recorder
 from helisim.sim.simulation import flight_numbers
-from helisim.sim.watch import Watch
 from helisim.sim.weather import Weather
-from helisim.storage import make_folder, read_record, write_record
 from helisim.vehicle import Vehicle
 
 LAST_SECONDS = "last_second"

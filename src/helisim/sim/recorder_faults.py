@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from helisim.channels import channel
 from helisim.errors import InputError, UnknownNameError
-from helisim.record import FlightRecord
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 from helisim.sim.faults import check_time
 
 _FEWEST = 2

@@ -15,11 +15,11 @@ from helisim.errors import DivergedError, InputError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.sim.ending import watched
+from helisim.sim.envelope import Watch, told
 from helisim.sim.excitation import Excitation
 from helisim.sim.faults import FlightFault, write_faults
 from helisim.sim.pilot import Pilot
-from helisim.sim.truth import Truth
-from helisim.sim.watch import Watch, told
+from helisim.sim.trajectory import Truth
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses

@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
 from helisim.errors import InputError, ModelError
 from helisim.physics import servo
 from helisim.physics.layout import PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
+from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
 from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
 from helisim.vehicle.trim import Trim, place
 

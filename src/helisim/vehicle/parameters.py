@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from helisim.errors import InputError, ModelError, StorageError, UnknownNameError
-from helisim.storage import read_toml
+from helisim.records.files import read_toml
 
 
 @dataclass(frozen=True)

@@ -12,18 +12,18 @@ import control
 import mujoco
 import numpy as np
 
-from helisim.channels import IN1
 from helisim.errors import InputError
 from helisim.physics.frames import flip
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.physics.servo import equivalent_delay
+from helisim.records.channels import IN1
 from helisim.vehicle.assembly import Integrator, assemble, model_folder
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
-from helisim.vehicle.loop import SampledGyro, close, sampled_gyro
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.parameters import Parameters, read_parameters, untuned
+from helisim.vehicle.sampled import SampledGyro, close, sampled_gyro
 from helisim.vehicle.settings import GyroSettings
 from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
 

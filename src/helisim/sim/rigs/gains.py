@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from helisim.errors import InputError, RecordError
-from helisim.record import FlightRecord
+from helisim.records.record import FlightRecord
 
 _Complex = NDArray[np.complexfloating[Any, Any]]
 

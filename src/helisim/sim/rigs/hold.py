@@ -11,10 +11,10 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.physics import pilot
 from helisim.physics.frames import flip
 from helisim.physics.native import installed
-from helisim.record import FlightRecord
-from helisim.sim.instruments import Recorder
-from helisim.sim.truth import read_truth
-from helisim.sim.watch import Watch
+from helisim.records.record import FlightRecord
+from helisim.sim.envelope import Watch
+from helisim.sim.recorder import Recorder
+from helisim.sim.trajectory import read_truth
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import assemble
 

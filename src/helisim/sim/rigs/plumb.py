@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, RecordError
-from helisim.record import FlightRecord
+from helisim.records.record import FlightRecord
 
 REST = 10.0
 """s at the end of a hanging, in which the attitude is averaged."""

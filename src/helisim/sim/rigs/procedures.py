@@ -4,8 +4,8 @@ import numpy as np
 
 from helisim.errors import RecordError
 from helisim.physics.gyro import held_lag
-from helisim.record import FlightRecord
-from helisim.sim.instruments import Recorder
+from helisim.records.record import FlightRecord
+from helisim.sim.recorder import Recorder
 from helisim.sim.rigs.finding import Finding, RigTest
 from helisim.sim.rigs.gains import loop_gains
 from helisim.sim.rigs.hold import PedalSteps, TableSweep, hold, step_pedals, turn

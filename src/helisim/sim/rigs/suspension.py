@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.physics.frames import flip
-from helisim.sim.instruments import Recorder
+from helisim.sim.recorder import Recorder
 from helisim.sim.rigs.finding import Finding, RigTest
 from helisim.sim.rigs.hold import hang, hold, suspension_points
 from helisim.sim.rigs.plumb import REST, PlumbLine, centre_of_gravity, plumb_line
-from helisim.sim.truth import imu_offset
+from helisim.sim.trajectory import imu_offset
 from helisim.vehicle import Vehicle
 
 _MILLIMETRE = 1e-3

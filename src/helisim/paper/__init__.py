@@ -1,0 +1,20 @@
+"""Published numbers with their provenance: compared with, never fed to the identification."""
+
+from helisim.errors import UnknownNameError
+from helisim.paper import blade360, jr700
+from helisim.paper.values import Published, ReferenceTable, ReferenceValue
+
+__all__ = ["Published", "ReferenceTable", "ReferenceValue", "blade360", "jr700", "published"]
+
+_BY_VEHICLE = {"blade360": blade360.PUBLISHED, "jr700": jr700.PUBLISHED}
+
+
+def published(vehicle: str) -> Published:
+    """Return what is published of a vehicle.
+
+    Raises:
+        UnknownNameError: nothing is; the message lists the vehicles that have something.
+    """
+    if vehicle not in _BY_VEHICLE:
+        raise UnknownNameError("vehicle with published numbers", vehicle, _BY_VEHICLE)
+    return _BY_VEHICLE[vehicle]

@@ -1,0 +1,27 @@
+"""Anyone's flight logs as flight records: CSV, Parquet, ULog, ArduPilot DataFlash.
+
+A log is read as it is. What is wrong with it (gaps, missing numbers, clocks that go back) is
+refused with the row's number, or repaired where the user asked for it, and every repair is
+in the report and in the record's provenance. Spikes, dead sensors, lost samples and clocks that
+go wrong are looked for in every log, and noted.
+"""
+
+from helisim.records.logs.log import Log
+from helisim.records.logs.mapping import Clock, Column, Layout, Map
+from helisim.records.logs.read import REPAIRS, read_log, screen
+from helisim.records.logs.report import Finding, LogReport
+from helisim.records.logs.units import UNITS
+
+__all__ = [
+    "REPAIRS",
+    "UNITS",
+    "Clock",
+    "Column",
+    "Finding",
+    "Layout",
+    "Log",
+    "LogReport",
+    "Map",
+    "read_log",
+    "screen",
+]

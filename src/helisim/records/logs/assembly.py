@@ -1,0 +1,153 @@
+"""Assembles a log from columns or from a record: channels in SI, screened, repaired, cut."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import RecordError
+from helisim.records.channels import Channel
+from helisim.records.logs.log import Log, made_log, passband, steps
+from helisim.records.logs.mapping import Column, Map, find_column
+from helisim.records.logs.parts import Options, cut, tidied, unwrapped
+from helisim.records.logs.report import OURS, Finding, LogReport
+from helisim.records.logs.screening import clocks_of, note_lost_samples, screened
+from helisim.records.logs.source import Source, place
+from helisim.records.logs.timing import Samples, within
+from helisim.records.provenance import made_by
+from helisim.records.record import FlightRecord
+
+
+def from_record(
+    path: Path,
+    record: FlightRecord,
+    fingerprint: str,
+    options: Options,
+    wanted: Sequence[str] | None,
+) -> Log:
+    """Read a helisim record, which needs no map."""
+    samples = Samples(
+        path, "row", np.arange(len(record)), record.time, record.values, record.names, "time"
+    )
+    findings: list[Finding] = []
+    samples = within(samples, record.time[0] + np.array(options.limits), findings)
+    samples = screened(samples, record.channels, options.repairs, findings, wanted=wanted)
+    note_lost_samples(samples, options.rate is not None, findings)
+    made = (cut((samples,), options, findings),)
+    findings += clocks_of(made, record.names)
+    report = LogReport(
+        path=str(path),
+        format=OURS,
+        digest=fingerprint,
+        counts="row",
+        samples=len(record),
+        columns={channel.name: f"as recorded, in {channel.unit}" for channel in record.channels},
+        unused=(),
+        origin=f"{record.time[0]:.9g} s",
+        step=steps((samples,)),
+        findings=(*findings, *(finding for one in made for finding in one.left_out)),
+        resampled_hz=options.rate,
+        passband_hz=passband(made, options.rate),
+        parts=tuple(part for stretch in made for part in stretch.parts),
+    )
+    headings = {name: name for name in record.names}
+    if options.rate is None and not report.repairs and report.parts[0].samples == len(record):
+        return Log((record,), report, headings)
+    return made_log(made, record.channels, report, headings, record.provenance)
+
+
+def from_source(
+    source: Source, map_: Map, fingerprint: str, options: Options, marks: Mapping[str, Any]
+) -> Log:
+    """Read anyone's log by a map whose channels are complete."""
+    findings = list(source.findings)
+    headings: dict[str, str] = {}
+    told: dict[str, str] = {}
+    channels: dict[str, Channel] = {}
+    groups: dict[str, dict[str, NDArray[np.float64]]] = {}
+    for name, column in map_.channels.items():
+        heading = find_column(column.column, source.names, f"column of channel {name!r}")
+        stated = source.stated_unit(heading)
+        channels[name], factor = column.converts(name, stated)
+        headings[name] = heading
+        told[name] = _told(column, heading, stated, channels[name])
+        values = _converted(source, heading, column, factor)
+        groups.setdefault(source.clock(heading), {})[name] = values
+    samples = []
+    clocks = {}
+    for clock, columns in groups.items():
+        stamps, origin, time_heading = source.stamps(clock, map_.time)
+        clocks[time_heading] = origin
+        read = Samples(
+            source.path,
+            source.counts,
+            source.rows(clock),
+            stamps,
+            np.column_stack(list(columns.values())),
+            tuple(headings[name] for name in columns),
+            time_heading,
+        )
+        samples.append(within(read, np.array(options.limits), findings))
+    order = [name for columns in groups.values() for name in columns]
+    stretches = tidied(tuple(samples), options, findings)
+    stretches = tuple(
+        tuple(
+            unwrapped(one, [(map_.channels[name], channels[name]) for name in columns], findings)
+            for one, columns in zip(stretch, groups.values())
+        )
+        for stretch in stretches
+    )
+    stretches = tuple(
+        tuple(
+            screened(one, [channels[name] for name in columns], options.repairs, findings)
+            for one, columns in zip(stretch, groups.values())
+        )
+        for stretch in stretches
+    )
+    for one in (one for stretch in stretches for one in stretch):
+        note_lost_samples(one, options.rate is not None, findings)
+    made = tuple(cut(stretch, options, findings) for stretch in stretches)
+    findings += clocks_of(made, order)
+    used = {*headings.values(), *clocks}
+    report = LogReport(
+        path=str(source.path),
+        format=source.format,
+        digest=fingerprint,
+        counts=source.counts,
+        samples=max(one.time.size for one in samples),
+        columns=told,
+        unused=tuple(name for name in source.names if name not in used),
+        origin=next(iter(clocks.values())),
+        step=steps(tuple(one for stretch in stretches for one in stretch)),
+        findings=(*findings, *(finding for one in made for finding in one.left_out)),
+        resampled_hz=options.rate,
+        passband_hz=passband(made, options.rate),
+        parts=tuple(part for one in made for part in one.parts),
+    )
+    provenance = made_by("log reader", **marks)
+    return made_log(made, tuple(channels[name] for name in order), report, headings, provenance)
+
+
+def _told(column: Column, heading: str, stated: str | None, channel: Channel) -> str:
+    """Return how a channel is computed, for people."""
+    unit = column.unit or stated
+    number = f"{heading!r}" if column.trim is None else f"({heading!r} - {column.trim:g})"
+    number = number if column.range is None else f"{number} / {column.range:g}"
+    sign = "-" if column.sign < 0 else ""
+    return f"{sign}{number} [{unit}] in {channel.unit}"
+
+
+def _converted(source: Source, heading: str, column: Column, factor: float) -> NDArray[np.float64]:
+    """Return a column in SI, NaN where there is no number."""
+    raw = source.numbers(heading)
+    trim = 0.0 if column.trim is None else column.trim
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = factor * (raw - trim)
+    wild = np.flatnonzero(np.isinf(values))
+    if wild.size:
+        rows = source.rows(source.clock(heading))
+        where = place(source.path, source.counts, int(rows[wild[0]]), heading)
+        raise RecordError(f"{where}: {raw[wild[0]]:g} is too large for its unit")
+    return values

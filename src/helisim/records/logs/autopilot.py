@@ -1,0 +1,239 @@
+"""Logs of PX4 (ULog) and ArduPilot (DataFlash), by their projects' own readers.
+
+A column is called `topic.field`, such as `vehicle_angular_velocity.xyz[0]` or `RATE.R`; a
+second instance is `topic[1].field`. Each topic has its own clock, which counts microseconds.
+Rows are a topic's messages, from 0.
+"""
+
+import contextlib
+import io
+import tempfile
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import InputError, StorageError
+from helisim.records.logs.mapping import Clock
+from helisim.records.logs.report import Finding
+from helisim.records.logs.source import MAX_COLUMNS, check_no_infinity
+from helisim.records.logs.units import is_unit
+
+ULOG_MAGIC = b"ULog\x01\x12\x35"
+DATAFLASH_MAGIC = b"\xa3\x95"
+DATAFLASH_TEXT = b"FMT,"
+
+_MICROSECOND = 1e-6
+
+_READS_A_BYTE = 4
+"""A reader that asks more often goes round in circles: a sound log takes less than one."""
+
+
+class _Finite(io.BytesIO):
+    """Bytes that are not read for ever: a damaged log sends pyulog back to where it was."""
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(data)
+        self._reads_left = _READS_A_BYTE * len(data) + 1000
+
+    def read(self, size: int | None = -1) -> bytes:
+        """Read as a file does. Raises EOFError after too many reads."""
+        self._reads_left -= 1
+        if self._reads_left < 0:
+            raise EOFError("its messages lead round in circles")
+        return super().read(size)
+
+
+class TopicLog:
+    """Messages by topic, each with its own clock.
+
+    Args:
+        path: the file.
+        format: name of the format.
+        topics: topic -> field -> (n_time,) numbers.
+        clocks: topic -> (n_time,) microseconds.
+        units: column -> unit that the log states.
+        findings: what the format's reader noticed.
+    """
+
+    counts = "row"
+
+    def __init__(
+        self,
+        path: Path,
+        format: str,
+        topics: Mapping[str, Mapping[str, NDArray[np.float64]]],
+        clocks: Mapping[str, NDArray[np.float64]],
+        units: Mapping[str, str],
+        findings: list[Finding],
+    ) -> None:
+        self.path = path
+        self.format = format
+        self.findings = findings
+        self._columns = {
+            f"{topic}.{field}": (topic, numbers)
+            for topic, fields in topics.items()
+            for field, numbers in fields.items()
+        }
+        self._clocks = clocks
+        self._units = units
+        self.names: tuple[str, ...] = tuple(self._columns)
+        if not self.names:
+            raise StorageError(f"{path}: no messages with numbers in it")
+        if len(self.names) > MAX_COLUMNS:
+            raise StorageError(f"{path}: {len(self.names)} columns, at most {MAX_COLUMNS} are read")
+
+    def stated_unit(self, name: str) -> str | None:
+        """Return the unit that the log states for a column, if it is a known one."""
+        unit = self._units.get(name)
+        return unit if unit is not None and is_unit(unit) else None
+
+    def clock(self, name: str) -> str:
+        """Return the column's topic."""
+        return self._columns[name][0]
+
+    def rows(self, clock: str) -> NDArray[np.int64]:
+        """Return the numbers of a topic's messages, (n_time,)."""
+        return np.arange(self._clocks[clock].size)
+
+    def numbers(self, name: str) -> NDArray[np.float64]:
+        """Return a column, (n_time,). Raises RecordError if a number is infinite."""
+        values = self._columns[name][1]
+        check_no_infinity(self.path, self.counts, name, values)
+        return values
+
+    def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:
+        """Return seconds since the log's first stamp of all topics, that, and the column."""
+        if time is not None:
+            raise InputError(f"{self.path}: {self.format} has its own clock; leave out [time]")
+        first = min(float(stamps[0]) for stamps in self._clocks.values() if stamps.size)
+        return (self._clocks[clock] - first) * _MICROSECOND, f"{first:.0f} us", f"{clock}'s clock"
+
+
+def read_ulog(path: Path, data: bytes) -> TopicLog:
+    """Read a PX4 log. Raises StorageError."""
+    pyulog = _import("pyulog", path)
+    printed = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(printed), np.errstate(all="ignore"):
+            log = pyulog.ULog(_Finite(data))
+    except Exception as error:  # a foreign reader of damaged bytes may raise anything
+        raise _unreadable(path, "ULog", error) from None
+    findings = _notes(printed.getvalue())
+    if log.file_corruption:
+        findings.append(Finding("corruption", "the log is damaged: messages were lost"))
+    if log.dropouts:
+        lost = sum(dropout.duration for dropout in log.dropouts)
+        text = f"{len(log.dropouts)} dropouts of the logger, {lost} ms in all"
+        findings.append(Finding("dropout", text, len(log.dropouts)))
+    topics: dict[str, dict[str, NDArray[np.float64]]] = {}
+    clocks: dict[str, NDArray[np.float64]] = {}
+    for one in log.data_list:
+        topic = one.name if one.multi_id == 0 else f"{one.name}[{one.multi_id}]"
+        stamps = one.data.get("timestamp")
+        if stamps is None or not len(stamps) or topic in topics:
+            continue
+        clocks[topic] = np.array(stamps, dtype=np.float64)
+        topics[topic] = {
+            field: np.array(values, dtype=np.float64)
+            for field, values in one.data.items()
+            if field != "timestamp" and np.asarray(values).dtype.kind in "iufb"
+        }
+    return TopicLog(path, "ULog", topics, clocks, {}, findings)
+
+
+def read_dataflash(path: Path, data: bytes) -> TopicLog:
+    """Read an ArduPilot log, binary or text. Raises StorageError."""
+    reader = _import("pymavlink.DFReader", path)
+    binary = data.startswith(DATAFLASH_MAGIC)
+    printed = io.StringIO()
+    try:
+        with (
+            contextlib.redirect_stdout(printed),
+            contextlib.redirect_stderr(printed),
+            _as_file(data) as name,
+        ):
+            log = (reader.DFReader_binary if binary else reader.DFReader_text)(name)
+            try:
+                topics, clocks, units, used = _messages(log)
+            finally:
+                log.data_map.close()
+                log.filehandle.close()
+    except StorageError:
+        raise
+    except Exception as error:  # a foreign reader of damaged bytes may raise anything
+        raise _unreadable(path, "DataFlash", error) from None
+    findings = _notes(printed.getvalue())
+    if binary and used != len(data):
+        text = f"{len(data) - used} of {len(data)} bytes belong to no whole message"
+        findings.append(Finding("corruption", text))
+    return TopicLog(path, "DataFlash", topics, clocks, units, findings)
+
+
+def _messages(log: Any) -> tuple[dict, dict, dict[str, str], int]:
+    """Return the numbers by topic and field, clocks, units, and the bytes of all messages."""
+    lists: dict[str, dict[str, list[float]]] = {}
+    stamps: dict[str, list[float]] = {}
+    units: dict[str, str] = {}
+    used = 0
+    while (message := log.recv_msg()) is not None:
+        layout = message.fmt
+        used += layout.len
+        if "TimeUS" not in layout.columns:
+            continue
+        topic = message.get_type()
+        instance = getattr(message, layout.instance_field) if layout.instance_field else 0
+        topic = topic if instance in (0, None) else f"{topic}[{instance}]"
+        values = {
+            field: value
+            for field in layout.columns
+            if isinstance(value := getattr(message, field), int | float)
+        }
+        if topic not in lists:
+            lists[topic] = {field: [] for field in values if field != "TimeUS"}
+            stamps[topic] = []
+            for field, unit in zip(layout.columns, layout.units or ()):
+                units[f"{topic}.{field}"] = unit
+        stamps[topic].append(float(values["TimeUS"]))
+        for field, numbers in lists[topic].items():
+            numbers.append(float(values.get(field, np.nan)))
+    topics = {
+        topic: {field: np.array(numbers) for field, numbers in fields.items()}
+        for topic, fields in lists.items()
+    }
+    return topics, {topic: np.array(times) for topic, times in stamps.items()}, units, used
+
+
+@contextlib.contextmanager
+def _as_file(data: bytes) -> Any:
+    """Give the bytes a name in the file system, as the reader maps files into memory."""
+    with tempfile.TemporaryDirectory() as folder:
+        name = Path(folder, "log")
+        name.write_bytes(data)
+        yield str(name)
+
+
+def _import(module: str, path: Path) -> Any:
+    try:
+        return import_module(module)
+    except ImportError:
+        package = module.partition(".")[0]
+        raise StorageError(
+            f"{path}: reading it needs {package}, which isn't installed: pip install helisim[logs]"
+        ) from None
+
+
+def _unreadable(path: Path, format: str, error: Exception) -> StorageError:
+    reason = (str(error).splitlines() or [""])[0] or type(error).__name__
+    return StorageError(f"{path}: not {format}, truncated or corrupt: {reason}")
+
+
+def _notes(printed: str) -> list[Finding]:
+    """Return what a reader printed as one finding, so that it isn't lost."""
+    lines = [line.strip() for line in printed.splitlines() if line.strip()]
+    if not lines:
+        return []
+    return [Finding("reader's note", f"the reader says: {lines[0][:200]}", len(lines))]

@@ -1,0 +1,108 @@
+"""A log that was read: its records, and how they were made."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from helisim.errors import RecordError
+from helisim.records.channels import Channel
+from helisim.records.logs.parts import Cut
+from helisim.records.logs.report import LogReport
+from helisim.records.logs.resample import PASSBAND
+from helisim.records.logs.timing import Samples
+from helisim.records.record import FlightRecord
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A log that was read.
+
+    Attributes:
+        records: one for each uninterrupted part.
+        report: how they were made.
+        headings: channel -> the column that it comes from.
+    """
+
+    records: tuple[FlightRecord, ...]
+    report: LogReport
+    headings: Mapping[str, str]
+
+    @property
+    def record(self) -> FlightRecord:
+        """The record of a log that has one part. Raises RecordError if it has several."""
+        if len(self.records) != 1:
+            raise RecordError(
+                f"{self.report.path}: has {len(self.records)} parts; use `records`, which "
+                "frequency_response and verify accept"
+            )
+        return self.records[0]
+
+    def where(self, channel: str) -> str:
+        """Return where a channel comes from: file, column and rows."""
+        parts, counts = self.report.parts, self.report.counts
+        column = self.headings.get(channel, channel)
+        rows = f"{counts}s {parts[0].first_row} to {parts[-1].last_row}"
+        return f"{self.report.path}, column {column!r}, {rows}"
+
+    def check_uniform(self) -> None:
+        """Raise RecordError, with the row and what to do, unless every record is uniform."""
+        for part in self.report.parts:
+            if part.uneven:
+                raise RecordError(
+                    f"{part.uneven} s: samples must be uniform; resample them, such as at "
+                    f"{_round_rate(self.report.step[1]):g} Hz (--resample HZ)"
+                )
+
+
+def steps(samples: tuple[Samples, ...]) -> tuple[float, float, float]:
+    """Return the smallest, median and largest time between samples, s."""
+    steps = np.concatenate([np.diff(one.time) for one in samples])
+    if not steps.size:
+        return (0.0, 0.0, 0.0)
+    return float(np.min(steps)), float(np.median(steps)), float(np.max(steps))
+
+
+def passband(made: Sequence[Cut], rate: float | None) -> float | None:
+    """Return up to which frequency the anti-alias filter changes nothing, Hz; None without."""
+    if rate is None or max(one.factor for one in made) == 1:
+        return None
+    return PASSBAND * rate / 2.0
+
+
+def made_log(
+    made: Sequence[Cut],
+    channels: tuple[Channel, ...],
+    report: LogReport,
+    headings: Mapping[str, str],
+    provenance: Mapping[str, Any],
+) -> Log:
+    """Return the log, each of its records with the report in its provenance.
+
+    Raises RecordError.
+    """
+    times = [time for one in made for time in one.time]
+    values = [one_values for one in made for one_values in one.values]
+    if not times:
+        told = "; ".join(finding.text for finding in report.findings) or "no samples"
+        raise RecordError(f"{report.path}, {told}; nothing is left of it")
+    records = []
+    for k, (time, numbers) in enumerate(zip(times, values)):
+        part = report.parts[k]
+        rows = f"{report.counts}s {part.first_row} to {part.last_row}"
+        bad = np.flatnonzero(~np.all(np.isfinite(numbers), axis=0))
+        if bad.size:
+            column = headings[channels[bad[0]].name]
+            raise RecordError(f"{report.path}, column {column!r}, {rows}: too large to interpolate")
+        told = {**provenance, "log": report.to_dict(), "part": k}
+        try:
+            records.append(FlightRecord(time, numbers, channels, told))
+        except RecordError as error:
+            raise RecordError(f"{report.path}, {rows}: {error}") from None
+    return Log(tuple(records), report, headings)
+
+
+def _round_rate(step: float) -> float:
+    """Return the rate that a median step stands for, Hz, to two digits."""
+    return float(f"{1.0 / step:.2g}") if step > 0.0 else 1.0

@@ -1,0 +1,247 @@
+"""Reads a log: columns to channels, units to SI, gaps and clocks to records."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from helisim.errors import HelisimError, InputError, RecordError, StorageError, UnknownNameError
+from helisim.records.logs.assembly import from_record, from_source
+from helisim.records.logs.autopilot import (
+    DATAFLASH_MAGIC,
+    DATAFLASH_TEXT,
+    ULOG_MAGIC,
+    read_dataflash,
+    read_ulog,
+)
+from helisim.records.logs.columnar import MAGIC as PARQUET_MAGIC
+from helisim.records.logs.columnar import ParquetLog
+from helisim.records.logs.log import Log
+from helisim.records.logs.mapping import Clock, Column, Map, find_column, split_heading
+from helisim.records.logs.parts import Options
+from helisim.records.logs.resample import check_rate
+from helisim.records.logs.source import Source, digest, read_log_bytes
+from helisim.records.logs.text import TIME_NAMES, TextLog
+from helisim.records.record import FlightRecord
+from helisim.records.storage import read_record
+
+REPAIRS: dict[str, str] = {
+    "duplicates": "average rows that have the same stamp",
+    "frozen": "leave out stretches in which measured motion stands still, and split the log there "
+    "as at gaps",
+    "gaps": "split the log at its gaps",
+    "missing": "interpolate cells without a number",
+    "order": "sort rows by time",
+    "resets": "split the log where the clock goes back",
+    "spikes": "interpolate single samples, or two, that stick out",
+    "tail": "leave out an incomplete last line",
+}
+"""What may be done to a log, each only on request."""
+
+_OURS_CSV = b"# helisim flight record"
+
+
+def read_log(
+    path: str | Path,
+    *,
+    channels: Map | Mapping[str, Column | str] | Sequence[str] | None = None,
+    time: Clock | str | None = None,
+    resample_hz: float | None = None,
+    repair: Iterable[str] = (),
+    max_gap: float | None = None,
+    min_duration: float = 0.0,
+    start: float | None = None,
+    stop: float | None = None,
+) -> Log:
+    """Read a flight log by any program.
+
+    What kind of file it is, its first bytes say: a helisim record, CSV, Parquet, ULog (PX4) or
+    DataFlash (ArduPilot).
+
+    Args:
+        path: the file.
+        channels: channel -> column; or names of channels whose columns have the same names
+            and state their units, such as "p [deg/s]"; by default all columns that do. A
+            helisim record needs none.
+        time: the column of times, if the map doesn't say it and it isn't called time.
+        resample_hz: a rate for the records. By default every sample stays where it is.
+        repair: what may be done to the log, see `REPAIRS`. Nothing else is done.
+        max_gap: the longest time between samples that is no gap, s; by default 4.5 median
+            steps.
+        min_duration: shorter parts are left out, s, and the report says so.
+        start: samples before it are left out, s after the log's first one.
+        stop: samples after it are left out, s after the log's first one.
+
+    Raises:
+        StorageError: the file can't be read, or holds what isn't a number.
+        RecordError: the numbers make no record without a repair that wasn't asked for.
+        InputError: a column, unit or option doesn't exist.
+    """
+    path = Path(path)
+    options = _options(resample_hz, repair, max_gap, min_duration, (start, stop))
+    data = read_log_bytes(path)
+    mapped = isinstance(channels, Map | Mapping)
+    map_, wanted = _as_map(channels)
+    if not mapped and _is_ours(data):
+        return from_record(path, read_record(path), digest(data), options, wanted)
+    if time is not None:
+        map_ = replace(map_, time=Clock(time) if isinstance(time, str) else time)
+    source = _open(path, data, map_, "tail" in options.repairs)
+    if wanted is not None:
+        map_ = map_.with_channels(_by_name(source, wanted, map_.channels))
+    elif not map_.channels:
+        map_ = map_.with_channels(_stated(source))
+    told = _ended(path) if mapped and _is_ours(data) else {}
+    try:
+        return from_source(source, map_, digest(data), options, told)
+    except InputError as error:
+        raise _named(path, error) from None
+
+
+def screen(
+    record: FlightRecord,
+    *,
+    channels: Sequence[str] | None = None,
+    resample_hz: float | None = None,
+    repair: Iterable[str] = (),
+    max_gap: float | None = None,
+    min_duration: float = 0.0,
+) -> Log:
+    """Look a record in memory through as `read_log` does one in a file, and repair it.
+
+    Args:
+        record: to look through; it stays as it is.
+        channels: to look at for spikes and stretches that stand still; all if None.
+        resample_hz: as for `read_log`, and so are all others.
+        repair: see `REPAIRS`.
+        max_gap: s.
+        min_duration: s.
+
+    Raises:
+        RecordError: the record can't be used without a repair that wasn't asked for.
+        InputError: an option doesn't exist.
+    """
+    options = _options(resample_hz, repair, max_gap, min_duration, (None, None))
+    fingerprint = digest(record.time.tobytes() + record.values.tobytes())
+    wanted = (channels,) if isinstance(channels, str) else channels
+    return from_record(Path("record"), record, fingerprint, options, wanted)
+
+
+def _named(path: Path, error: HelisimError) -> HelisimError:
+    """Return an error whose message begins with the file."""
+    if str(error).startswith(str(path)):
+        return error
+    kind = InputError if isinstance(error, InputError) else type(error)
+    return kind(f"{path}: {error}")
+
+
+def _options(
+    rate: float | None,
+    repair: Iterable[str],
+    max_gap: float | None,
+    min_duration: float,
+    limits: tuple[float | None, float | None],
+) -> Options:
+    names = frozenset((repair,) if isinstance(repair, str) else repair)
+    for name in sorted(names):
+        if name not in REPAIRS:
+            raise UnknownNameError("repair", name, REPAIRS)
+    if {"order", "resets"} <= names:
+        raise InputError("the repairs 'order' and 'resets' exclude each other: choose one")
+    if max_gap is not None and not max_gap > 0.0:
+        raise InputError(f"max_gap is {max_gap}, expected a time in s")
+    if not 0.0 <= min_duration < np.inf:
+        raise InputError(f"min_duration is {min_duration}, expected a time in s")
+    if "frozen" in names:
+        names |= {"gaps"}
+    start = -np.inf if limits[0] is None else limits[0]
+    stop = np.inf if limits[1] is None else limits[1]
+    if not start < stop:
+        raise InputError(f"the log's limits are {start:g} and {stop:g} s, expected start < stop")
+    rate = None if rate is None else check_rate(rate)
+    return Options(rate, names, max_gap, min_duration, (start, stop))
+
+
+def _as_map(
+    channels: Map | Mapping[str, Column | str] | Sequence[str] | None,
+) -> tuple[Map, tuple[str, ...] | None]:
+    """Return a map, and the names of channels that are to be found by their names."""
+    if channels is None:
+        return Map(), None
+    if isinstance(channels, Map):
+        return channels, None
+    if isinstance(channels, Mapping):
+        columns = {
+            name: Column(column) if isinstance(column, str) else column
+            for name, column in channels.items()
+        }
+        return Map(columns), None
+    return Map(), (channels,) if isinstance(channels, str) else tuple(channels)
+
+
+def _is_ours(data: bytes) -> bool:
+    if data.removeprefix(b"\xef\xbb\xbf").startswith(_OURS_CSV):
+        return True
+    return data.startswith(PARQUET_MAGIC) and b"helisim" in data[-(1 << 16) :] and _has_key(data)
+
+
+def _ended(path: Path) -> dict[str, Any]:
+    """Return the mark of a helisim record whose flight was over before its time, or nothing."""
+    try:
+        provenance = read_record(path).provenance
+    except (StorageError, RecordError):
+        return {}  # it is read by a map as what it is: anyone's columns
+    return {key: provenance[key] for key in ("ended",) if key in provenance}
+
+
+def _has_key(data: bytes) -> bool:
+    try:
+        return b"helisim" in ParquetLog(Path("."), data).metadata
+    except StorageError:
+        return False
+
+
+def _open(path: Path, data: bytes, map_: Map, cut_tail: bool) -> Source:
+    if data.startswith(PARQUET_MAGIC):
+        return ParquetLog(path, data)
+    if data.startswith(ULOG_MAGIC):
+        return read_ulog(path, data)
+    if data.startswith((DATAFLASH_MAGIC, DATAFLASH_TEXT)):
+        return read_dataflash(path, data)
+    return TextLog(path, data, map_.layout, cut_tail=cut_tail)
+
+
+def _by_name(
+    source: Source, wanted: Sequence[str], mapped: Mapping[str, Column]
+) -> dict[str, Column]:
+    found = {}
+    for name in wanted:
+        if name in mapped:
+            continue
+        try:
+            found[name] = Column(find_column(name, source.names, "column"))
+        except UnknownNameError as error:
+            raise InputError(
+                f"{source.path}: {error}; map the channel to a column (--channel "
+                f"{name}=COLUMN:UNIT, or --map FILE.toml)"
+            ) from None
+        except InputError as error:
+            raise InputError(f"{source.path}: {error}") from None
+    return found
+
+
+def _stated(source: Source) -> dict[str, Column]:
+    """Return a column for every heading that states a unit."""
+    found = {}
+    for heading in source.names:
+        name = split_heading(heading)[0] if source.counts == "line" else heading
+        if name.lower() not in TIME_NAMES and source.stated_unit(heading) and name not in found:
+            found[name] = Column(heading)
+    if not found:
+        raise InputError(
+            f"{source.path}: no column states its unit, as 'p [deg/s]' does; say which column is "
+            "which channel (--channel NAME=COLUMN:UNIT, or --map FILE.toml)"
+        )
+    return found

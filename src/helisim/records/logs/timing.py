@@ -1,0 +1,311 @@
+"""Finds what is wrong with the times of a log, and repairs it where that was asked for."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import RecordError
+from helisim.records.logs.report import Finding
+from helisim.records.logs.source import place
+
+GAP = 4.5
+"""A step longer than so many median steps is a gap."""
+
+_LONGEST = 3e9
+"""s, about a century: times further apart aren't times."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of channels that share a clock.
+
+    Attributes:
+        path: the log.
+        counts: what its rows are counted in.
+        rows: (n_time,) row numbers.
+        time: (n_time,) s.
+        values: (n_time, n_channel) SI, NaN where the log has no number.
+        columns: (n_channel,) the columns' names, for messages.
+        clock: the name of the column of times.
+    """
+
+    path: Path
+    counts: str
+    rows: NDArray[np.int64]
+    time: NDArray[np.float64]
+    values: NDArray[np.float64]
+    columns: tuple[str, ...]
+    clock: str
+
+    def take(self, keep: slice | NDArray) -> "Samples":
+        """Return some of the samples."""
+        return Samples(
+            self.path,
+            self.counts,
+            self.rows[keep],
+            self.time[keep],
+            self.values[keep],
+            self.columns,
+            self.clock,
+        )
+
+    def at(self, k: int, column: str | None = None) -> str:
+        """Return where the sample k is, for a message."""
+        return place(self.path, self.counts, int(self.rows[k]), column)
+
+
+def within(samples: Samples, limits: NDArray[np.float64], findings: list[Finding]) -> Samples:
+    """Return the samples between two instants, inclusive; a sample without a time stays.
+
+    Raises:
+        RecordError: there are fewer than two.
+    """
+    low, high = limits
+    keep = ~((samples.time < low) | (samples.time > high))
+    if keep.all():
+        return samples
+    kept, count = int(np.count_nonzero(keep)), keep.size
+    if kept < 2:
+        raise RecordError(
+            f"{samples.path}: {kept} samples {_limits(low, high)}, and the log goes from "
+            f"{np.nanmin(samples.time):g} to {np.nanmax(samples.time):g} s"
+        )
+    found = samples.take(keep)
+    text = (
+        f"{samples.counts}s {found.rows[0]} to {found.rows[-1]} are used, {kept} of {count} "
+        f"samples: {_limits(low, high)}"
+    )
+    findings.append(Finding("limits", text, count - kept, (), True))
+    return found
+
+
+def _limits(low: float, high: float) -> str:
+    start = "from the start" if np.isinf(low) else f"from {low:g} s"
+    return f"{start} to the end" if np.isinf(high) else f"{start} to {high:g} s"
+
+
+def check_all_there(samples: Samples) -> None:
+    """Raise RecordError if a column has no number at all."""
+    for column, values in zip(samples.columns, samples.values.T):
+        if values.size and np.all(np.isnan(values)):
+            raise _empty(samples, column)
+
+
+def _empty(samples: Samples, column: str) -> RecordError:
+    rows = f"{samples.counts}s {samples.rows[0]} to {samples.rows[-1]}"
+    return RecordError(f"{samples.path}, column {column!r}, {rows}: no number at all")
+
+
+def in_order(
+    samples: Samples, repair: Collection[str], findings: list[Finding]
+) -> tuple[Samples, ...]:
+    """Return stretches in which time doesn't fall: one, or more where a clock was reset.
+
+    Raises:
+        RecordError: time falls and no repair was asked for, or it isn't time at all.
+    """
+    wild = np.flatnonzero(~(np.abs(samples.time) < _LONGEST))
+    if wild.size:
+        raise RecordError(
+            f"{samples.at(int(wild[0]), samples.clock)}: more than {_LONGEST:.0e} s from the "
+            "first; is the unit of time right?"
+        )
+    back = np.flatnonzero(np.diff(samples.time) < 0.0) + 1
+    if not back.size:
+        return (samples,)
+    k = int(back[0])
+    told = (
+        f"time goes back from {samples.time[k - 1]:.9g} to {samples.time[k]:.9g} s after the "
+        f"start ({back.size} times in all)"
+    )
+    rows = tuple(samples.rows[back].tolist())
+    if "resets" in repair:
+        text = f"{samples.counts} {rows[0]}: {told}; split there"
+        findings.append(Finding("reset", text, back.size, rows, True))
+        edges = [0, *back.tolist(), samples.time.size]
+        return tuple(samples.take(slice(a, b)) for a, b in pairwise(edges))
+    if "order" in repair:
+        text = f"{samples.counts} {rows[0]}: {told}; sorted by time"
+        findings.append(Finding("order", text, back.size, rows, True))
+        return (samples.take(np.argsort(samples.time, kind="stable")),)
+    raise RecordError(
+        f"{samples.at(k, samples.clock)}: {told}; if the clock was reset, split the log there with "
+        "the repair 'resets', if rows are out of order, sort them with 'order' (--repair)"
+    )
+
+
+def without_duplicates(
+    samples: Samples, repair: Collection[str], findings: list[Finding]
+) -> Samples:
+    """Return the samples with rows of one stamp averaged.
+
+    Raises:
+        RecordError: stamps repeat and that repair wasn't asked for.
+    """
+    same = np.flatnonzero(np.diff(samples.time) == 0.0) + 1
+    if not same.size:
+        return samples
+    k = int(same[0])
+    told = f"the same time as the {samples.counts} before, {samples.time[k]:.9g} s after the start"
+    rows = tuple(samples.rows[same].tolist())
+    if "duplicates" not in repair:
+        raise RecordError(
+            f"{samples.at(k, samples.clock)}: {told} ({same.size} times in all); average such "
+            "rows with the repair 'duplicates' (--repair), or use a finer clock"
+        )
+    first = np.flatnonzero(np.diff(samples.time, prepend=-np.inf) != 0.0)
+    known = np.isfinite(samples.values)
+    total = np.add.reduceat(np.where(known, samples.values, 0.0), first, axis=0)
+    count = np.add.reduceat(known.astype(np.int64), first, axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = total / count
+    text = f"{samples.counts} {rows[0]}: {told}; {same.size} such rows averaged"
+    findings.append(Finding("duplicate stamp", text, same.size, rows, True))
+    merged = samples.take(first)
+    return Samples(
+        merged.path,
+        merged.counts,
+        merged.rows,
+        merged.time,
+        mean,
+        merged.columns,
+        merged.clock,
+    )
+
+
+def check_missing(samples: Samples, repair: Collection[str], findings: list[Finding]) -> None:
+    """Report the cells without a number. Raises RecordError unless they are to be filled."""
+    for column, values in zip(samples.columns, samples.values.T):
+        holes = np.flatnonzero(np.isnan(values))
+        if not holes.size:
+            continue
+        told = f"{holes.size} of {values.size} numbers are missing"
+        where = samples.at(int(holes[0]), column)
+        if "missing" not in repair:
+            raise RecordError(
+                f"{where}: no number ({told}); interpolate with the repair 'missing' (--repair), "
+                "or cut the log"
+            )
+        text = (
+            f"column {column!r}: {told}, the first in {samples.counts} {samples.rows[holes[0]]}; "
+            "interpolated"
+        )
+        rows = tuple(samples.rows[holes].tolist())
+        if not any(finding.text == text for finding in findings):
+            findings.append(Finding("missing number", text, holes.size, rows, True))
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """An interval without a gap: from sample `first` to sample `last`, inclusive."""
+
+    first: int
+    last: int
+
+
+def pieces(
+    samples: Samples,
+    repair: Collection[str],
+    max_gap: float | None,
+    strict: bool,
+    findings: list[Finding],
+) -> tuple[Piece, ...]:
+    """Return the intervals in which every channel has numbers close enough together.
+
+    Args:
+        samples: in order, without duplicates.
+        repair: "gaps" cuts at gaps.
+        max_gap: the longest step that is no gap, s; GAP median steps of a channel by default.
+        strict: refuse gaps also where only rows are missing, as for resampling.
+        findings: what is found is added.
+
+    Raises:
+        RecordError: there is a gap that may not be cut at.
+    """
+    time = samples.time
+    cuts: list[tuple[float, float]] = []
+    holed = False
+    for column, values in zip(samples.columns, samples.values.T):
+        known = np.flatnonzero(np.isfinite(values))
+        if not known.size:
+            raise _empty(samples, column)
+        steps = np.diff(time[known])
+        limit = max_gap if max_gap is not None else _limit(steps)
+        wide = np.flatnonzero(steps > limit)
+        cuts += [(float(time[known[k]]), float(time[known[k + 1]])) for k in wide]
+        holed = holed or any(known[k + 1] - known[k] > 1 for k in wide)
+        if known[0] > 0 or known[-1] < time.size - 1:
+            holed = True
+            if known[0] > 0:
+                cuts.append((-np.inf, float(time[known[0]])))
+            if known[-1] < time.size - 1:
+                cuts.append((float(time[known[-1]]), np.inf))
+    if not cuts:
+        return (Piece(0, time.size - 1),)
+    starts, stops = (np.array(edge) for edge in zip(*sorted(set(cuts))))
+    _report_gaps(samples, starts, stops, repair, strict or holed, findings)
+    if "gaps" not in repair:
+        return (Piece(0, time.size - 1),)
+    return _between(time, starts, stops)
+
+
+def _between(
+    time: NDArray[np.float64], starts: NDArray[np.float64], stops: NDArray[np.float64]
+) -> tuple[Piece, ...]:
+    """Return the runs of samples that no open interval (start, stop) holds or separates."""
+    n = time.size
+    inside = np.zeros(n + 1, dtype=np.int64)
+    np.add.at(inside, np.searchsorted(time, starts, side="right"), 1)
+    np.add.at(inside, np.searchsorted(time, stops, side="left"), -1)
+    # A sample at both a stop and a start belongs to no interval; after a start begins a new run.
+    keep = np.cumsum(inside)[:n] <= 0
+    breaks = np.zeros(n, dtype=bool)
+    later = np.searchsorted(time, starts, side="right")
+    breaks[later[later < n]] = True
+    run = np.cumsum(breaks | ~keep)
+    found = []
+    for label in np.unique(run[keep]):
+        members = np.flatnonzero((run == label) & keep)
+        found.append(Piece(int(members[0]), int(members[-1])))
+    return tuple(found)
+
+
+def _limit(steps: NDArray[np.float64]) -> float:
+    return GAP * float(np.median(steps)) if steps.size else np.inf
+
+
+def _report_gaps(
+    samples: Samples,
+    starts: NDArray[np.float64],
+    stops: NDArray[np.float64],
+    repair: Collection[str],
+    strict: bool,
+    findings: list[Finding],
+) -> None:
+    start = np.clip(starts, samples.time[0], None)
+    stop = np.clip(stops, None, samples.time[-1])
+    after = np.searchsorted(samples.time, starts, side="right")
+    after = np.clip(after, 0, samples.time.size - 1)
+    lost = float(np.sum(stop - start))
+    span = float(samples.time[-1] - samples.time[0])
+    k = int(after[0])
+    share = f"{100.0 * lost / span:.2g} %" if span > 0.0 else "all"
+    told = (
+        f"a gap of {stop[0] - start[0]:.4g} s from {start[0]:.6g} s after the start "
+        f"({starts.size} gaps, {lost:.4g} s, {share} of the log)"
+    )
+    rows = tuple(samples.rows[after].tolist())
+    if "gaps" in repair:
+        text = f"{samples.counts} {rows[0]}: {told}; split there"
+        findings.append(Finding("gap", text, starts.size, rows, True))
+        return
+    if strict:
+        raise RecordError(
+            f"{samples.at(k, samples.clock)}: {told}; split the log at its gaps with the repair "
+            "'gaps' (--repair), or allow longer ones (--max-gap S)"
+        )
+    findings.append(Finding("gap", f"{samples.counts} {rows[0]}: {told}", starts.size, rows))

@@ -1,0 +1,185 @@
+"""The watch over a flight: where it leaves what the model is valid for, it is over.
+
+It looks at what was flown, so a flight that it finds nothing in is the same to the bit.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import DivergedError, InputError
+from helisim.physics import servo
+from helisim.records.channels import IN2, SERVOS
+from helisim.sim.airframe import closer_than
+from helisim.sim.trajectory import Truth
+from helisim.vehicle import Vehicle
+
+_STOP = 0.5
+"""Of a stick, and of what the gyro commands: unitised."""
+_ROUNDING = 1e-9
+"""By which the mixing may leave a command short of its stop."""
+_LEAST_AT_STOP = 0.7 * _STOP
+"""Of a swashplate servo's command, when a cyclic command is at its stop; by the mixing, 3/4."""
+_FULL_RATE = 0.999
+"""Share of a servo's rate limit that counts as all of it: over a step it is a mean."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watch:
+    """Limits of a flight. None, for any of them, lets it go on.
+
+    A flight without finite state, or of whose state MuJoCo warns, is over in any case.
+
+    Attributes:
+        tilt: rad, of roll or pitch; beyond it the hover's small angles, and the pilot, are lost.
+        rate: rad/s, of any axis.
+        clearance: m, between the ground and the lowest point of landing gear and rotor discs.
+        flapping: of the tip-path plane, in tilts at which the head's dampers bottom.
+        descent: through the air along the shaft, in induced velocities of the hover, slower than
+            one of which the flight is across it. A vortex ring forms from 0.7 on and is unsteady
+            (Leishman, Principles of Helicopter Aerodynamics, chapter 2), of which the force laws
+            know the mean; beyond 2 the momentum balance has several solutions (`mass_flow`).
+        advance: ratio of the airspeed across the shaft to that of the blades' tips. Up to 0.3 the
+            reverse flow, which the force laws don't know, is small (Leishman, chapter 2).
+        saturation: s out of `saturation_window` that a stick or a command is at its stop, or
+            a servo at its rate limit. ArduPilot takes a second of full throttle for lost thrust
+            (`crash_check.cpp`).
+        saturation_window: s. A limit cycle is at its limits a quarter of the time, so a window of
+            ten seconds shows it too.
+    """
+
+    tilt: float | None = 1.2
+    rate: float | None = 20.0
+    clearance: float | None = 0.0
+    flapping: float | None = 1.0
+    descent: float | None = 2.0
+    advance: float | None = 0.3
+    saturation: float | None = 1.0
+    saturation_window: float = 10.0
+
+    def __post_init__(self) -> None:
+        for name, value in self.as_dict().items():
+            if value is None and name != "saturation_window":
+                continue
+            if value is None or not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"watch: {name} must be a number, 0 or more, got {value}")
+            if value == 0.0 and name != "clearance":
+                raise InputError(f"watch: {name} must be above 0, got {value}")
+        if self.saturation is not None and self.saturation > self.saturation_window:
+            raise InputError(
+                f"watch: saturation of {self.saturation:g} s doesn't fit into a window of "
+                f"{self.saturation_window:g} s"
+            )
+
+    @classmethod
+    def off(cls) -> "Watch":
+        """Return a watch that only sees that a flight has no finite state."""
+        return cls(
+            tilt=None,
+            rate=None,
+            clearance=None,
+            flapping=None,
+            descent=None,
+            advance=None,
+            saturation=None,
+        )
+
+    def as_dict(self) -> dict[str, float | None]:
+        """Return the limits as plain data, for provenance."""
+        return asdict(self)
+
+    def end(self, vehicle: Vehicle, truth: Truth) -> tuple[int, str] | None:
+        """Return the first sample beyond a limit and what happened there, None if there is none."""
+        found = [
+            (int(np.argmax(beyond)), f"the helicopter {what}")
+            for what, beyond in self._beyond(vehicle, truth)
+            if beyond.any()
+        ]
+        return min(found, default=None)
+
+    def check(self, vehicle: Vehicle, truth: Truth) -> None:
+        """Raise DivergedError if a limit is exceeded."""
+        found = self.end(vehicle, truth)
+        if found is not None:
+            raise DivergedError(told(truth.time[found[0]], found[1]))
+
+    def _beyond(self, vehicle: Vehicle, truth: Truth) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+        """Yield what each limit says where it is exceeded, and at which samples it is, (n,)."""
+        if self.tilt is not None:
+            tilt = np.abs(truth.attitudes[:, :2]).max(axis=1)
+            yield f"rolled or pitched beyond {self.tilt:g} rad", tilt > self.tilt
+        if self.rate is not None:
+            rate = np.abs(truth.rates).max(axis=1)
+            yield f"turned faster than {self.rate:g} rad/s", rate > self.rate
+        if self.clearance is not None:
+            near = closer_than(vehicle, self.clearance, truth.positions, truth.attitudes)
+            low = f"came within {self.clearance:g} m of the ground"
+            yield low if self.clearance else "touched the ground", near
+        if self.flapping is not None:
+            limit = self.flapping * vehicle.parameters["main_rotor.flap_stop"]
+            yield f"flapped beyond {limit:.3g} rad", np.abs(truth.flapping).max(axis=1) > limit
+        yield from self._beyond_momentum_theory(vehicle, truth)
+        if self.saturation is not None:
+            window = f"{self.saturation:g} s of {self.saturation_window:g} s"
+            for name, at_limit in _saturated(vehicle, truth):
+                if np.count_nonzero(at_limit) * truth.timestep > self.saturation:
+                    times = _sum_of_last(at_limit, self.saturation_window, truth.timestep)
+                    yield f"had {name} at its limit for {window}", times > self.saturation
+
+    def _beyond_momentum_theory(
+        self, vehicle: Vehicle, truth: Truth
+    ) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+        motion = truth.velocities - truth.air[:, :3]
+        across = np.hypot(motion[:, 0], motion[:, 1])
+        induced = hover_induced_velocity(vehicle)
+        if self.descent is not None:
+            sinking = (motion[:, 2] > self.descent * induced) & (across < induced)
+            yield (
+                f"sank at more than {self.descent:g} times the hover's induced velocity, "
+                f"{self.descent * induced:.3g} m/s",
+                sinking,
+            )
+        if self.advance is not None:
+            own = vehicle.parameters
+            tip = own["main_rotor.speed"] * own["main_rotor.radius"]
+            yield f"flew beyond an advance ratio of {self.advance:g}", across > self.advance * tip
+
+
+def told(time: float, why: str) -> str:
+    """Return the message of a flight that is over at a time, s."""
+    return (
+        f"{why} at {time:.2f} s; "
+        "fly a smaller amplitude or a narrower band, or check the gyro's gains"
+    )
+
+
+def hover_induced_velocity(vehicle: Vehicle) -> float:
+    """Return the induced velocity that carries the weight out of the ground's effect, m/s."""
+    own, model = vehicle.parameters, vehicle.model
+    weight = model.body_subtreemass[model.body(vehicle.name).id] * np.linalg.norm(model.opt.gravity)
+    disc = math.pi * own["main_rotor.radius"] ** 2
+    return float(math.sqrt(weight / (2.0 * own["air.density"] * disc)))
+
+
+def _saturated(vehicle: Vehicle, truth: Truth) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    """Yield the name of each stick, command and servo that may be at its limit, and where, (n,)."""
+    commands = dict(zip(IN2, truth.sticks.T)) | {"ped": truth.servo_commands[:, 3]}
+    if np.abs(truth.servo_commands[:, :3]).max() >= _LEAST_AT_STOP:
+        _, commands["lon"], commands["lat"] = servo.unmix(*truth.servo_commands[:, :3].T)
+    for name, command in commands.items():
+        yield name, np.abs(command) >= _STOP - _ROUNDING
+    limit = _FULL_RATE * vehicle.parameters["servo.rate_limit"] * truth.timestep
+    moved = np.abs(np.diff(truth.servo_positions, axis=0, prepend=truth.servo_positions[:1]))
+    for name, steps in zip(SERVOS, moved.T):
+        yield name, steps >= limit
+
+
+def _sum_of_last(flags: NDArray[np.bool_], window: float, step: float) -> NDArray[np.float64]:
+    """Return for how long flags were up in the window that ends at each sample, s, (n,)."""
+    count = max(1, round(window / step))
+    up = np.concatenate([[0], np.cumsum(flags)])
+    before = np.maximum(np.arange(1, up.size) - count, 0)
+    return step * (up[1:] - up[before])

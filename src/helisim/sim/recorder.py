@@ -1,0 +1,247 @@
+"""The flight computer: from what truly happened to what is recorded.
+
+Each channel passes the same anti-alias filter, is sampled late by its own latency, and gains
+noise and quantisation. Velocity and specific force are measured at the IMU and corrected to
+the centre of gravity with the measured rates (Wu and Chen, section 2).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt, sosfilt_zi
+from scipy.spatial.transform import Rotation
+
+from helisim.errors import InputError
+from helisim.physics import servo
+from helisim.records.channels import (
+    ACCELERATIONS,
+    AIR,
+    ATTITUDES,
+    CHANNELS,
+    IN1,
+    IN2,
+    POSITIONS,
+    RATES,
+    ROTOR,
+    SERVOS,
+    VELOCITIES,
+    channel,
+)
+from helisim.records.record import FlightRecord
+from helisim.sim.trajectory import Truth
+from helisim.vehicle import Vehicle
+
+_NOISE = {
+    **dict.fromkeys(RATES, 0.005),
+    **dict.fromkeys(ATTITUDES, 0.002),
+    **dict.fromkeys(VELOCITIES, 0.02),
+    **dict.fromkeys(ACCELERATIONS, 0.05),
+    **dict.fromkeys(POSITIONS, 0.02),
+}
+"""Standard deviations in the channels' units: a MEMS IMU with satellite-aided velocity."""
+
+_RESOLUTION = {**dict.fromkeys(SERVOS, 0.0005), **dict.fromkeys(IN2, 0.0005)}
+"""Half a microsecond of a pulse whose travel is a millisecond."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorder:
+    """A flight computer's rates, latencies, noise and resolution.
+
+    Attributes:
+        rate_hz: samples a second.
+        antialias_hz: corner of the fourth-order Butterworth filter before sampling.
+        latency: s, by channel name; 0 where none is given. Positive is late.
+        noise: standard deviation by channel name, in the channel's unit.
+        resolution: step by channel name; 0 where none is given.
+        lever_arm_corrected: False leaves velocity and force as they are at the IMU.
+        rotor: True adds the rotor's true tilt, thrusts and torque and the air's own motion, to
+            look at; no flight computer measures them.
+    """
+
+    rate_hz: float = 100.0
+    antialias_hz: float = 40.0
+    latency: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=lambda: dict(_NOISE))
+    resolution: Mapping[str, float] = field(default_factory=lambda: dict(_RESOLUTION))
+    lever_arm_corrected: bool = True
+    rotor: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.antialias_hz < 0.5 * self.rate_hz < np.inf:
+            raise InputError(
+                f"the anti-alias corner must be below half the sample rate, got "
+                f"{self.antialias_hz} Hz for {self.rate_hz} Hz"
+            )
+        for name in ("latency", "noise", "resolution"):
+            values = dict(getattr(self, name))
+            for key, value in values.items():
+                channel(key)
+                if not (np.isfinite(value) and value >= 0.0):
+                    raise InputError(f"{name} of {key!r} must be 0 or more, got {value}")
+            object.__setattr__(self, name, MappingProxyType(values))
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, *, rotor: bool = False) -> "Recorder":
+        """Return the vehicle's own flight computer, with the latencies of its channels."""
+        section = "recorder_latency."
+        own = [name for name in vehicle.parameters if name.startswith(section)]
+        latency = {name.removeprefix(section): vehicle.parameters[name] for name in own}
+        return cls(latency=latency, rotor=rotor)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the settings as plain data, for provenance."""
+        plain = {name: dict(getattr(self, name)) for name in ("latency", "noise", "resolution")}
+        return {
+            "rate_hz": self.rate_hz,
+            "antialias_hz": self.antialias_hz,
+            "lever_arm_corrected": self.lever_arm_corrected,
+            "rotor": self.rotor,
+            **plain,
+        }
+
+    def record(
+        self, truth: Truth, rng: np.random.Generator, provenance: Mapping[str, Any]
+    ) -> FlightRecord:
+        """Return what this computer writes of a flight.
+
+        Args:
+            truth: the flight at the simulation's own rate.
+            rng: of the sensor noise.
+            provenance: kept with the record.
+        """
+        sampling = _Sampling(self, truth, rng)
+        columns = {name: sampling.inputs(name) for name in (*IN1, *IN2, *SERVOS)}
+        columns |= sampling.motion()
+        if self.rotor:
+            columns |= sampling.rotor()
+        names = [name for name in CHANNELS if name in columns]
+        values = np.column_stack([columns[name] for name in names])
+        kept = tuple(CHANNELS[name] for name in names)
+        return FlightRecord(sampling.time, values, kept, provenance)
+
+
+class _Sampling:
+    """One flight seen by one recorder."""
+
+    def __init__(self, recorder: Recorder, truth: Truth, rng: np.random.Generator) -> None:
+        truth = truth.at_ticks()  # so that a record doesn't depend on the time step
+        self.recorder = recorder
+        self.truth = truth
+        self.rng = rng
+        count = int(np.floor((truth.time[-1] - truth.time[0]) * recorder.rate_hz + 1e-6)) + 1
+        self.time = truth.time[0] + np.arange(count) / recorder.rate_hz
+        rate_hz = 1.0 / truth.timestep
+        self._sos = None
+        if recorder.antialias_hz < 0.5 * rate_hz:
+            self._sos = butter(4, recorder.antialias_hz, fs=rate_hz, output="sos")
+        self.sticks, self.commands = map(self._filtered, (truth.sticks, truth.servo_commands))
+        self._input_noise = {name: self._noise(name) for name in (*IN2, *SERVOS)}
+
+    def inputs(self, name: str) -> NDArray[np.float64]:
+        """Return a stick, a servo command, or an input recomputed from the servo commands."""
+        if name in IN2:
+            return self._digitised(name, self.sticks[:, IN2.index(name)])
+        if name in SERVOS:
+            return self._digitised(name, self.commands[:, SERVOS.index(name)])
+        commands = [
+            self._digitised(servo_name, self.commands[:, k], late_as=name)
+            for k, servo_name in enumerate(SERVOS)
+        ]
+        mixed = (*servo.unmix(*commands[:3]), commands[3])[IN1.index(name)]
+        return self._rounded(name, mixed + self._noise(name))
+
+    def motion(self) -> dict[str, NDArray[np.float64]]:
+        """Return rates, attitudes, velocities, specific forces and positions by name."""
+        groups = {
+            "rates": (self.truth.rates, RATES),
+            "attitudes": (self.truth.attitudes, ATTITUDES),
+            "velocities": (self.truth.velocities, VELOCITIES),
+            "forces": (self.truth.specific_forces, ACCELERATIONS),
+            "positions": (self.truth.positions, POSITIONS),
+        }
+        noise = {name: self._noise(name) for _, names in groups.values() for name in names}
+        filtered = {group: self._filtered(signals) for group, (signals, _) in groups.items()}
+        late = {
+            group: self._seen(filtered[group], names, noise, late=True)
+            for group, (_, names) in groups.items()
+        }
+        if self.recorder.lever_arm_corrected:
+            shift = self._lever_arm(
+                *(self._seen(filtered[g], groups[g][1], noise) for g in ("rates", "attitudes"))
+            )
+            late |= {group: late[group] - added for group, added in shift.items()}
+        return {
+            name: self._rounded(name, late[group][:, k])
+            for group, (_, names) in groups.items()
+            for k, name in enumerate(names)
+        }
+
+    def rotor(self) -> dict[str, NDArray[np.float64]]:
+        """Return tilt, loads and the air's motion by name, filtered and sampled like the rest."""
+        thrust, torque, _, tail_thrust = self.truth.rotor.T
+        true = (*self.truth.flapping.T, thrust, torque, tail_thrust, *self.truth.air.T)
+        signals = self._filtered(np.column_stack(true))
+        return {
+            name: self._sampled(signal, name) for name, signal in zip((*ROTOR, *AIR), signals.T)
+        }
+
+    def _lever_arm(
+        self, rates: NDArray[np.float64], attitudes: NDArray[np.float64]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return what the IMU's offset adds to velocity, specific force and position."""
+        arm = self.truth.imu_offset
+        spin = np.gradient(rates, self.time, axis=0)
+        turning = np.cross(rates, arm)
+        earth = Rotation.from_euler("ZYX", attitudes[:, ::-1])
+        return {
+            "velocities": turning,
+            "forces": np.cross(spin, arm) + np.cross(rates, turning),
+            "positions": earth.apply(arm),
+        }
+
+    def _seen(
+        self,
+        signals: NDArray[np.float64],
+        names: tuple[str, ...],
+        noise: Mapping[str, NDArray[np.float64]],
+        *,
+        late: bool = False,
+    ) -> NDArray[np.float64]:
+        columns = [
+            self._sampled(signals[:, k], name if late else None) + noise[name]
+            for k, name in enumerate(names)
+        ]
+        return np.column_stack(columns)
+
+    def _digitised(
+        self, name: str, signal: NDArray[np.float64], *, late_as: str | None = None
+    ) -> NDArray[np.float64]:
+        sampled = self._sampled(signal, late_as or name)
+        return self._rounded(name, sampled + self._input_noise[name])
+
+    def _filtered(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return columns behind the anti-alias filter, which begins at rest."""
+        if self._sos is None:
+            return signals
+        start = sosfilt_zi(self._sos)[:, :, None] * signals[0]
+        return sosfilt(self._sos, signals, axis=0, zi=start)[0]
+
+    def _sampled(self, signal: NDArray[np.float64], name: str | None) -> NDArray[np.float64]:
+        """Return a filtered signal at the samples, late by the latency of a named channel."""
+        latency = 0.0 if name is None else self.recorder.latency.get(name, 0.0)
+        return np.interp(self.time - latency, self.truth.time, signal)
+
+    def _rounded(self, name: str, signal: NDArray[np.float64]) -> NDArray[np.float64]:
+        step = self.recorder.resolution.get(name, 0.0)
+        return signal if step == 0.0 else np.round(signal / step) * step
+
+    def _noise(self, name: str) -> NDArray[np.float64]:
+        level = self.recorder.noise.get(name, 0.0)
+        if level == 0.0:
+            return np.zeros(self.time.size)
+        return level * self.rng.standard_normal(self.time.size)

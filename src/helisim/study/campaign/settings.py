@@ -1,0 +1,210 @@
+"""What a campaign can vary: the vehicle's parameters and the fields of the value objects."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from helisim.errors import HelisimError, InputError, UnknownNameError
+from helisim.records.channels import AXES
+from helisim.sim import Pilot, Recorder, Sweep, Weather
+from helisim.study.campaign.variation import Value
+from helisim.vehicle import Vehicle, load, standard_parameters
+from helisim.vehicle.assembly import Integrator
+
+T = TypeVar("T")
+
+OBJECTS: dict[str, type] = {
+    "sweep": Sweep,
+    "pilot": Pilot,
+    "recorder": Recorder,
+    "weather": Weather,
+}
+"""Section of a campaign file -> the value object whose fields it names."""
+
+SECTIONS = ("vehicle", *OBJECTS)
+
+_standard = cache(standard_parameters)
+"""Parameters are read-only, and a campaign asks for them once a point."""
+
+_GIVEN = {"sweep": ("axis",)}
+"""Fields that the campaign itself chooses."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What becomes of one setting: a new value, or a factor of the old one."""
+
+    value: Value
+    relative: bool = False
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Everything that is flown with in one replicate.
+
+    Attributes:
+        vehicle: name of the vehicle.
+        changes: section -> setting -> change.
+        integrator: "RK4" or "Euler".
+    """
+
+    vehicle: str
+    changes: Mapping[str, Mapping[str, Change]] = field(default_factory=dict)
+    integrator: Integrator = "RK4"
+
+    def load(self) -> Vehicle:
+        """Return the vehicle with its changed parameters. Raises as `helisim.load` does."""
+        return load(self.vehicle, parameters=self.parameters(), integrator=self.integrator)
+
+    def parameters(self) -> dict[str, float]:
+        """Return the changed parameters of the vehicle. Raises UnknownNameError, InputError."""
+        standard = _standard(self.vehicle)
+        changed = {}
+        for name, change in self._of("vehicle").items():
+            old = standard[name]
+            _check_type(f"vehicle.{name}", float, change.value)
+            changed[name] = _changed(f"vehicle.{name}", old, change)
+        return changed
+
+    def sweep(self, axis: str, parameters: Mapping[str, float]) -> Sweep:
+        """Return the sweep of one axis; a setting such as "lat.amplitude" is of that axis only.
+
+        What isn't set is the vehicle's own, of these parameters.
+        """
+        own = Sweep(axis=axis).on(parameters)
+        general = {n: c for n, c in self._of("sweep").items() if n.partition(".")[0] not in AXES}
+        special = {
+            name.removeprefix(f"{axis}."): change
+            for name, change in self._of("sweep").items()
+            if name.startswith(f"{axis}.")
+        }
+        return applied("sweep", own, {**general, **special})
+
+    def pilot(self) -> Pilot:
+        """Return the pilot."""
+        return applied("pilot", Pilot(), self._of("pilot"))
+
+    def recorder(self, vehicle: Vehicle) -> Recorder:
+        """Return the flight computer, with the vehicle's own latencies unless they are set."""
+        return applied("recorder", Recorder.of(vehicle), self._of("recorder"))
+
+    def weather(self) -> Weather:
+        """Return the weather, calm unless it is set."""
+        return applied("weather", Weather(), self._of("weather"))
+
+    def check(self, axes: Iterable[str]) -> None:
+        """Raise InputError if a name, type or value can't be, before anything is flown."""
+        parameters = {**_standard(self.vehicle), **self.parameters()}
+        for axis in (*axes, *AXES):  # those that are flown first, for the clearest message
+            self.sweep(axis, parameters)
+        self.pilot()
+        self.weather()
+        applied("recorder", Recorder(), self._of("recorder"))
+
+    def _of(self, section: str) -> Mapping[str, Change]:
+        return self.changes.get(section, {})
+
+
+def applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
+    """Return a value object with some of its fields changed.
+
+    Args:
+        section: of the campaign file, for messages.
+        plain: a dataclass instance.
+        changes: by field; "noise.p" is the entry "p" of the mapping `noise`, "gust.down" the
+            field `down` of the value object `gust`.
+
+    Raises:
+        UnknownNameError: no such field.
+        InputError: a value is of the wrong type, or the object refuses it.
+    """
+    hints = get_type_hints(type(plain))
+    names = [one.name for one in fields(plain) if one.name not in _GIVEN.get(section, ())]  # pyright: ignore[reportArgumentType]
+    new: dict[str, Any] = {}
+    for name, change in changes.items():
+        top, _, key = name.partition(".")
+        if top not in names:
+            raise UnknownNameError(f"setting of {section}", name, names)
+        where, old = f"{section}.{name}", new.get(top, getattr(plain, top))
+        if isinstance(old, Mapping):
+            new[top] = _in_mapping(where, old, key, change)
+            continue
+        inner = _value_object(hints[top])
+        if inner is not None:
+            if not key:
+                first = fields(inner)[0].name
+                raise InputError(f"{where} has fields: name one, such as {where}.{first}")
+            new[top] = applied(f"{section}.{top}", inner() if old is None else old, {key: change})
+            continue
+        if key:
+            raise InputError(f"{where}: {section}.{top} has no parts")
+        expected = float if change.relative else hints[top]
+        _check_type(where, expected, change.value)
+        new[top] = _changed(where, old, change)
+    try:
+        return replace(plain, **new)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    except HelisimError as error:
+        raise InputError(f"[{section}] {error}") from None
+
+
+def _value_object(hint: Any) -> Any:
+    """Return the dataclass of a field that may hold one, None if it can't."""
+    return next((one for one in (hint, *get_args(hint)) if is_dataclass(one)), None)
+
+
+def _in_mapping(where: str, old: Mapping[str, Any], key: str, change: Change) -> dict[str, Any]:
+    _check_type(where, float, change.value)
+    if key:
+        return {**old, key: _changed(where, old.get(key, 0.0), change)}
+    if change.relative:
+        return {name: _changed(where, value, change) for name, value in old.items()}
+    raise InputError(
+        f"{where} is one number for each channel: name the channel, such as {where}.p, "
+        "or say relative = true to multiply all"
+    )
+
+
+def _changed(where: str, old: Any, change: Change) -> Any:
+    if not change.relative:
+        return change.value
+    factor = cast(float, change.value)  # checked before
+    if isinstance(old, tuple):
+        return tuple(factor * one for one in old)
+    if isinstance(old, bool) or not isinstance(old, (int, float)):
+        raise InputError(f"{where} is {old!r}, which can't be multiplied: drop relative")
+    return factor * old
+
+
+def _check_type(where: str, hint: Any, value: Value) -> None:
+    if not _fits(hint, value):
+        raise InputError(f"{where} must be {_words(hint)}, got {value!r}")
+
+
+def _fits(hint: Any, value: Value) -> bool:
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return any(_fits(part, value) for part in parts)
+    if origin is Literal:
+        return value in parts
+    if origin is tuple:
+        return isinstance(value, tuple) and (Ellipsis in parts or len(value) == len(parts))
+    if hint is float:
+        return isinstance(value, (int, float)) and not isinstance(value, bool)
+    if hint is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(hint, type) and isinstance(value, hint)
+
+
+def _words(hint: Any) -> str:
+    """Return a type in the words of a campaign file."""
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return " or ".join(_words(part) for part in parts if part is not NoneType)
+    if origin is Literal:
+        return " or ".join(map(repr, parts))
+    if origin is tuple:
+        return f"a list of {len(parts)} numbers" if Ellipsis not in parts else "a list of numbers"
+    words = {float: "a number", int: "an integer", bool: "true or false", str: "text"}
+    return words.get(hint, str(hint))

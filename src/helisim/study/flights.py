@@ -1,0 +1,173 @@
+"""The experiment's flights: flown and the best kept, or read back from the folder of a run."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from helisim import ident
+from helisim.errors import DivergedError, InputError
+from helisim.records.channels import AXES
+from helisim.records.files import read_json
+from helisim.records.record import FlightRecord
+from helisim.records.storage import read_record
+from helisim.sim import Doublet, Recorder, Sweep
+from helisim.sim.fly import fly_watched
+from helisim.sim.folder import write_flight
+from helisim.study.models import MODELS
+from helisim.vehicle import Vehicle
+
+_RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
+"""Axis -> the stick and the motion by whose coherence a sweep is judged."""
+
+FOLDER = "flights"
+
+Flights = dict[str, list[FlightRecord]]
+"""Kept records by axis."""
+
+
+def flown_each_axis(flights: int) -> int:
+    """Return how many sweeps of an axis are flown to keep `flights`."""
+    return flights + max(1, round(0.2 * flights))
+
+
+def flights_in_all(flights: int) -> int:
+    """Return how many sweeps are flown to keep `flights` on each axis."""
+    return flown_each_axis(flights) * len(AXES)
+
+
+def fly_sweeps(
+    vehicle: Vehicle,
+    flights: int,
+    seed: int,
+    jobs: int | None,
+    recorder: Recorder,
+    folder: Path | None,
+    tell: Callable[[str], None],
+) -> tuple[Flights, tuple[str, ...]]:
+    """Fly every axis, write every record, and keep the most coherent ones.
+
+    Returns:
+        The kept records by axis, and one sentence for each that was left out.
+    """
+    kept: Flights = {}
+    excluded: list[str] = []
+    for number, axis in enumerate(AXES):
+        names = [f"{axis}_{k + 1:02d}" for k in range(flown_each_axis(flights))]
+        flown = fly_watched(
+            vehicle,
+            Sweep(axis=axis),
+            range(len(names)),
+            seed=seed * len(AXES) + number,
+            jobs=jobs,
+            recorder=recorder,
+        )
+        records: list[FlightRecord] = []
+        scores: dict[int, float] = {}
+        for k, (record, last) in enumerate(flown):
+            _keep(record, last, folder, names[k])
+            records.append(record)
+            if not record.ended:
+                scores[k] = sweep_coherence(record, axis)
+            tell(axis)
+        excluded += [
+            f"flight {name}: was over before its time: {record.ended}"
+            for name, record in zip(names, records)
+            if record.ended
+        ]
+        if len(scores) < flights:
+            raise DivergedError(
+                f"{len(records) - len(scores)} of {len(records)} sweeps of {axis} were over before "
+                f"their time, so fewer than {flights} are left; {excluded[-1]}"
+            )
+        best = sorted(sorted(scores, key=scores.__getitem__)[-flights:])
+        kept[axis] = [records[k] for k in best]
+        least = min(scores[k] for k in best)
+        excluded += [
+            f"flight {names[k]}: its mean coherence of {scores[k]:.4f} is not among the best "
+            f"{flights} (the least coherent kept has {least:.4f})"
+            for k in scores
+            if k not in best
+        ]
+    return kept, tuple(excluded)
+
+
+def fly_doublets(
+    vehicle: Vehicle, seed: int, recorder: Recorder, folder: Path | None
+) -> dict[str, FlightRecord]:
+    """Fly a doublet on each axis that a model is verified on; no fit sees them."""
+    records = {}
+    for axis in _verified_axes():
+        ((record, last),) = fly_watched(
+            vehicle, Doublet(axis=axis), [0], seed=seed * len(AXES), recorder=recorder
+        )
+        _keep(record, last, folder, f"{axis}_doublet")
+        if record.ended:
+            raise DivergedError(f"the doublet of {axis}: {record.ended}; fly a smaller one")
+        records[axis] = record
+    return records
+
+
+def _keep(record: FlightRecord, last: FlightRecord | None, folder: Path | None, name: str) -> None:
+    if folder is not None:
+        write_flight(record, last, folder / FOLDER / f"{name}.parquet")
+
+
+def read_flights(
+    vehicle: Vehicle, seed: int, folder: Path
+) -> tuple[Flights, dict[str, FlightRecord], tuple[str, ...]]:
+    """Read the flights of a run again.
+
+    Args:
+        vehicle: that must have flown them.
+        seed: that they must have been flown with.
+        folder: of the run.
+
+    Returns:
+        The kept sweeps by axis, the doublets by axis, and what was left out, as it was written.
+
+    Raises:
+        StorageError: results or a record can't be read.
+        InputError: another vehicle or seed flew.
+    """
+    results = read_json(folder / "results.json")
+    if results.get("seed") != seed:
+        raise InputError(f"{folder} was flown with seed {results.get('seed')}, not {seed}")
+    excluded = tuple(results.get("excluded", ()))
+    left_out = {sentence.split(":")[0].removeprefix("flight ") for sentence in excluded}
+    kept: Flights = {}
+    doublets = {}
+    for axis in AXES:
+        paths = sorted((folder / FOLDER).glob(f"{axis}_[0-9]*.parquet"))
+        kept[axis] = [read_record(path) for path in paths if path.stem not in left_out]
+        if not kept[axis]:
+            raise InputError(f"{folder / FOLDER} has no sweep of {axis}; fly them first")
+    for axis in _verified_axes():
+        doublets[axis] = read_record(folder / FOLDER / f"{axis}_doublet.parquet")
+    for record in (*doublets.values(), *(one for axis in AXES for one in kept[axis])):
+        if record.provenance.get("parameters") != dict(vehicle.parameters):
+            raise InputError(
+                f"the flights in {folder} were flown by a vehicle with other parameters; "
+                "fly them again"
+            )
+    return kept, doublets, excluded
+
+
+def _verified_axes() -> tuple[str, ...]:
+    return tuple(dict.fromkeys(axis for model in MODELS for axis in model.verified_by))
+
+
+def sweep_coherence(record: FlightRecord, axis: str) -> float:
+    """Return the mean coherence between the swept stick and its motion, one flight alone."""
+    stick, motion = _RESPONSE[axis]
+    w_min, w_max = record.provenance["excitation"]["band"]
+    band = (max(1.0, w_min), 0.8 * w_max)
+    frf = ident.frequency_response(record, inputs=stick, outputs=motion, band=band)
+    return float(np.mean(frf.coherence))
+
+
+def named_records(flights: Flights) -> dict[str, FlightRecord]:
+    """Return all kept records by a name such as "lat_01"."""
+    return {
+        f"{axis}_{k + 1:02d}": record for axis in AXES for k, record in enumerate(flights[axis])
+    }

@@ -1,0 +1,154 @@
+"""Identify the models of the experiment from its flights, and set them beside truth and paper."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from helisim import ident
+from helisim.paper import ReferenceTable, published
+from helisim.records.record import FlightRecord
+from helisim.sim import Recorder
+from helisim.sim.rigs import RigTest
+from helisim.study.flights import Flights
+from helisim.study.identified import Evidence
+from helisim.study.models import Given, Model
+from helisim.study.results import ComparisonTable, GivenValue, ParameterRow
+from helisim.study.truth import exact_response, true_values
+from helisim.vehicle import Vehicle
+
+GroundTests = Mapping[str, RigTest]
+"""By rig."""
+
+
+def frequency_response(model: Model, flights: Flights) -> ident.FrequencyResponse:
+    """Return the frequency response of one model from the pooled records of its sweeps."""
+    records = [record for axis in model.sweeps for record in flights[axis]]
+    return ident.frequency_response(
+        records,
+        inputs=model.inputs,
+        outputs=model.outputs,
+        conditioning=model.conditioning or None,
+        reference=model.reference or None,
+        band=_usable_band(model.band, records),
+    )
+
+
+def _usable_band(band: tuple[float, float], records: list[FlightRecord]) -> tuple[float, float]:
+    """Raise the lower edge to what few flights can resolve (window <= T_F / 5)."""
+    longest_window = min(
+        0.5 * min(record.duration for record in records),
+        0.2 * sum(record.duration for record in records),
+    )
+    return max(band[0], 1.01 * 2.0 * np.pi / longest_window), band[1]
+
+
+def identify_model(
+    model: Model,
+    flights: Flights,
+    *,
+    before: Mapping[str, ComparisonTable] | None = None,
+    ground: GroundTests | None = None,
+) -> ident.Fit:
+    """Identify one model from the records.
+
+    Args:
+        model: to identify.
+        flights: records by axis.
+        before: tables by name, whose identified values the model is given.
+        ground: tests by rig, whose findings the model is given.
+    """
+    given = {
+        name: _given(source, before or {}, ground or {}) for name, source in model.given.items()
+    }
+    estimated = frequency_response(model, flights)
+    return ident.identify(estimated, model.structure.with_fixed(given), weighting=model.weighting)
+
+
+def _given(source: Given, before: Mapping[str, ComparisonTable], ground: GroundTests) -> float:
+    if source.source in ground:
+        return ground[source.source][source.name].value
+    return before[source.source][source.name].identified
+
+
+def compare(
+    vehicle: Vehicle,
+    model: Model,
+    fit: ident.Fit,
+    recorder: Recorder,
+    *,
+    judge_paper: bool = True,
+) -> ComparisonTable:
+    """Set an identified model beside the truth and the paper.
+
+    What the fit was given is listed apart, and judged where the model has a tolerance for it.
+    """
+    truth = true_values(vehicle, model, recorder, like=fit.data)
+    paper = published(vehicle.name).table(model.name)
+    found = [name for name in fit.values if name not in model.given or name in model.tolerances]
+    return ComparisonTable(
+        name=model.name,
+        input=model.input,
+        cost=fit.cost,
+        band_rad_s=fit.band,
+        parameters=tuple(_row(fit, name, truth, paper, model, judge_paper) for name in found),
+        given=tuple(
+            GivenValue(name=name, unit=fit[name].unit, value=fit[name].value, source=one.source)
+            for name, one in model.given.items()
+        ),
+    )
+
+
+def _row(
+    fit: ident.Fit,
+    name: str,
+    truth: Mapping[str, float],
+    paper: ReferenceTable,
+    model: Model,
+    judge_paper: bool,
+) -> ParameterRow:
+    fitted = fit[name]
+    printed = paper.get(name)
+    tolerance = model.tolerances.get(name)
+    limits: dict[str, Any] = {}
+    if tolerance is not None:
+        limits |= {
+            "tolerance_percent": tolerance.percent,
+            "tolerance_reason": tolerance.reason,
+        }
+        if judge_paper and printed is not None:
+            bound = model.paper_tolerance(name, printed.cr_percent)
+            limits |= {
+                "paper_tolerance_percent": bound.percent,
+                "paper_tolerance_reason": bound.reason,
+            }
+    given = name in model.given
+    return ParameterRow(
+        name=name,
+        unit=fitted.unit or (printed.unit if printed else ""),
+        identified=fitted.value,
+        truth=truth.get(name),
+        paper=None if printed is None else printed.value,
+        cr_percent=None if given else fitted.cr_percent,
+        insensitivity_percent=None if given else fitted.insensitivity_percent,
+        **limits,
+    )
+
+
+def evidence_of(
+    vehicle: Vehicle,
+    model: Model,
+    fit: ident.Fit,
+    recorder: Recorder,
+    doublets: Mapping[str, FlightRecord],
+) -> Evidence:
+    """Return a model with the exact response and the verification that it is judged by."""
+    unseen = {axis: doublets[axis] for axis in model.verified_by}
+    return Evidence(
+        model.name,
+        fit,
+        exact=exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200)),
+        note=model.note,
+        verification=ident.verify(fit, list(unseen.values())) if unseen else None,
+        verified_on=tuple(f"{axis}_doublet" for axis in unseen),
+    )

@@ -1,0 +1,123 @@
+"""What stands behind a table of results: the fit, its data, the exact response, the verification.
+
+Kept beside `results.json` as `fits.json`, so that a report can be made again from files alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from helisim import ident
+from helisim.errors import InputError
+from helisim.ident.archive import response_from_dict, response_to_dict
+from helisim.ident.verify import Trace
+from helisim.records.files import read_json, write_json
+from helisim.records.provenance import made_by
+
+FORMAT = "helisim fits, version 1"
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """One identified model with what it can be judged by.
+
+    Attributes:
+        name: of the model; the table of results of the same name holds its numbers.
+        fit: the model, and the frequency response that it was fitted to.
+        exact: the response of the vehicle that flew, without error; None for a real one.
+        note: why this band and these channels.
+        verification: how well it predicts flights that no fit has seen; None if none was flown.
+        verified_on: names of those flights, in the order of the verification's traces.
+    """
+
+    name: str
+    fit: ident.Fit
+    exact: ident.FrequencyResponse | None = None
+    note: str = ""
+    verification: ident.Verification | None = None
+    verified_on: tuple[str, ...] = ()
+
+
+def write_evidence(path: str | Path, items: Sequence[Evidence]) -> Path:
+    """Write models as JSON and return the path.
+
+    Raises StorageError.
+    """
+    path = Path(path)
+    data = {
+        "format": FORMAT,
+        "provenance": made_by("fits"),
+        "models": [_to_dict(item) for item in items],
+    }
+    write_json(data, path)
+    return path
+
+
+def read_evidence(path: str | Path) -> tuple[Evidence, ...]:
+    """Read what `write_evidence` wrote.
+
+    Raises:
+        StorageError: the file can't be read.
+        InputError: it holds something else.
+    """
+    data = read_json(path)
+    if data.get("format") != FORMAT:
+        raise InputError(f"{path}: its format is {data.get('format')!r}, expected {FORMAT!r}")
+    try:
+        return tuple(_from_dict(item) for item in data["models"])
+    except (KeyError, TypeError, InputError) as error:
+        raise InputError(f"{path}: can't read a model: {error}") from None
+
+
+def _to_dict(item: Evidence) -> dict[str, Any]:
+    return {
+        "name": item.name,
+        "note": item.note,
+        "fit": item.fit.to_dict(),
+        "exact": None if item.exact is None else response_to_dict(item.exact),
+        "verification": None if item.verification is None else _checked(item.verification),
+        "verified_on": list(item.verified_on),
+    }
+
+
+def _from_dict(data: Mapping[str, Any]) -> Evidence:
+    return Evidence(
+        name=str(data["name"]),
+        fit=ident.Fit.from_dict(data["fit"]),
+        exact=None if data["exact"] is None else response_from_dict(data["exact"]),
+        note=str(data["note"]),
+        verification=None if data["verification"] is None else _verification(data["verification"]),
+        verified_on=tuple(data["verified_on"]),
+    )
+
+
+def _checked(verification: ident.Verification) -> dict[str, Any]:
+    traces = [
+        {one.name: getattr(trace, one.name).tolist() for one in fields(Trace)}
+        for trace in verification.traces
+    ]
+    return {
+        "outputs": list(verification.outputs),
+        "units": list(verification.units),
+        "traces": traces,
+        "j_rms": verification.j_rms,
+        "tic": verification.tic,
+        "j_rms_by_output": dict(verification.j_rms_by_output),
+        "tic_by_output": dict(verification.tic_by_output),
+    }
+
+
+def _verification(data: Mapping[str, Any]) -> ident.Verification:
+    arrays = [{name: np.array(rows) for name, rows in trace.items()} for trace in data["traces"]]
+    return ident.Verification(
+        outputs=tuple(data["outputs"]),
+        units=tuple(data["units"]),
+        traces=tuple(Trace(**trace) for trace in arrays),
+        j_rms=float(data["j_rms"]),
+        tic=float(data["tic"]),
+        j_rms_by_output=dict(data["j_rms_by_output"]),
+        tic_by_output=dict(data["tic_by_output"]),
+    )

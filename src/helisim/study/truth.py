@@ -1,0 +1,106 @@
+"""What an identification must find: the exact responses of a vehicle, and its true parameters."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim import ident
+from helisim.sim import Recorder
+from helisim.study.models import Model
+from helisim.vehicle import Linearization, Vehicle
+
+_GAINS = ("k_p", "k_I", "k_delta", "k_a")
+
+
+def true_values(
+    vehicle: Vehicle,
+    model: Model,
+    recorder: Recorder,
+    *,
+    like: ident.FrequencyResponse | None = None,
+) -> dict[str, float]:
+    """Return the true parameters of a model from the exact linearisation of the vehicle.
+
+    Delays are the servos' equivalent delay and the recorder's latencies. A low-order equivalent
+    has no parameters of its own in the vehicle: its truth is the structure fitted to the exact
+    frequency response.
+
+    Args:
+        vehicle: that flew.
+        model: what was identified.
+        recorder: that recorded.
+        like: of an equivalent, the estimate at whose frequencies, and with whose coherences as
+            weights, the exact response is fitted too; evenly over the band if None.
+    """
+    if model.truth == "gyro":
+        return _gyro_values(vehicle)
+    if model.truth == "equivalent":
+        return _equivalent_values(vehicle, model, recorder, like)
+    late = recorder.latency
+    true = dict(vehicle.derivatives)
+    for delay, axis, motion in (
+        ("tau_r_base", "ped", "r"),
+        ("tau_lat", "lat", "p"),
+        ("tau_lon", "lon", "q"),
+        ("tau_col", "col", "w"),
+    ):
+        true[delay] = vehicle.servo_delay(axis) + late.get(motion, 0.0) - late.get(axis, 0.0)
+    return true
+
+
+def _gyro_values(vehicle: Vehicle) -> dict[str, float]:
+    gains = {name: vehicle.parameters[f"gyro.{name.lower()}"] for name in _GAINS}
+    base = vehicle.derivatives
+    # the tail's thrust moves the helicopter sideways by Y_ped/N_ped of what it turns it
+    slip = base["N_r"] + base["N_v"] * base["Y_ped"] / base["N_ped"]
+    return {**gains, "tau_PED": vehicle.parameters["gyro.ped_latency"], "N_r_slip": slip}
+
+
+def _equivalent_values(
+    vehicle: Vehicle, model: Model, recorder: Recorder, like: ident.FrequencyResponse | None
+) -> dict[str, float]:
+    omega = np.geomspace(*model.band, 200) if like is None else like.frequency
+    exact = exact_response(vehicle, model, recorder, omega)
+    if like is not None:
+        exact = replace(exact, coherence=like.coherence)
+    return dict(ident.identify(exact, model.structure, weighting=model.weighting).values)
+
+
+def exact_response(
+    vehicle: Vehicle, model: Model, recorder: Recorder, omega: NDArray[np.float64]
+) -> ident.FrequencyResponse:
+    """Return the exact response of a model's channels, recorder latencies included.
+
+    It is what the estimate tends to. With a reference, that is the joint input-output method's:
+    the sticks drive the closed loop, and outputs over inputs have the conditioning channels held.
+    """
+    if model.reference:
+        linear, given = vehicle.linearize("IN2"), (*model.inputs, *model.conditioning)
+        driven = _recorded(linear, given, model.reference, recorder, omega)
+        answer = _recorded(linear, model.outputs, model.reference, recorder, omega)
+        # H U = Y at each frequency, axes (outputs, inputs, frequencies)
+        response = np.linalg.solve(driven.T, answer.T).T[:, : len(model.inputs)]
+    else:
+        linear = vehicle.linearize("IN2" if model.input == "IN2" else "IN1")
+        late = np.array([recorder.latency.get(name, 0.0) for name in model.inputs])
+        response = _recorded(linear, model.outputs, model.inputs, recorder, omega)
+        response = response * np.exp(1j * late[None, :, None] * omega)
+    return ident.FrequencyResponse.exact(
+        omega, response, inputs=model.inputs, outputs=model.outputs
+    )
+
+
+def _recorded(
+    linear: Linearization,
+    outputs: tuple[str, ...],
+    inputs: tuple[str, ...],
+    recorder: Recorder,
+    omega: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Return the response of outputs, as late as they are recorded, (n_out, n_in, n_freq)."""
+    rows = [linear.system.output_labels.index(name) for name in outputs]
+    columns = [linear.system.input_labels.index(name) for name in inputs]
+    late = np.array([recorder.latency.get(name, 0.0) for name in outputs])
+    response = linear.response(omega)[np.ix_(rows, columns)]
+    return response * np.exp(-1j * late[:, None, None] * omega)

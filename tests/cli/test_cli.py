@@ -1,0 +1,158 @@
+"""The command line: what it prints, what it writes, and how it fails."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+
+import pytest
+
+from command import fails
+from helisim import load, read_record
+from helisim.cli import main
+from helisim.study import models
+from helisim.study.models import Tolerance
+
+
+def test_a_flight_is_recorded(tmp_path, capsys):
+    """`fly` writes a record with sticks, servos and motion, and says so."""
+    path = tmp_path / "flug über.parquet"
+    assert main(["fly", "--axis", "ped", "--duration", "15", "--out", str(path)]) == 0
+    record = read_record(path)
+    assert record.duration == pytest.approx(15.0, abs=1e-9)  # whole samples of 10 ms
+    assert {"ped", "PED", "servo_tail", "r"} <= set(record.names)
+    assert str(path) in capsys.readouterr().out
+
+
+def test_a_flight_is_the_same_for_the_same_seed(tmp_path):
+    """Two runs of one seed give the same bytes; another seed gives others."""
+    paths = [tmp_path / f"{k}.parquet" for k in range(3)]
+    for path, seed in zip(paths, ("5", "5", "6")):
+        arguments = ["--duration", "13", "--seed", seed, "--out", str(path)]
+        assert main(["fly", "--axis", "col", *arguments]) == 0
+    first, second, other = (path.read_bytes() for path in paths)
+    assert first == second
+    assert first != other
+
+
+def test_a_flight_has_the_faults_asked_for(tmp_path):
+    """`fly --fault` puts faults into the flight and into its provenance."""
+    path = tmp_path / "faulty.parquet"
+    faults = ["--fault", "servo_tail:stuck@8", "--fault", "recorder:gap@5,lasts=0.5"]
+    flight = ["--duration", "13", "--watch", "off", *faults, "--out", str(path)]
+    assert main(["fly", "--axis", "ped", *flight]) == 0
+    record = read_record(path)
+    kinds = [fault["kind"] for fault in record.provenance["faults"]]
+    assert kinds == ["ServoStuck", "RecordGap"]
+    assert len(record) == 1301 - 50
+
+
+def test_a_flight_has_the_weather_asked_for(tmp_path):
+    """It stands in the record's provenance, with the heading in rad."""
+    path = tmp_path / "gusty.parquet"
+    wind = ["--wind", "2", "--wind-from-deg", "90", "--turbulence", "light"]
+    assert main(["fly", "--axis", "ped", "--duration", "13", *wind, "--out", str(path)]) == 0
+    weather = read_record(path).provenance["weather"]
+    assert (weather["wind"], weather["turbulence"]) == (2.0, "light")
+    assert weather["wind_from"] == pytest.approx(math.pi / 2)
+
+
+def test_a_recording_is_written(tmp_path):
+    """`fly --rerun` writes a Rerun recording beside the record."""
+    out, recording = tmp_path / "a.csv", tmp_path / "a.rrd"
+    arguments = ["--duration", "13", "--out", str(out), "--rerun", str(recording)]
+    assert main(["fly", "--axis", "lat", *arguments]) == 0
+    assert recording.stat().st_size > 0
+    assert out.stat().st_size > 0
+
+
+def test_linearize_prints_the_truth(capsys):
+    """`linearize` prints the derivatives, and with --json the matrices and names."""
+    assert main(["linearize"]) == 0
+    assert "N_r" in capsys.readouterr().out
+    assert main(["linearize", "--inputs", "IN2", "--json"]) == 0
+    model = json.loads(capsys.readouterr().out)
+    assert len(model["A"]) == len(model["states"])
+    assert model["inputs"] == ["COL", "LON", "LAT", "PED"]
+    assert model["delays_s"] == {"PED": load().parameters["gyro.ped_latency"]}
+    assert model["derivatives"]["N_r"] == pytest.approx(-0.7512, rel=1e-3)  # calibration
+
+
+def test_parameters_can_be_set(capsys):
+    """`--set` changes the truth."""
+    assert main(["linearize", "--json", "--set", "main_rotor.hub_stiffness=100"]) == 0
+    model = json.loads(capsys.readouterr().out)
+    assert model["derivatives"]["L_b"] > 580.0  # (100 + T h) / I_xx = 609
+
+
+def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
+    """A parameter off its tolerance is listed, and the exit status is 1."""
+    strict = Tolerance(percent=1e-9, reason="no estimate is this good")
+    monkeypatch.setitem(models.HEAVE.tolerances, "Z_w", strict)
+    assert main(["reproduce", "--flights", "1", "--quiet", "--out", str(tmp_path)]) == 1
+    printed = capsys.readouterr().out
+    assert "missed:" in printed
+    assert "heave: Z_w" in " ".join(printed.split())
+    assert (tmp_path / "results.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--axis", "roll", "--out", "a.csv"], "available: col, lon, lat, ped"),
+        (["--axis", "lat", "--duration", "-3", "--out", "a.csv"], "-3"),
+        (["--axis", "lat", "--duration", "nan", "--out", "a.csv"], "nan"),
+        (["--axis", "lat", "--duration", "long", "--out", "a.csv"], "long"),
+        (["--axis", "lat", "--out", "a.xlsx"], "available: .parquet, .csv"),
+        (["--axis", "lat", "--out", "no/such/a.csv"], "not a folder"),
+        (["--axis", "lat", "--out", "a.csv", "--rerun", "a.txt"], ".rrd"),
+        (["--axis", "lat", "--out", "a.csv", "--seed", "-1"], "-1"),
+        (["--axis", "lat", "--out", "a.csv", "--set", "main_rotor.radius"], "NAME=VALUE"),
+        (["--axis", "lat", "--out", "a.csv", "--set", "main_rotor.radius=nan"], "finite"),
+        (["--axis", "lat", "--out", "a.csv", "--set", "main_rotor.radius=-1"], "positive"),
+        (["--axis", "lat", "--out", "a.csv", "--set", "rotor.radius=1"], "main_rotor.radius"),
+        (["--axis", "lat", "--out", "a.csv", "--amplitude", "7"], "(0, 0.5]"),
+        (["--axis", "lat"], "--out"),
+        (["--axis", "lat", "--out", "a.csv", "--fault", "servo_rear:stuck@3"], "servo_front"),
+        (["--axis", "lat", "--out", "a.csv", "--fault", "gyro:restart@300"], "over at 90 s"),
+        (["--axis", "lat", "--out", "a.csv", "--set", "gyro.flight_mode=5"], "one of 1, 2, 3"),
+        (["--axis", "lat", "--out", "a.csv", "--turbulence", "heavy"], "light, moderate, severe"),
+        (["--axis", "lat", "--out", "a.csv", "--turbulence", "-2"], "-2"),
+        (["--axis", "lat", "--out", "a.csv", "--wind", "nan"], "nan"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(tmp_path, monkeypatch, capsys, arguments, says):
+    """Every mistake ends in one line that says what to do, and leaves no file."""
+    monkeypatch.chdir(tmp_path)
+    assert says in fails(capsys, "fly", *arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_commands_fail_as_clearly(tmp_path, monkeypatch, capsys):
+    """The same holds for the other commands, and for no command at all."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    assert "COMMAND" in fails(capsys)
+    assert "fly" in fails(capsys, "hover")
+    assert "IN1" in fails(capsys, "linearize", "--inputs", "IN3")
+    assert "--flights" in fails(capsys, "reproduce", "--flights", "0")
+    assert "file" in fails(capsys, "reproduce", "--out", "file/here")
+    assert "timestep" in fails(capsys, "reproduce", "--timestep", "0")
+    assert "jobs" in fails(capsys, "reproduce", "--jobs", "0")
+
+
+@pytest.mark.skipif(
+    not os.path.exists("/proc/self/mem"), reason="needs a folder that nobody can write: /proc"
+)
+def test_a_folder_that_cannot_be_written_is_said_before_the_flight(capsys):
+    """An unwritable folder ends in one line, before any time is spent flying."""
+    assert "/proc" in fails(capsys, "fly", "--axis", "lat", "--out", "/proc/a.csv")
+    assert "/proc" in fails(capsys, "reproduce", "--out", "/proc/reproduction")
+
+
+def test_the_module_runs_as_a_program():
+    """`python -m helisim --version` prints the version."""
+    command = [sys.executable, "-m", "helisim", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("helisim ")

@@ -1,0 +1,195 @@
+"""Whatever stands behind an option, a command ends with a status and at most one line of error."""
+
+import contextlib
+import io
+import os
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from helisim.cli import main
+from helisim.physics import fields, native
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
+from helisim.records.storage import write_record
+
+ANY = st.one_of(
+    st.text(max_size=8),
+    st.floats().map(repr),
+    st.integers(-3, 10**12).map(str),
+    st.sampled_from(
+        ["", "p", "lat", "p,q", "lat=p:deg/s", "=", ":", "a=b=c", "p/lat", "p/p", "t:s", "time"]
+    ),
+    st.sampled_from(["nan", "inf", "-inf", "1e-300", "1e300", "0", "-1", "٣", "ü" * 300, "../x"]),
+    st.sampled_from(["tf:1/1", "tf:9/1", "tf:1/99", "heave", "yaw_base", "duplicates,resets"]),
+)
+READING = ("--channel", "--time", "--rate", "--resample", "--repair", "--max-gap")
+READING += ("--min-duration", "--from", "--to", "--map", "--reference", "--conditioning")
+OPTIONS = {
+    "frf": (*READING, "--inputs", "--outputs"),
+    "identify": (*READING, "--structure", "--fix", "--start", "--responses", "--rename", "--seed"),
+    "linearize": ("--inputs", "--set"),
+    "fly": ("--amplitude", "--set", "--fault", "--integrator", "--turbulence", "--wind", "--axis"),
+    "structures": ("",),
+}
+SOUND = {
+    "frf": ["--inputs", "lat", "--outputs", "p", "--band", "2", "20"],
+    "identify": ["--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p", "--quiet"],
+    "linearize": [],
+    "fly": ["--axis", "lat", "--duration", "13", "--quiet", "--out"],
+    "structures": [],
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a record of white noise through a lag."""
+    path = tmp_path_factory.mktemp("Messung ü")
+    random = np.random.default_rng(1)
+    stick = random.normal(size=1500)
+    rate = np.convolve(stick, np.exp(-np.arange(60) / 10.0))[:1500]
+    columns = np.column_stack([stick, rate])
+    record = FlightRecord(0.02 * np.arange(1500), columns, (channel("lat"), channel("p")))
+    write_record(record, path / "r.parquet")
+    return path
+
+
+def outcome(arguments):
+    """Return a command's status and the lines it left on standard error."""
+    told = io.StringIO()
+    with contextlib.redirect_stderr(told), contextlib.redirect_stdout(io.StringIO()):
+        try:
+            status = main(arguments)
+        except SystemExit as exit_:  # argparse's own, with its one line and status 2
+            status = exit_.code
+    return status, [line for line in told.getvalue().split("\n") if line]
+
+
+@pytest.mark.parametrize("command", SOUND)
+def test_what_the_fuzzer_starts_from_is_sound(folder, command):
+    """Without another option each command ends well: what follows is not refused for others."""
+    place = [str(folder / "r.parquet")] if command in ("frf", "identify") else []
+    more = [str(folder / "sound.csv")] if command == "fly" else []
+    status, lines = outcome([command, *place, *SOUND[command], *more])
+    assert status in (0, 1), lines
+    (folder / "sound.csv").unlink(missing_ok=True)
+
+
+@pytest.mark.parametrize("command", OPTIONS)
+@given(data=st.data())
+@settings(max_examples=30)
+def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, data):
+    """Status 0 or 1 and an answer, or status 2 and one line: never another exception."""
+    given_ = []
+    for option in data.draw(st.lists(st.sampled_from(OPTIONS[command]), min_size=1, max_size=2)):
+        given_ += [text for text in (option, data.draw(ANY)) if text or option]
+    place = [str(folder / "r.parquet")] if command in ("frf", "identify") else []
+    sound = [*SOUND[command], *([str(folder / "out.csv")] if command == "fly" else [])]
+    before = sorted(folder.iterdir())
+    status, lines = outcome([command, *place, *sound, *given_])
+    assert status in (0, 1, 2), given_
+    if status == 2:
+        assert len(lines) == 1, lines
+        assert lines[0].startswith("helisim"), lines
+        assert sorted(folder.iterdir()) == before
+    (folder / "out.csv").unlink(missing_ok=True)
+
+
+@pytest.mark.parametrize("content", [b"", b"RRF2\x00)\x00\x00", b"RRF2" + bytes(range(256)) * 40])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["frf", "FILE", "--inputs", "lat", "--outputs", "p"],
+        ["identify", "FILE", "--structure", "heave"],
+        ["verify", "FILE", "FILE"],
+        ["record", "FILE", "--out", "b.rrd"],
+        ["report", "FILE"],
+        ["view", "FILE"],
+        ["campaign", "FILE"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_recording_is_nobodys_input(tmp_path, monkeypatch, arguments, content):
+    """Rerun's files are written and never read: cut, empty or foreign, they are one clear error."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.rrd").write_bytes(content)
+    status, lines = outcome(["a.rrd" if one == "FILE" else one for one in arguments])
+    assert status == 2
+    assert len(lines) == 1, lines
+    assert "a.rrd" in lines[0] or "no display" in lines[0]
+    assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
+
+
+def test_another_mujoco_than_helisim_knows_is_one_line(monkeypatch, tmp_path):
+    """Where the layout check fails, a flight ends before it begins: the version, what to do."""
+    for held in (fields.offsets, native.compiled):
+        held.cache_clear()
+    monkeypatch.setattr(fields, "_structure", lambda name: type(name, (), {"opt": None}))
+    out = str(tmp_path / "a.csv")
+    status, lines = outcome(["fly", "--axis", "lat", "--duration", "13", "--out", out])
+    assert (status, len(lines)) == (2, 1)
+    assert f"MuJoCo {mujoco.__version__} has no field that helisim needs" in lines[0]
+    assert "install a version that this helisim supports" in lines[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+_written: list[str] = []
+_watching = False
+_WRITE = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+
+
+def _note(event, arguments):
+    if not _watching:
+        return
+    if event == "open":
+        path, mode, flags = arguments
+        if not isinstance(path, int) and ((flags or 0) & _WRITE or set(mode or "") & set("wax+")):
+            _written.append(os.fsdecode(path))
+    elif event in ("os.mkdir", "os.rename", "os.link", "os.symlink", "os.remove", "os.rmdir"):
+        _written.extend(os.fsdecode(one) for one in arguments[:2] if isinstance(one, str | Path))
+
+
+def test_nothing_is_written_outside_the_folder_that_is_named(tmp_path, monkeypatch):
+    """Python's own audit tells every file that a flight and what follows it open to write."""
+    global _watching
+    out, home = tmp_path / "out", tmp_path / "home"
+    for path in (out, home):
+        path.mkdir()
+    monkeypatch.chdir(home)
+    monkeypatch.setenv("TMPDIR", str(home))
+    monkeypatch.setenv("HOME", str(home))
+    record, model = str(out / "lat.parquet"), str(out / "m.json")
+    flight = ["fly", "--axis", "lat", "--duration", "20", "--quiet", "--out", record]
+    commands = [
+        [*flight, "--rerun", str(out / "lat.rrd")],
+        [*flight[:-1], str(out / "lat.csv")],
+        ["frf", record, "--inputs", "lat", "--outputs", "p", "--json", str(out / "f.json")],
+        ["identify", record, "--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p"],
+        ["linearize", "--json"],
+        ["structures", "heave"],
+    ]
+    commands[3] += ["--json", model, "--matlab", str(out / "m.mat"), "--latex", str(out / "m.tex")]
+    sys.addaudithook(_note)
+    for arguments in commands:
+        _watching = True
+        try:
+            status, lines = outcome(arguments)
+        finally:
+            _watching = False
+        assert status in (0, 1), lines
+    assert len(list(out.iterdir())) == 7
+    assert len(_written) >= 7
+    cached = ("__pycache__", ".numba", "numba_cache", os.devnull)
+    strange = [
+        path
+        for path in _written
+        if not os.path.realpath(path).startswith(os.path.realpath(out))
+        and not any(part in path for part in cached)
+    ]
+    assert strange == []
+    assert list(home.iterdir()) == []

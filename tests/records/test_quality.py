@@ -1,0 +1,116 @@
+"""Spikes and stretches that stand still: found where they are, and nowhere else."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from helisim.records.quality import Stretch, spikes, still
+
+COUNT = 2000
+TIME = np.arange(COUNT) / 100.0
+SWEEP = np.sin(2.0 * TIME**2) * (0.2 + 0.02 * TIME)
+"""Up to 80 rad/s at 100 Hz: eight samples a period."""
+
+
+def noise(seed, level=0.01):
+    return level * np.random.default_rng(seed).standard_normal(COUNT)
+
+
+@given(
+    at=st.integers(1, COUNT - 3),
+    width=st.integers(1, 2),
+    size=st.floats(1.0, 1e6),
+    up=st.booleans(),
+    seed=st.integers(0, 99),
+)
+def test_a_spike_is_found_where_it_is(at, width, size, up, seed):
+    """One or two samples wide, up or down, anywhere but at the very ends; and nothing else."""
+    values = SWEEP + noise(seed)
+    # 8 usual steps: at the sweep's fastest, 0.6 x 80 rad/s x 10 ms x 0.64 each
+    values[at : at + width] += (3.0 if up else -3.0) * size
+    found = np.flatnonzero(spikes(values))
+    assert found.tolist() == list(range(at, at + width))
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        SWEEP,
+        SWEEP + noise(0),
+        noise(1),
+        np.round(noise(2) / 0.005) * 0.005,
+        np.repeat(noise(3)[: COUNT // 2], 2),
+        np.where(TIME < 7.0, 0.0, 1.0) + noise(4, 1e-4),
+        np.where((TIME > 5.0) & (TIME < 5.05), 1.0, 0.0) + noise(5, 1e-4),
+        np.where(TIME < 5.0, 0.0, np.exp(-(TIME - 5.0) / 0.02)),
+        np.zeros(COUNT),
+        np.full(COUNT, 3.0),
+        np.zeros(0),
+        np.array([0.0, 9.0, 0.0]),
+    ],
+    ids=[
+        "sweep",
+        "noisy sweep",
+        "noise",
+        "resolution",
+        "every sample twice",
+        "step",
+        "pulse of five samples",
+        "jump and decay",
+        "zero",
+        "constant",
+        "nothing",
+        "too short to tell",
+    ],
+)
+def test_a_signal_is_no_spike(signal):
+    """Fast, coarse, held or stepped: what a sensor may see is left alone."""
+    assert not spikes(signal).any()
+
+
+def test_white_noise_has_no_spikes():
+    """In five million samples none is found; 1e-9 a sample is what the threshold lets pass."""
+    rng = np.random.default_rng(7)
+    assert sum(np.count_nonzero(spikes(rng.standard_normal(500_000))) for _ in range(10)) == 0
+
+
+@given(first=st.integers(5, COUNT - 60), length=st.integers(10, 55), seed=st.integers(0, 99))
+def test_a_dead_sensor_is_found_where_it_is(first, length, seed):
+    """From its last number on for as long as it repeats."""
+    values = SWEEP + noise(seed)
+    values[first : first + length] = values[first]
+    assert still(values) == (Stretch(first, first + length - 1),)
+
+
+def test_rest_is_not_death():
+    """At its start a channel may rest; one that is coarse or slow always repeats; nor may less."""
+    resting = np.where(TIME < 3.0, 0.0, SWEEP + noise(0))
+    assert still(resting) == ()
+    barely = np.where(TIME < 3.0, 1e-12 * np.sin(TIME * (TIME > 0.05)), SWEEP)
+    assert still(barely) == ()
+    slow = np.repeat(noise(1)[: COUNT // 20], 20)
+    assert still(slow) == ()
+    brief = SWEEP + noise(2)
+    brief[500:509] = brief[500]
+    assert still(brief) == ()
+    assert still(np.zeros(COUNT)) == ()
+
+
+def test_a_slow_sensor_can_die_too():
+    """One that repeats each number twenty times is dead after two hundred, not before."""
+    slow = np.repeat(noise(1)[: COUNT // 20], 20)
+    slow[600:780] = slow[600]
+    assert still(slow) == ()
+    slow[600:900] = slow[600]
+    (stretch,) = still(slow)
+    assert stretch == Stretch(600, 899)
+
+
+@pytest.mark.filterwarnings("error")
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=150, max_size=300))
+def test_any_numbers_are_looked_at(values):
+    """However large, without a warning; what is found is inside."""
+    array = np.array(values)
+    assert spikes(array).shape == array.shape
+    assert all(0 <= one.first <= one.last < array.size for one in still(array))

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from helisim.errors import RecordError, UnknownNameError
+from helisim.records.channels import CHANNELS, IN1, IN2, OUT, SERVOS, Channel, channel
+from helisim.records.record import FlightRecord
+
+
+def make_record(**changes) -> FlightRecord:
+    time = np.arange(5) * 0.01
+    fields = {
+        "time": time,
+        "values": np.column_stack([time, 10.0 * time]),
+        "channels": (channel("lat"), channel("p")),
+        "provenance": {"seed": 3, "nested": {"list": [1, 2]}},
+    }
+    return FlightRecord(**(fields | changes))
+
+
+def test_channels_are_addressed_by_name():
+    """Indexing gives (n_time,), selecting gives (n_time, n_name), for one name too."""
+    record = make_record()
+    np.testing.assert_array_equal(record["p"], 10.0 * record.time)
+    np.testing.assert_array_equal(record.select(["p", "lat"]), record.values[:, ::-1])
+    assert record.select(["p"]).shape == (5, 1)
+    assert record.unit("p") == "rad/s"
+    assert "lat" in record
+    assert "LAT" not in record
+    assert len(record) == 5
+
+
+def test_an_unknown_channel_lists_those_that_exist():
+    """Case tells IN1 from IN2, and the message shows what there is."""
+    for attempt in (make_record().__getitem__, make_record().unit):
+        with pytest.raises(UnknownNameError, match="unknown channel 'LAT'; available: lat, p"):
+            attempt("LAT")
+    with pytest.raises(UnknownNameError, match="available: col, lon"):
+        channel("rudder")
+
+
+def test_a_record_can_not_be_changed():
+    """Neither the record's arrays nor those it was made from can change it afterwards."""
+    values = np.zeros((5, 2))
+    provenance = {"seed": 3}
+    record = make_record(values=values, provenance=provenance)
+    values[:] = 1.0
+    provenance["seed"] = 4
+    assert np.all(record.values == 0.0)
+    assert record.provenance["seed"] == 3
+    for array in (record.time, record.values, record["p"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+    with pytest.raises(TypeError):
+        record.provenance["seed"] = 5  # type: ignore[index]
+    with pytest.raises(AttributeError):
+        record.time = values  # type: ignore[misc]
+
+
+def test_a_slice_holds_its_ends_and_its_provenance():
+    """Both ends belong to the slice; units and provenance go with it."""
+    piece = make_record().slice(0.01, 0.03)
+    np.testing.assert_allclose(piece.time, [0.01, 0.02, 0.03], rtol=1e-15)  # one rounding
+    assert piece.channels == make_record().channels
+    assert piece.provenance == make_record().provenance
+
+
+def test_the_sample_time_needs_uniform_samples():
+    """A gap is reported with its row and never resampled in silence."""
+    assert make_record().sample_time == pytest.approx(0.01, rel=1e-12)  # rounding of a mean
+    assert make_record().duration == pytest.approx(0.04, rel=1e-12)
+    with pytest.raises(RecordError, match=r"step after row 2 is 0\.02 s"):
+        _ = make_record(time=[0.0, 0.01, 0.02, 0.04, 0.05]).sample_time
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"time": [[0.0, 1.0]]}, "at least two samples"),
+        ({"time": [0.0], "values": [[0.0, 0.0]]}, "at least two samples"),
+        ({"values": np.zeros((5, 3))}, r"shape \(5, 3\), expected \(5, 2\)"),
+        ({"values": np.zeros((4, 2))}, r"shape \(4, 2\), expected \(5, 2\)"),
+        ({"channels": (channel("p"), channel("p"))}, "repeated: p"),
+        ({"time": [0.0, 0.01, np.nan, 0.03, 0.04]}, "time is not finite at row 2"),
+        ({"time": [0.0, 0.01, 0.01, 0.03, 0.04]}, "time must increase: row 2"),
+        ({"values": [[0.0, 0.0]] * 4 + [[0.0, np.inf]]}, "channel 'p' is not finite at row 4"),
+        ({"provenance": {"when": object()}}, "plain JSON data"),
+        ({"provenance": {"noise": float("nan")}}, "plain JSON data"),
+    ],
+)
+def test_a_malformed_record_is_refused(changes, message):
+    """Every fault is found when the record is made, with its place."""
+    with pytest.raises(RecordError, match=message):
+        make_record(**changes)
+
+
+def test_the_standard_channels_cover_the_groups():
+    """Each group's names exist and carry the group's kind."""
+    for names, kind in ((IN1, "IN1"), (IN2, "IN2"), (SERVOS, "SERVO"), (OUT, "OUT")):
+        assert {channel(name).kind for name in names} == {kind}
+    assert all(item.unit and item.meaning for item in CHANNELS.values())
+    assert Channel("p", "rad/s", "OUT", "roll rate") == channel("p")

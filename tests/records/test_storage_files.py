@@ -1,0 +1,139 @@
+"""Files are written whole or not at all, and read only where they are of a sane size."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from helisim.errors import HelisimError, StorageError
+from helisim.ident import load_fit, structures
+from helisim.records import files
+from helisim.records.files import atomic_write, check_destination, read_json, read_toml, write_json
+from helisim.records.logs import Map
+from helisim.vehicle import read_parameters
+
+
+def write_half(path: Path, failure: type[BaseException]) -> None:
+    with atomic_write(path) as temporary:
+        temporary.write_text("half")
+        raise failure
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt, RuntimeError, OSError])
+def test_an_interrupted_write_leaves_the_old_file(tmp_path, failure):
+    """A failure half way leaves the previous contents and nothing else in the folder."""
+    path = tmp_path / "results.json"
+    path.write_text("old")
+    with pytest.raises(StorageError if failure is OSError else failure):
+        write_half(path, failure)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_atomic_write_replaces_the_file_and_keeps_a_link(tmp_path):
+    """The new contents arrive; a symbolic link still points to the file it pointed to."""
+    target = tmp_path / "target.json"
+    target.write_text("old")
+    link = tmp_path / "link.json"
+    link.symlink_to(target)
+    with atomic_write(link) as temporary:
+        temporary.write_text("new")
+        assert target.read_text() == "old"
+    assert target.read_text() == "new"
+    assert link.is_symlink()
+
+
+# Writers of other modules
+
+
+def refuse(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+WRITERS = {
+    "structure": lambda path: structures.heave.to_toml(path),
+    "JSON": lambda path: write_json({"a": 1}, path),
+}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_every_writer_leaves_the_old_file_when_the_disk_is_full(tmp_path, monkeypatch, kind):
+    """What was there stays, the error is one line, and nothing is left beside it."""
+    path = tmp_path / "file.json"
+    path.write_text("old")
+    monkeypatch.setattr(os, "fsync", refuse)
+    with pytest.raises(StorageError, match=r"file\.json: can't write it: No space left"):
+        WRITERS[kind](path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+# Names
+
+
+@pytest.mark.parametrize(
+    "name", ["Flüge und Läufe/日本 1.json", 'it\'s "a" % {file} #1.json', "é" * 120 + ".json"]
+)
+def test_any_name_that_the_system_takes_is_written_and_read(tmp_path, name):
+    """Blanks, quotes, other alphabets, and names as long as a file system allows."""
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    write_json({"name": name}, path)
+    assert read_json(path) == {"name": name}
+    assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("name", ["a\0b.json", "x" * 300 + ".json", "no/such/folder.json"])
+def test_a_name_that_the_system_refuses_is_one_clear_error(tmp_path, name):
+    """A zero byte, too long a name and a folder that isn't there are storage errors."""
+    path = tmp_path / name
+    for attempt in (lambda: write_json({}, path), lambda: check_destination(path, (".json",))):
+        with pytest.raises(StorageError, match="can't write it"):
+            attempt()
+    with pytest.raises(StorageError):
+        read_json(path)
+
+
+# Sizes and depths
+
+
+@pytest.mark.parametrize(
+    "read", [read_toml, Map.from_toml, structures.Structure.from_toml, read_parameters]
+)
+def test_a_toml_file_beyond_its_size_is_refused_unread(tmp_path, monkeypatch, read):
+    """A file that people write by hand has less than a megabyte."""
+    path = tmp_path / "huge.toml"
+    with path.open("wb") as file:
+        file.truncate(files._TOML_BYTES + 1)
+    monkeypatch.setattr(Path, "read_bytes", lambda _: pytest.fail("was read"))
+    with pytest.raises(HelisimError, match=r"huge\.toml: 1048577 bytes, and at most 1048576"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "read"),
+    [
+        ("deep.json", "[" * 100_000, read_json),
+        ("deep.json", '{"format":' * 100_000, load_fit),
+        ("deep.toml", "a = " + "[" * 100_000, read_toml),
+        ("deep.toml", "a = " + "[" * 100_000, Map.from_toml),
+        ("deep.toml", "a = " + "9" * 10_000, read_toml),
+        ("list.json", "[1, 2]", read_json),
+        ("half.json", '{"a": 1', read_json),
+        ("bytes.json", "\udcff", read_json),
+    ],
+)
+def test_what_parsers_stumble_over_is_one_clear_error(tmp_path, name, text, read):
+    """Nesting that exhausts the stack, endless numbers, cut or foreign files name the file."""
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(StorageError, match=name.replace(".", r"\.")):
+        read(path)
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    """A folder and a device are not read, which might never end."""
+    for path in (tmp_path, Path("/dev/zero")):
+        with pytest.raises(StorageError, match="not a regular file"):
+            read_json(path)

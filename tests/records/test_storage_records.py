@@ -1,0 +1,303 @@
+import errno
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from helisim.errors import RecordError, StorageError
+from helisim.records import parquet
+from helisim.records.channels import Channel, channel
+from helisim.records.record import FlightRecord
+from helisim.records.storage import read_record, write_record
+
+SUFFIXES = (".parquet", ".csv")
+AWKWARD = Channel('gap, "rotor" [x]', "m/s^2 [raw]", "OTHER", "an odd name; Ω and a\nsecond line")
+
+
+def make_record(n: int = 50, provenance: dict | None = None) -> FlightRecord:
+    """Numbers that no short decimal represents, on standard and odd channels."""
+    rng = np.random.default_rng(7)
+    channels = (channel("lat"), channel("LAT"), channel("p"), AWKWARD)
+    return FlightRecord(
+        time=np.arange(n) / 100.0,
+        values=rng.standard_normal((n, len(channels))) * [1e-12, 1.0, 1e9, np.pi],
+        channels=channels,
+        provenance={"seed": 7, "note": "zero gyro µ"} if provenance is None else provenance,
+    )
+
+
+def assert_same(a: FlightRecord, b: FlightRecord) -> None:
+    assert a.channels == b.channels
+    assert dict(a.provenance) == dict(b.provenance)
+    np.testing.assert_array_equal(a.time, b.time)
+    np.testing.assert_array_equal(a.values, b.values)
+
+
+def corrupt(path: Path, old: str, new: str) -> Path:
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    return path
+
+
+# Round trip
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_record_comes_back_exactly(tmp_path, suffix):
+    """Numbers to the last bit, units, kinds, meanings and provenance survive the disk."""
+    record = make_record()
+    assert_same(read_record(write_record(record, tmp_path / f"flight{suffix}")), record)
+
+
+@given(
+    values=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=8),
+    seed=st.integers(0, 2**53),
+)
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_any_finite_double_survives(tmp_path_factory, suffix, values, seed):
+    """Subnormals, minus zero and the largest doubles come back bit for bit."""
+    path = tmp_path_factory.mktemp("any") / f"flight{suffix}"
+    record = FlightRecord(
+        np.arange(len(values)), np.array(values)[:, None], (channel("p"),), {"seed": seed}
+    )
+    back = read_record(write_record(record, path))
+    assert back.values.tobytes() == record.values.tobytes()
+    assert back.provenance["seed"] == seed
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_equal_records_give_equal_bytes(tmp_path, suffix):
+    """A file depends on the record alone: not on the clock, nor on the order of keys."""
+    first = write_record(
+        make_record(provenance={"a": 1, "b": [2, {"c": 3, "d": 4}]}), tmp_path / f"first{suffix}"
+    )
+    second = write_record(
+        make_record(provenance={"b": [2, {"d": 4, "c": 3}], "a": 1}), tmp_path / f"second{suffix}"
+    )
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_parquet_is_plain_to_other_readers(tmp_path):
+    """Any Parquet reader finds one column a channel, its unit, and JSON provenance."""
+    record = make_record()
+    table = pq.read_table(write_record(record, tmp_path / "flight.parquet"))
+    assert table.column_names == ["time", *record.names]
+    np.testing.assert_array_equal(table["p"].to_numpy(), record["p"])
+    assert table.schema.field("p").metadata[b"unit"] == b"rad/s"
+    assert table.schema.field("p").metadata[b"kind"] == b"OUT"
+    header = json.loads(table.schema.metadata[b"helisim"])
+    assert header["version"] == 1
+    assert header["provenance"] == dict(record.provenance)
+
+
+def test_csv_is_plain_to_other_readers(tmp_path):
+    """Apart from the comment lines a CSV is a header with units and rows of numbers."""
+    path = write_record(make_record(), tmp_path / "flight.csv")
+    lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
+    assert lines[0].startswith("time [s],lat [1],LAT [1],p [rad/s],")
+    assert len(lines) == 51
+
+
+def test_csv_saved_by_a_windows_editor_is_read(tmp_path):
+    """A byte order mark and CRLF line ends change nothing."""
+    record = make_record()
+    path = write_record(record, tmp_path / "flight.csv")
+    text = path.read_text("utf-8").replace("\n", "\r\n")
+    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert_same(read_record(path), record)
+
+
+# Refusals
+
+
+@pytest.mark.parametrize("name", ["flight.hdf5", "flight", "flight.csv.gz"])
+def test_an_unknown_suffix_lists_those_that_exist(tmp_path, name):
+    """Neither writing nor reading guesses a format."""
+    for attempt in (
+        lambda: write_record(make_record(), tmp_path / name),
+        lambda: read_record(tmp_path / name),
+    ):
+        with pytest.raises(StorageError, match=r"unknown suffix .*available: \.parquet, \.csv"):
+            attempt()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_missing_file_is_named(tmp_path, suffix):
+    """The message names the file and says that it does not exist."""
+    with pytest.raises(StorageError, match=f"absent{suffix}: no such file"):
+        read_record(tmp_path / f"absent{suffix}")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_folder_is_not_a_record(tmp_path, suffix):
+    """A folder in the place of a file is refused for reading and for writing."""
+    folder = tmp_path / f"flight{suffix}"
+    folder.mkdir()
+    with pytest.raises(StorageError, match=folder.name):
+        read_record(folder)
+    with pytest.raises(StorageError, match="not a regular file"):
+        write_record(make_record(), folder)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_an_unusable_folder_is_one_clear_error(tmp_path, suffix):
+    """A folder that is absent, or is a file, is named."""
+    (tmp_path / "file").write_text("")
+    for folder in ("absent", "file"):
+        with pytest.raises(StorageError, match=f"{folder} is not a folder"):
+            write_record(make_record(), tmp_path / folder / f"flight{suffix}")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_read_only_folder_is_one_clear_error(tmp_path, suffix, monkeypatch):
+    """The system's refusal becomes a StorageError, also for root, who ignores mode bits."""
+
+    def refuse(*_):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(StorageError, match="can't write it: Permission denied"):
+        write_record(make_record(), tmp_path / f"flight{suffix}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_channel_called_time_is_refused(tmp_path):
+    """It would be a second column of that name."""
+    record = FlightRecord([0, 1], [[1.0], [2.0]], (Channel("time", "s", "OTHER"),))
+    with pytest.raises(RecordError, match="time column"):
+        write_record(record, tmp_path / "flight.parquet")
+
+
+@pytest.mark.parametrize("keep", [0, 3, 200, 0.5, 0.99])
+def test_truncated_parquet_is_refused(tmp_path, keep):
+    """Wherever the file was cut, the error names it."""
+    path = write_record(make_record(), tmp_path / "flight.parquet")
+    data = path.read_bytes()
+    path.write_bytes(data[: keep if isinstance(keep, int) else int(keep * len(data))])
+    with pytest.raises(StorageError, match=r"flight\.parquet: not Parquet, truncated or corrupt"):
+        read_record(path)
+
+
+def test_a_flipped_bit_in_parquet_is_found(tmp_path):
+    """The pages carry checksums: damaged numbers are an error, not other numbers."""
+    path = write_record(make_record(), tmp_path / "flight.parquet")
+    data = bytearray(path.read_bytes())
+    data[300] ^= 0x10  # inside the first page, the time column
+    path.write_bytes(data)
+    with pytest.raises(StorageError, match=r"flight\.parquet: not Parquet, truncated or corrupt"):
+        read_record(path)
+
+
+def test_foreign_parquet_is_refused(tmp_path):
+    """A table without our metadata, of another version, or with holes is not guessed at."""
+    path = tmp_path / "foreign.parquet"
+    pq.write_table(pa.table({"time": [0.0, 1.0]}), path)
+    with pytest.raises(StorageError, match="not a helisim flight record"):
+        read_record(path)
+
+    table = pq.read_table(write_record(make_record(), path))
+    header = json.loads(table.schema.metadata[b"helisim"])
+    newer = table.replace_schema_metadata({"helisim": json.dumps({**header, "version": 2})})
+    pq.write_table(newer, path)
+    with pytest.raises(StorageError, match=r"version 2 of the format, .* reads version 1"):
+        read_record(path)
+
+    hollow = pa.field("p", pa.float64(), metadata=table.schema.field("p").metadata)
+    holes = pa.array([1.0] * 4 + [None] * 46, pa.float64())
+    pq.write_table(table.set_column(3, hollow, holes), path)
+    with pytest.raises(StorageError, match="column 'p' has no number at row 4"):
+        read_record(path)
+
+    words = pa.field("p", pa.string(), metadata=table.schema.field("p").metadata)
+    pq.write_table(table.set_column(3, words, pa.array(["fast"] * 50)), path)
+    with pytest.raises(StorageError, match="column 'p' holds string, expected double"):
+        read_record(path)
+
+
+def test_nan_in_parquet_is_refused(tmp_path):
+    """The record's own check fires, with the file's name before it."""
+    path = tmp_path / "nan.parquet"
+    table = pq.read_table(write_record(make_record(), path))
+    column = table["p"].to_numpy().copy()
+    column[9] = np.nan
+    pq.write_table(table.set_column(3, table.schema.field("p"), pa.array(column)), path)
+    with pytest.raises(RecordError, match=r"nan\.parquet: channel 'p' is not finite at row 9"):
+        read_record(path)
+
+
+SMALL = FlightRecord(
+    [0.0, 0.5, 1.0], [[1.0, 4.0], [2.0, 5.0], [3.0, 6.0]], (channel("p"), channel("q"))
+)
+"""Its CSV has five comment lines, the header on line 6 and the rows on lines 7 to 9."""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ("# helisim", "# other", StorageError, "line 1 must be"),
+        ("version 1", "version 9", StorageError, "version 9 of the format"),
+        ("version 1", "version one", StorageError, "'one' is not a whole number"),
+        ("# rows: 3\n", "", StorageError, "needs one line '# rows:'"),
+        ("# rows: 3", "# rows: 4", StorageError, "truncated: 3 rows, .* says 4"),
+        ("{}", "{", StorageError, "'# provenance:' is not JSON"),
+        ("{}", "[]", StorageError, "'# provenance:' is not a JSON object"),
+        ('"OUT"', '"IN7"', StorageError, "unknown kind 'IN7'; available: IN1, IN2"),
+        ('"unit": "rad/s", ', "", StorageError, "a channel lacks its unit"),
+        (",q [rad/s]", "", StorageError, "line 6: missing columns: q \\[rad/s\\]"),
+        ("p [rad/s]", "p [deg/s]", StorageError, "missing columns: p \\[rad/s\\]"),
+        ("q [rad/s]\n", "q [rad/s],x\n", StorageError, "without a '# channel:' line: x"),
+        ("time [s],p [rad/s]", "p [rad/s],time [s]", StorageError, "in this order: time"),
+        ("0.5,2.0,5.0", "0.5,2.0", StorageError, "line 8: 2 columns, expected 3"),
+        ("0.5,2.0,5.0", "0.5,fast,5.0", StorageError, "line 8, column 'p .rad/s.': 'fast' is not"),
+        ("0.5,2.0,5.0", "0.5,,5.0", StorageError, "line 8, column 'p .rad/s.': '' is not"),
+        ("0.5,2.0,5.0", "0.5,2.0,nan", RecordError, "line 8, column 'q .rad/s.': 'nan' is not fin"),
+        ("0.5,2.0,5.0", "0.5,2.0,inf", RecordError, "line 8, column 'q .rad/s.': 'inf' is not fin"),
+        ("0.5,2.0,5.0", "0.0,2.0,5.0", RecordError, "time must increase"),
+        ("1.0,3.0,6.0\n", "1.0,3.0,6", StorageError, "truncated"),
+        ("1.0,3.0,6.0\n", "", StorageError, "truncated: 2 rows"),
+    ],
+)
+def test_a_damaged_csv_is_refused(tmp_path, old, new, error, message):
+    """Each damage ends in an error that names the file, the place and the fault."""
+    path = corrupt(write_record(SMALL, tmp_path / "flight.csv"), old, new)
+    with pytest.raises(error, match=message) as caught:
+        read_record(path)
+    assert str(caught.value).startswith(str(path))
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00\xff\xfe\x00", b"PAR1", b"time,p\n0,1\n"])
+def test_what_is_not_our_csv_is_refused(tmp_path, content):
+    """Empty, binary and foreign files end in a StorageError."""
+    path = tmp_path / "flight.csv"
+    path.write_bytes(content)
+    with pytest.raises(StorageError):
+        read_record(path)
+
+
+def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
+    """When the disk fills while a record is written, no part of a file stays."""
+
+    def fill(_table, path, **_):
+        Path(path).write_bytes(b"PAR1")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(parquet.pq, "write_table", fill)
+    with pytest.raises(StorageError, match=r"flight\.parquet: .*No space left"):
+        write_record(make_record(), tmp_path / "flight.parquet")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_written_file_has_ordinary_permissions(tmp_path):
+    """The file is as readable as any that the user creates, not private as temporaries are."""
+    plain = tmp_path / "plain"
+    plain.write_text("")
+    path = write_record(SMALL, tmp_path / "flight.csv")
+    assert path.stat().st_mode == plain.stat().st_mode

@@ -1,0 +1,274 @@
+"""Running a campaign: complete, kept when interrupted, gone on with, honest about failure."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+import helisim as hs
+from helisim.cli import main
+from helisim.errors import InputError, StorageError, WorkerError
+from helisim.records.provenance import versions
+from helisim.sim import Recorder
+from helisim.study.campaign import campaign_from, read_dataset, run_campaign
+from helisim.study.campaign.executors import ONE_THREAD
+from helisim.study.identification import identify_model
+from helisim.study.models import HEAVE
+from helisim.study.truth import true_values
+
+PLAN = """
+[campaign]
+replicates = 2
+seed = 3
+models = ["heave"]
+methods = ["designed", "joint"]
+flights = 2
+identified_after = [1, 2]
+[set.sweep]
+duration = 30
+[vary.recorder]
+noise = { values = [0.5, 4], relative = true }
+"""
+ROWS = 2 * 2 * 2 * 2 * 3  # points, replicates, methods, numbers of flights, parameters
+
+
+def plan(text=PLAN):
+    return campaign_from(tomllib.loads(text))
+
+
+def here(work, tasks):
+    """An executor that does the work in this process, the last task first."""
+    for task in reversed(tasks):
+        yield work(task)
+
+
+@pytest.fixture(autouse=True)
+def environment_of_a_worker(monkeypatch):
+    for name, count in ONE_THREAD.items():
+        monkeypatch.setenv(name, count)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    """The dataset of an uninterrupted run."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, count in ONE_THREAD.items():
+            patch.setenv(name, count)
+        return run_campaign(plan(), tmp_path_factory.mktemp("whole"), executor=here)
+
+
+def contents(folder):
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_the_dataset_is_what_the_pipeline_finds(whole):
+    """The same flights, identified by the public functions, give the numbers of the rows."""
+    table, provenance = read_dataset(whole)
+    assert table.num_rows == ROWS
+    rows = [
+        row
+        for row in table.to_pylist()
+        if row["replicate"] == 3 and row["flights"] == 2 and row["method"] == "designed"
+    ]
+    vehicle = hs.load("jr700")
+    noise = {name: 4 * level for name, level in Recorder().noise.items()}
+    recorder = Recorder(noise=noise, latency=Recorder.of(vehicle).latency)
+    sweep = hs.Sweep(axis="col", duration=30.0)
+    # col is axis 0 of 4, and the fourth replicate has seed 3 + 3
+    flights = {"col": hs.fly(vehicle, sweep, count=2, seed=4 * 6, recorder=recorder)}
+    fit = identify_model(HEAVE, flights)
+    truth = true_values(vehicle, HEAVE, recorder)
+    assert [row["parameter"] for row in rows] == list(fit.values)
+    for row in rows:
+        found = fit[row["parameter"]]
+        # 1e-6: this process may use more threads in BLAS, which changes the last bits
+        assert row["estimate"] == pytest.approx(found.value, rel=1e-6)
+        assert row["cramer_rao"] == pytest.approx(found.cramer_rao, rel=1e-6)
+        assert row["insensitivity"] == pytest.approx(found.insensitivity, rel=1e-6)
+        assert row["standard_error"] == pytest.approx(found.standard_error, rel=1e-6)
+        assert row["truth"] == pytest.approx(truth[row["parameter"]], rel=1e-9)
+        assert row["cost"] == pytest.approx(fit.cost, rel=1e-6)
+        assert (row["recorder.noise"], row["seed"], row["point"]) == (4.0, 6, 1)
+        assert row["flight_time"] == pytest.approx(60.0, abs=1e-6)
+        assert row["failure"] is None
+    assert provenance["campaign"]["models"] == ["heave"]
+    assert set(provenance["versions"]) >= {"helisim", "mujoco", "numpy", "scipy"}
+
+
+def test_replicates_and_methods_differ(whole):
+    """Each replicate has its own hand and noise; with one input the joint method is another."""
+    table, _ = read_dataset(whole)
+    found = {}
+    for row in table.to_pylist():
+        if row["parameter"] == "Z_w":
+            found[row["replicate"], row["flights"], row["method"]] = row["estimate"]
+    assert len(set(found.values())) == len(found) == 16
+
+
+def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path, whole):
+    """Ctrl-C keeps what is finished; the next run does the rest only."""
+
+    def interrupt():
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(plan(), tmp_path, executor=here, on_replicate=interrupt)
+    assert list(contents(tmp_path)) == ["parts/000003.parquet"]
+    (tmp_path / "parts" / "000001.parquet").write_bytes(b"PAR1 cut short")
+    done, ticks = [], []
+
+    def counting(work, tasks):
+        done.extend(task.replicate.number for task in tasks)
+        yield from here(work, tasks)
+
+    path = run_campaign(plan(), tmp_path, executor=counting, on_replicate=lambda: ticks.append(1))
+    assert done == [0, 1, 2]
+    assert len(ticks) == 4
+    assert contents(tmp_path) == {"dataset.parquet": whole.read_bytes()}
+    before = path.stat().st_mtime_ns
+    assert run_campaign(plan(), tmp_path, executor=None) == path  # nothing is left to do
+    assert path.stat().st_mtime_ns == before
+
+
+def test_an_interruption_while_parts_are_put_together_loses_nothing(tmp_path, whole):
+    """A dataset beside leftover parts is complete; the parts go."""
+    (tmp_path / "dataset.parquet").write_bytes(whole.read_bytes())
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "000002.parquet").write_bytes(b"left over")
+    run_campaign(plan(), tmp_path, executor=None)
+    assert contents(tmp_path) == {"dataset.parquet": whole.read_bytes()}
+
+
+@pytest.mark.parametrize("place", ["dataset.parquet", "parts/000000.parquet"])
+def test_another_campaign_in_the_folder_is_refused(tmp_path, whole, place):
+    """Neither a dataset nor a part of another plan is taken for ours, or overwritten."""
+    (tmp_path / "parts").mkdir()
+    (tmp_path / place).write_bytes(whole.read_bytes())
+    with pytest.raises(InputError, match=r"another campaign: campaign\.seed is 3 there and 4"):
+        run_campaign(plan(PLAN.replace("seed = 3", "seed = 4")), tmp_path, executor=here)
+    assert contents(tmp_path) == {place: whole.read_bytes()}
+
+
+@pytest.mark.parametrize(
+    ("setting", "reason"),
+    [
+        ("vehicle.gyro.k_a = [0.2941, -0.29]", "the helicopter .* at .* s"),
+        ("vehicle.main_rotor.lift_slope = [6.0, 0.5]", "trim|hover|equilibrium"),
+        ("sweep.duration = [30, 4]", "coherence"),
+    ],
+)
+def test_a_replicate_that_fails_says_why(tmp_path, setting, reason):
+    """Flights that diverge, vehicles that can't fly and data that don't tell are rows too."""
+    text = f"""
+[campaign]
+models = ["heave"]
+flights = 1
+[set.sweep]
+trim_time = 0.5
+[vary]
+{setting}
+"""
+    table, _ = read_dataset(run_campaign(plan(text), tmp_path, executor=here))
+    rows = table.to_pylist()
+    assert [row["parameter"] for row in rows] == ["Z_w", "Z_col", "tau_col"] * 2
+    for row in rows[:3]:
+        assert row["failure"] is None
+        assert row["estimate"] is not None
+    for row in rows[3:]:
+        assert re.search(reason, row["failure"])
+        assert row["estimate"] is row["standard_error"] is row["truth"] is None
+
+
+def test_doubts_are_kept_with_the_estimate(tmp_path, recwarn):
+    """What the identification warns of is in the dataset, not on the terminal of a worker."""
+    text = """
+[campaign]
+models = ["yaw_base"]
+flights = 1
+[set.sweep]
+duration = 30
+leakage = 1.0
+"""
+    table, _ = read_dataset(run_campaign(plan(text), tmp_path, executor=here))
+    assert {"cross-control" in row["flags"] for row in table.to_pylist()} == {True}
+    assert not list(recwarn)
+
+
+def test_a_worker_that_would_give_other_numbers_is_refused(tmp_path, monkeypatch):
+    """Several threads in BLAS, or other versions, change the last bits: neither is accepted."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    with pytest.raises(WorkerError, match="OPENBLAS_NUM_THREADS=1"):
+        run_campaign(plan(), tmp_path, executor=here)
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
+
+    def elsewhere(work, tasks):
+        monkeypatch.setattr(
+            "helisim.study.campaign.run.versions", lambda: {**versions(), "numpy": "1.0"}
+        )
+        yield from here(work, tasks)
+
+    with pytest.raises(WorkerError, match=r"numpy is '1\.0' there"):
+        run_campaign(plan(), tmp_path, executor=elsewhere)
+
+
+def test_other_files_are_no_datasets(tmp_path, whole):
+    """A missing, damaged or foreign file is refused by name."""
+    with pytest.raises(StorageError, match="writes it when it is complete"):
+        read_dataset(tmp_path)
+    path = tmp_path / "dataset.parquet"
+    path.write_bytes(whole.read_bytes()[:500])
+    with pytest.raises(StorageError, match="truncated"):
+        read_dataset(path)
+    table, _ = read_dataset(whole)
+    pq.write_table(table.replace_schema_metadata(None), path)
+    with pytest.raises(StorageError, match="not a campaign's dataset"):
+        read_dataset(path)
+    pq.write_table(table.replace_schema_metadata({"helisim": '{"format": "x"}'}), path)
+    with pytest.raises(StorageError, match="'x'"):
+        read_dataset(path)
+
+
+def test_the_command_summarises_a_dataset(whole, capsys):
+    """`campaign DIR --by COLUMN` prints a block for each value, and flies nothing."""
+    assert main(["campaign", str(whole.parent), "--by", "recorder.noise"]) == 0
+    printed = capsys.readouterr().out
+    assert "heave (recorder.noise 0.5, flights 1, method designed)" in printed
+    assert "heave (recorder.noise 4, flights 2, method joint)" in printed
+    assert "Z_col" in printed
+    assert max(map(len, printed.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["missing.toml"], "missing.toml: no such file"),
+        (["bad.toml"], "bad.toml: unknown section 'vari'"),
+        (["good.toml", "--executor", "cloud"], "must be local or dask"),
+        (["good.toml", "--scheduler", "tcp://127.0.0.1:1"], "--executor dask"),
+        (["good.toml", "--jobs", "0"], "jobs must be"),
+        (["good.toml", "--out", "file/new"], "file/new"),
+        (["data", "--by", "noise"], "available: replicate, point"),
+        (["data", "--out", "new"], "leave out --out"),
+    ],
+)
+def test_a_mistake_is_one_line_and_leaves_nothing(
+    tmp_path, monkeypatch, capsys, whole, arguments, says
+):
+    """Every mistake is one line, status 2, before any worker is started."""
+    monkeypatch.chdir(tmp_path)
+    for name, text in {"bad.toml": "[vari]", "good.toml": PLAN, "file": ""}.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "dataset.parquet").write_bytes(whole.read_bytes())
+    before = contents(tmp_path)
+    assert main(["campaign", "--quiet", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+    assert contents(tmp_path) == before

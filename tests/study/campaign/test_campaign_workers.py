@@ -1,0 +1,181 @@
+"""Workers that die: nothing is lost, and the numbers are those of any other executor."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from multiprocessing import active_children
+from pathlib import Path
+
+import pytest
+from mortal import always_die, die_once, fail, square
+
+from helisim.errors import InputError, WorkerError
+from helisim.study.campaign import campaign_from, local, on_dask, run_campaign
+
+PLAN = """
+[campaign]
+replicates = 3
+models = ["yaw_base"]
+flights = 1
+[set.sweep]
+duration = 30
+[vary.recorder]
+noise = { values = [0.5, 4], relative = true }
+"""
+
+
+def plan():
+    return campaign_from(tomllib.loads(PLAN))
+
+
+def assert_no_process_is_left():
+    # They were told to stop, and need a moment; and where the pool's own thread has just waited
+    # for one, Python counts it as running until that thread has noted its end.
+    wait_until(lambda: not active_children())
+
+
+def test_every_task_is_done_once_though_a_process_dies(tmp_path):
+    """A killed process costs its tasks a second try, and no result comes twice."""
+    tasks = [(number, tmp_path / "mark") for number in range(8)]
+    assert sorted(local(2)(die_once, tasks)) == [square(number) for number in range(8)]
+    assert (tmp_path / "mark").exists()
+
+
+def test_a_task_that_always_kills_is_given_up():
+    """After three losses without any progress the message says what to do."""
+    with pytest.raises(WorkerError, match="with 1 replicates left; run again with fewer jobs"):
+        list(local(1)(always_die, [1]))
+
+
+def test_a_fault_in_the_work_is_not_tried_again():
+    """An exception is the work's own, and ends it."""
+    with pytest.raises(ZeroDivisionError):
+        list(local(1)(fail, [1, 2]))
+    assert_no_process_is_left()
+
+
+def test_leaving_early_stops_the_processes():
+    """When nobody wants more results, no process stays, and the environment is as it was."""
+    before = dict(os.environ)
+    results = local(2)(square, range(100))
+    next(results)
+    results.close()
+    assert_no_process_is_left()
+    assert dict(os.environ) == before
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
+    """Nothing goes on computing, or waits for ever, for a campaign that is gone."""
+    script = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from pathlib import Path
+from mortal import linger
+from helisim.study.campaign import local
+if __name__ == "__main__":
+    list(local(2)(linger, [Path({str(tmp_path)!r})] * 2))
+"""
+    (tmp_path / "parent.py").write_text(script)
+    parent = subprocess.Popen(
+        [sys.executable, str(tmp_path / "parent.py")], stderr=subprocess.DEVNULL
+    )
+    try:
+        wait_until(lambda: len(list(tmp_path.glob("*.pid"))) == 2)
+    finally:
+        parent.kill()
+        parent.wait()
+    workers = [int(path.stem) for path in tmp_path.glob("*.pid")]
+    assert len(workers) == 2
+    wait_until(lambda: not any(map(runs, workers)))
+    assert [worker for worker in workers if runs(worker)] == []
+
+
+def wait_until(happened):
+    for _ in range(1200):
+        if happened():
+            return
+        time.sleep(0.05)
+    raise AssertionError("not within a minute")
+
+
+def runs(pid):
+    """Return whether a process exists; one that ended but that nobody waited for doesn't."""
+    try:
+        os.kill(pid, 0)
+        return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except ProcessLookupError:
+        return False
+    except FileNotFoundError:  # no such folder here, or it has just ended: ask again
+        return True
+
+
+@pytest.mark.parametrize("jobs", [0, -1, 1.5])
+def test_jobs_out_of_range_are_refused(jobs):
+    """The message says what was given."""
+    with pytest.raises(InputError, match=f"jobs must be an integer of 1 or more, got {jobs}"):
+        local(jobs)
+
+
+@pytest.fixture(scope="module")
+def by_processes(tmp_path_factory) -> Path:
+    """The dataset of two local processes, one of which is killed after the first replicate."""
+    killed = []
+
+    def kill_one():
+        if not killed:
+            child = active_children()[0]
+            killed.append(child.pid)
+            child.kill()
+
+    folder = tmp_path_factory.mktemp("processes")
+    path = run_campaign(plan(), folder, executor=local(2), on_replicate=kill_one)
+    assert killed
+    return path
+
+
+def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(by_processes, tmp_path):
+    """Local processes and two Dask workers, one of each killed on the way: one dataset."""
+    distributed = pytest.importorskip(
+        "distributed", reason="Dask isn't installed: pip install helisim[dask]"
+    )
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+    )
+    with cluster, distributed.Client(cluster) as client:
+        killed = []
+
+        def kill_one():
+            if not killed:
+                killed.extend(client.run(os.getpid).values())
+                os.kill(killed[0], signal.SIGKILL)
+
+        path = run_campaign(
+            plan(),
+            tmp_path,
+            executor=on_dask(cluster.scheduler_address),
+            on_replicate=kill_one,
+        )
+        assert killed[0] not in client.run(os.getpid).values()
+    assert path.read_bytes() == by_processes.read_bytes()
+
+
+def test_a_scheduler_that_is_not_there_is_said():
+    """An address where nobody listens is one clear error."""
+    pytest.importorskip("distributed", reason="Dask isn't installed: pip install helisim[dask]")
+    from dask import config
+
+    with (
+        config.set({"distributed.comm.timeouts.connect": "1s"}),
+        pytest.raises(WorkerError, match=r"tcp://127\.0\.0\.1:9"),
+    ):
+        list(on_dask("tcp://127.0.0.1:9")(square, [1]))
+
+
+def test_jobs_are_not_for_a_cluster_that_runs():
+    """A running cluster has its own workers."""
+    pytest.importorskip("distributed", reason="Dask isn't installed: pip install helisim[dask]")
+    with pytest.raises(InputError, match="leave out jobs or scheduler"):
+        on_dask("tcp://127.0.0.1:9", 2)

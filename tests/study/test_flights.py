@@ -1,0 +1,56 @@
+"""The experiment's flights: those that were over before their time are left out, and told."""
+
+from dataclasses import replace
+
+import pytest
+
+from helisim.errors import DivergedError
+from helisim.records.channels import AXES
+from helisim.records.storage import read_record
+from helisim.sim import Recorder, Sweep
+from helisim.study import flights
+from helisim.study.flights import fly_sweeps
+
+END = {"at": 12.5, "why": "the helicopter touched the ground", "state": [0.0]}
+
+
+@pytest.fixture
+def over(monkeypatch):
+    """Let flights of these numbers be over, of sweeps that last 35 s: otherwise as flown."""
+
+    def choose(*numbers):
+        def marked(*args, **kwargs):
+            for number, (record, last) in enumerate(flown(*args, **kwargs)):
+                if number in numbers:
+                    record = replace(record, provenance={**record.provenance, "ended": END})
+                    last = record.slice(24.0, 25.0)
+                yield record, last
+
+        flown = flights.fly_watched
+        monkeypatch.setattr(flights, "fly_watched", marked)
+        monkeypatch.setattr(flights, "Sweep", lambda axis: Sweep(axis=axis, duration=35.0))
+
+    return choose
+
+
+def test_a_sweep_that_was_over_is_left_out(jr700, tmp_path, over):
+    """One is flown more than is kept, so another takes its place; its file is there, marked."""
+    over(0)
+    (tmp_path / "flights").mkdir()
+    kept, excluded = fly_sweeps(jr700, 1, 1, 2, Recorder.of(jr700), tmp_path, lambda _: None)
+    for axis in AXES:
+        (record,) = kept[axis]
+        assert record.provenance["flight"] == 1
+        assert read_record(tmp_path / "flights" / f"{axis}_01.parquet").ended
+        assert (tmp_path / "flights" / "last_second" / f"{axis}_01.parquet").is_file()
+    assert excluded == tuple(
+        f"flight {axis}_01: was over before its time: the helicopter touched the ground at 12.50 s"
+        for axis in AXES
+    )
+
+
+def test_too_few_that_went_on_end_the_experiment(jr700, over):
+    """With how many, of which axis, and why."""
+    over(0, 1)
+    with pytest.raises(DivergedError, match=r"2 of 2 sweeps of col .* ground at"):
+        fly_sweeps(jr700, 1, 1, 2, Recorder.of(jr700), None, lambda _: None)

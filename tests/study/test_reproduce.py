@@ -1,0 +1,187 @@
+"""The paper's experiment through the public API: fly, record, identify, compare."""
+
+import json
+
+import pytest
+
+import helisim as hs
+from helisim.errors import InputError
+from helisim.study.models import MODELS
+
+pytestmark = pytest.mark.slow
+
+TIGHT = {"N_r", "N_ped", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col"}
+TIGHT_PERCENT = 3.0  # below the paper's smallest printed bound on a derivative, 3.9 %
+LOOSE = {"tau_f", "A_b", "B_a", "A_lat", "B_lon", "tau_lat", "tau_lon"}
+LOOSE_PERCENT = 10.0  # the paper's own bounds on these run from 5.6 % to 36 %
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("reproduction")
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    return hs.reproduce(out=folder, seed=1)[0]
+
+
+def rows(results):
+    """Rows by name; the base helicopter's, where the sticks' low-order equivalent has them too."""
+    tables = [table for table in results.tables if table.name != "rollpitch_in2"]
+    return {row.name: row for table in tables for row in table.parameters}
+
+
+def check_recovery(results):
+    found = rows(results)
+    assert found.keys() >= TIGHT | LOOSE
+    for name in TIGHT:
+        assert abs(found[name].error_percent) < TIGHT_PERCENT, found[name]
+    for name in LOOSE:
+        assert abs(found[name].error_percent) < LOOSE_PERCENT, found[name]
+
+
+@pytest.mark.parametrize("name", ["N_r", "L_b", "M_a"])
+def test_the_derivatives_that_were_asked_for_are_recovered(results, name):
+    """N_r, L_b and M_a come out of the records within 3 % of the model that flew."""
+    assert rows(results)[name].truth == pytest.approx(
+        {"N_r": -0.7512, "L_b": 539.5, "M_a": 315.1}[name],
+        rel=1e-3,  # calibration: the linearisation equals the paper to 0.1 %
+    )
+    assert abs(rows(results)[name].error_percent) < TIGHT_PERCENT
+
+
+def test_every_parameter_is_recovered_and_agrees_with_the_paper(results):
+    """All parameters lie within their tolerances of the truth and of the paper."""
+    check_recovery(results)
+    assert results.misses == ()
+
+
+def test_another_truth_is_followed():
+    """With hub stiffness and both lift slopes changed by 20 %, the estimates move along."""
+    changed = {
+        "main_rotor.hub_stiffness": 1.2 * 85.966,
+        "main_rotor.lift_slope": 0.8 * 6.0205,
+        "tail_rotor.lift_slope": 1.2 * 5.0,
+    }
+    results, _ = hs.reproduce(seed=1, parameters=changed)
+    check_recovery(results)
+    found = rows(results)
+    # The truths themselves have left the paper's by more than the tolerance of recovery.
+    for name in ("N_r", "L_b", "M_a", "Z_w", "Z_col"):
+        moved = abs(found[name].truth / found[name].paper - 1.0)
+        assert moved > 2.0 * TIGHT_PERCENT / 100.0, (name, moved)
+
+
+def test_halving_the_time_step_changes_little(results):
+    """Half the time step moves no parameter by more than a third of its tolerance."""
+    finer, _ = hs.reproduce(seed=1, timestep=0.001)
+    before, after = rows(results), rows(finer)
+    for name, limit in (
+        *((name, TIGHT_PERCENT) for name in TIGHT),
+        *((name, LOOSE_PERCENT) for name in LOOSE),
+    ):
+        change = 100.0 * abs(after[name].identified / before[name].identified - 1.0)
+        assert change < limit / 3.0, (name, change)
+
+
+def test_the_results_file_holds_the_same_numbers(results, folder):
+    """results.json has the promised shape, and the numbers that were returned."""
+    written = json.loads((folder / "results.json").read_text())
+    assert [table["name"] for table in written["tables"]] == [model.name for model in MODELS]
+    assert written["seed"] == 1
+    assert {"helisim", "mujoco", "numpy"} <= written["versions"].keys()
+    for table in written["tables"]:
+        assert table["input"] in ("IN1", "IN2")
+        assert len(table["band_rad_s"]) == 2
+        for row in table["parameters"]:
+            returned = results[table["name"]][row["name"]]
+            assert row["identified"] == returned.identified
+            assert row["truth"] == returned.truth
+            assert row["paper"] == returned.paper
+            assert {"unit", "cr_percent", "insensitivity_percent"} <= row.keys()
+
+
+def test_the_gyro_is_given_what_the_ground_tests_found(results):
+    """k_I is the bench's, not the truth; lead and recorder latency are the turntable's."""
+    ground = results.further["ground"]
+    assert results["yaw_gyro"]["k_I"].identified == ground["bench"]["k_I"].value
+    assert results["yaw_gyro"]["k_I"].identified != results["yaw_gyro"]["k_I"].truth
+    sources = {one.name: one.source for one in results["yaw_gyro"].given}
+    assert sources == {
+        "N_ped": "yaw_base",
+        "tau_r_base": "yaw_base",
+        "tau_r": "turntable",
+        "lead": "turntable",
+        "lead_filter": "turntable",
+        "k_I": "bench",
+    }
+    for name in ("k_I", "k_p", "k_delta", "k_a"):  # issue 4: all of Table 2 within 3 %
+        assert abs(results["yaw_gyro"][name].paper_error_percent) < 3.0
+
+
+def test_eq_8_from_the_parts_is_what_is_identified(results, folder):
+    """Base, gyro and ground tests make the overall model that the sticks show directly."""
+    check = results.further["eq_8"]
+    for one in check.coefficients:
+        # 2.5 %: the parts leave servo and lead out, whose 10 ms nearly cancel; 2.1 % measured
+        assert abs(one.difference_percent) < 2.5, one
+    assert abs(check.gain_db) < 0.3  # 0.1 measured; 2.5 % of a coefficient is 0.2 dB
+    # the lead cancels the servo inside the loop, but r itself comes through the servo alone
+    assert abs(check.phase_deg) < 5.0  # 2.8 at 25 rad/s, where 1 ms is 1.4 degrees
+    written = json.loads((folder / "results.json").read_text())["eq_8"]
+    assert written == check.to_dict()
+
+
+def test_before_and_after_the_gyro_stand_beside_the_papers(results, folder):
+    """A_lon and B_lat fall to 0.57 as in the paper, and tau_f falls, whatever the text says."""
+    written = json.loads((folder / "results.json").read_text())["before_after"]
+    assert written == results.further["before_after"].to_dict()
+    for one in written["changes"]:
+        # both columns within 3 %, couplings within 10 % of the paper's
+        limit = 0.06 if one["name"] in TIGHT else 0.2
+        assert one["ratio"] == pytest.approx(one["paper_ratio"], rel=limit)
+    assert "tau_f -2" in written["statements"][0]["identified"]  # said: +37 %
+
+
+def test_the_doublets_figures_are_in_the_results(results, folder):
+    """J_rms and Theil's coefficient of both roll-pitch models, all predictions good."""
+    written = json.loads((folder / "results.json").read_text())["verification"]
+    assert written.keys() == {"rollpitch_in1", "rollpitch_in2"}
+    for found in written.values():
+        assert [one["name"] for one in found["outputs"]] == ["p", "q"]
+        for one in found["outputs"]:
+            assert one["j_rms"] > 0.0
+            assert one["tic"] < 0.25  # the guideline's limit
+
+
+def test_flights_of_a_run_can_be_identified_again(results, folder):
+    """The same numbers, without flying; but not those of another seed or vehicle."""
+    again, _ = hs.reproduce(out=folder, seed=1, reuse=True)
+    assert again.to_dict() == results.to_dict()
+    with pytest.raises(InputError, match="flown with seed 1, not 2"):
+        hs.reproduce(out=folder, seed=2, reuse=True)
+    with pytest.raises(InputError, match="other parameters"):
+        hs.reproduce(out=folder, seed=1, reuse=True, parameters={"gyro.k_p": 0.8})
+    with pytest.raises(InputError, match="needs the folder"):
+        hs.reproduce(seed=1, reuse=True)
+
+
+def test_the_records_alone_give_the_same_model(results, folder):
+    """A record read back from disk identifies like the one in memory: nothing else is used."""
+    left_out = " ".join(results.excluded)
+    flights = [
+        hs.read_record(path)
+        for path in sorted((folder / "flights").glob("col_*.parquet"))
+        if path.stem not in left_out
+    ]
+    assert len(flights) == 10
+    frf = hs.frequency_response(flights, inputs="col", outputs="w", band=(0.3, 12.0))
+    fit = hs.identify(frf, hs.structures.heave)
+    assert fit["Z_w"].value == results["heave"]["Z_w"].identified
+
+
+def test_what_was_left_out_is_said(results):
+    """Two flights an axis beyond the ten are named with the reason."""
+    assert len(results.excluded) == 8
+    assert all("coherence" in sentence for sentence in results.excluded)
