@@ -4,7 +4,15 @@ A message says what was received, what was expected, which names exist, and what
 """
 
 from collections.abc import Iterable
+from difflib import SequenceMatcher
 from typing import Any
+
+_MOST_LISTED = 20
+"""Names in a message; of more, only those alike and their number."""
+_ALIKE = 0.6
+"""Likeness from which on a name may have been meant; difflib's own default."""
+_CLOSE_TO_BEST = 0.1
+"""By which others may be less alike than the best."""
 
 
 class HelisimError(Exception):
@@ -16,11 +24,48 @@ class InputError(HelisimError, ValueError):
 
 
 class UnknownNameError(InputError):
-    """A name was given that does not exist."""
+    """A name was given that does not exist.
+
+    A short list of names is part of the message; of a long one only those that are alike.
+
+    Attributes:
+        available: all names that exist.
+    """
 
     def __init__(self, what: str, received: object, available: Iterable[str]) -> None:
-        names = ", ".join(available)
-        super().__init__(f"unknown {what} {received!r}; available: {names}")
+        self.available = tuple(available)
+        said = f"unknown {what} {received!r}"
+        alike = " or ".join(similar(str(received), self.available))
+        meant = f"did you mean {alike}?" if alike else ""
+        if len(self.available) <= _MOST_LISTED:
+            listed = f"available: {', '.join(self.available)}"
+        else:
+            listed = f"there are {len(self.available)}"
+        super().__init__("; ".join(filter(None, (said, listed, meant))))
+        self._arguments = what, received, self.available
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return UnknownNameError, self._arguments
+
+    @property
+    def abridged(self) -> bool:
+        """Whether the message leaves names out."""
+        return len(self.available) > _MOST_LISTED
+
+
+def similar(name: str, available: Iterable[str]) -> list[str]:
+    """Return up to three names that someone who wrote `name` may have meant, best first."""
+    wanted = name.casefold()
+    likeness = {one: _likeness(wanted, one.casefold()) for one in available}
+    least = max(_ALIKE, max(likeness.values(), default=0.0) - _CLOSE_TO_BEST)
+    ranked = sorted(likeness, key=lambda one: (-likeness[one], one))
+    return [one for one in ranked[:3] if likeness[one] >= least]
+
+
+def _likeness(wanted: str, name: str) -> float:
+    """Return 1 for the same name, 0 for one without a letter in common."""
+    part_of = 0.9 if len(wanted) > 3 and wanted in name else 0.0
+    return max(part_of, SequenceMatcher(None, wanted, name).ratio())
 
 
 class RecordError(HelisimError):

@@ -114,7 +114,7 @@ def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
         (["--axis", "lat", "--out", "a.csv", "--set", "rotor.radius=1"], "main_rotor.radius"),
         (["--axis", "lat", "--out", "a.csv", "--amplitude", "7"], "(0, 0.5]"),
         (["--axis", "lat"], "--out"),
-        (["--axis", "lat", "--out", "a.csv", "--fault", "servo_rear:stuck@3"], "servo_front"),
+        (["--axis", "lat", "--out", "a.csv", "--fault", "servo_rear:stuck@3"], "servo_tail"),
         (["--axis", "lat", "--out", "a.csv", "--fault", "gyro:restart@300"], "over at 90 s"),
         (["--axis", "lat", "--out", "a.csv", "--set", "gyro.flight_mode=5"], "one of 1, 2, 3"),
         (["--axis", "lat", "--out", "a.csv", "--turbulence", "heavy"], "light, moderate, severe"),

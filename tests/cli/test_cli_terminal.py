@@ -7,10 +7,9 @@ import sys
 
 import pytest
 
-from helisim.cli import _COMMANDS, main
-from helisim.cli.common import Progress, wrapped
-
-COMMANDS = [command.__name__.rpartition(".")[2] for command in _COMMANDS]
+from helisim.cli import command_names, main
+from helisim.cli.common import wrapped
+from helisim.cli.progress import Progress
 
 
 class Terminal(io.StringIO):
@@ -18,7 +17,7 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS])
+@pytest.mark.parametrize("command", ["", *command_names()])
 def test_help_fits_80_columns(capsys, monkeypatch, command):
     """Descriptions are wrapped, examples are short enough."""
     monkeypatch.setenv("COLUMNS", "80")
@@ -88,3 +87,61 @@ def test_a_reader_that_stops_early_is_no_error():
         complaint = process.stderr.read()
     assert complaint == b""
     assert process.returncode == 141  # 128 + SIGPIPE
+
+
+def test_a_log_file_is_told_how_far_a_long_command_is(monkeypatch):
+    """After three seconds a line, then one every ten; quicker commands say nothing."""
+    stream, clock = io.StringIO(), [0.0]
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr("helisim.cli.progress.time.monotonic", lambda: clock[0])
+    with Progress(20, quiet=False) as advance:
+        for _ in range(20):
+            clock[0] += 1.0
+            advance("lat")
+    assert stream.getvalue().splitlines() == ["lat: step 3 of 20, 3 s", "lat: step 13 of 20, 13 s"]
+
+
+def test_steps_that_nobody_can_count_are_counted(monkeypatch):
+    """A search says how many trials it has made, and not of how many."""
+    stream, clock = io.StringIO(), [0.0]
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr("helisim.cli.progress.time.monotonic", lambda: clock[0])
+    with Progress(None, quiet=False, unit="trial") as advance:
+        clock[0] = 4.0
+        advance("yaw")
+    assert stream.getvalue() == "yaw: trial 1, 4 s\n"
+
+
+HEAVY = ("scipy", "matplotlib", "mujoco", "numba", "pyarrow", "rerun", "control", "pandas")
+
+
+@pytest.mark.parametrize("words", [["--version"], *([name, "--help"] for name in command_names())])
+def test_a_word_about_itself_imports_no_heavy_library(words):
+    """`helisim --version` and each command's --help need only the parser."""
+    code = (
+        "import sys\nfrom helisim.cli import main\n"
+        f"try:\n    main({words!r})\nexcept SystemExit as end:\n    assert end.code == 0\n"
+        f"print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"
+
+
+def test_a_command_imports_no_other():
+    """Only the module of the command that was asked for is loaded."""
+    code = (
+        "import sys\nfrom helisim.cli import command_names, main\n"
+        "try:\n    main(['errata', '--help'])\nexcept SystemExit:\n    pass\n"
+        "names = {f'helisim.cli.{name}' for name in command_names()}\n"
+        "print(*sorted(names & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.split() == ["helisim.cli.errata"]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+def test_completion_knows_every_command(capsys, shell):
+    """The script that a shell reads names all commands."""
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert all(name in script for name in command_names())

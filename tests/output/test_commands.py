@@ -3,11 +3,11 @@
 import json
 
 import pytest
-from made_run import make_flight, write_run
 
 from command import fails
 from helisim.cli import main
 from helisim.records.storage import write_record
+from made_run import make_flight, write_run
 
 
 def test_a_log_becomes_a_recording(tmp_path, capsys):

@@ -1,12 +1,12 @@
 """What stands below the tables: verification, before and after the gyro, eq. (8)."""
 
 import pytest
-from made_run import make_verification
 
 from helisim import ident
 from helisim.output.findings import render_further
 from helisim.paper.eq8 import Coefficient, OverallCheck
 from helisim.paper.gyro_effect import BeforeAfter, Change, Statement
+from made_run import make_verification
 
 CHANGE = Change(
     name="A_lon", unit="rad", paper_before=0.3697, paper_after=0.2109, before=0.37, after=0.2128

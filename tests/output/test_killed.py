@@ -1,10 +1,10 @@
 """What a program leaves that is killed while it writes: a complete file, or the one before."""
 
 import pytest
-from made_run import write_run
 
 from helisim.cli import main
 from killing import kill_at
+from made_run import write_run
 
 
 @pytest.fixture(scope="module")

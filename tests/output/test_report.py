@@ -5,13 +5,13 @@ from html.parser import HTMLParser
 
 import pytest
 from browser import Browser, find
-from made_run import make_evidence, make_flight, write_run
 
 from helisim.errors import InputError, StorageError
 from helisim.output.report import write_report
 from helisim.output.report_fit import write_fit_report
 from helisim.paper import jr700
 from helisim.study.run import read_run
+from made_run import make_evidence, make_flight, write_run
 
 PAIRS = ("w_col", "p_lat", "p_lon", "q_lat", "q_lon")
 ROUNDING = 0.6e-3  # four digits: half a unit of the last, of numbers that begin with 1

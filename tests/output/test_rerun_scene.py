@@ -5,7 +5,6 @@ import json
 import mujoco
 import numpy as np
 import pytest
-from made_run import make_flight, write_run
 from test_rerun_log import SINGLE, read
 
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN
@@ -13,6 +12,7 @@ from helisim.output.rerun_log import write_recording
 from helisim.records.channels import CHANNELS, POSITIONS, ROTOR
 from helisim.sim import Recorder, Sweep, fly
 from helisim.study.run import read_run
+from made_run import make_flight, write_run
 
 STIFFNESS = 86.0
 SPEED = 178.0

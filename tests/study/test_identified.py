@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from made_run import make_evidence
 
 from helisim.errors import InputError, StorageError
 from helisim.study.identified import read_evidence, write_evidence
+from made_run import make_evidence
 
 
 def test_a_model_comes_back(tmp_path):

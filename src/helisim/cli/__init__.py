@@ -1,36 +1,23 @@
 """The command line: each command parses, calls the library once, prints, and exits.
 
+A module in this folder that has an `add` is the command of that name; only the one that was asked
+for is imported.
+
 Exit status: 0 all is well, 1 the result misses a tolerance or a guideline, 2 the input is at
-fault, 3 a flight was over before its time, 130 interrupted, 141 whoever read the output has gone.
+fault, 3 a flight was terminated early, 130 interrupted, 141 whoever read the output has gone.
 """
 
-import argparse
+import logging
 import os
 import sys
-from collections.abc import Sequence
-from importlib.metadata import version
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
 
-from helisim.cli import (
-    bench,
-    calibrate,
-    campaign,
-    errata,
-    fly,
-    frf,
-    identify,
-    linearize,
-    record,
-    recover,
-    report,
-    reproduce,
-    structures,
-    trim,
-    tune,
-    verify,
-    view,
-)
-from helisim.cli.common import Parser
-from helisim.errors import DivergedError, HelisimError
+from helisim import __version__
+from helisim.cli.common import Parser, single_line
+from helisim.errors import DivergedError, HelisimError, UnknownNameError
 
 _EXAMPLES = """\
 examples:
@@ -42,36 +29,25 @@ examples:
   helisim verify model.json doublet.parquet
 """
 
-_COMMANDS = (
-    reproduce,
-    fly,
-    linearize,
-    trim,
-    calibrate,
-    tune,
-    recover,
-    campaign,
-    identify,
-    frf,
-    verify,
-    structures,
-    bench,
-    errata,
-    record,
-    report,
-    view,
-)
+_SHARED = {"__init__", "common", "logs", "progress", "responses"}
+"""Modules here that are no commands."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    options = _parser().parse_args(arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    options = parser(words).parse_args(words)
     try:
-        status = options.run(options)
+        with _messages(quiet=getattr(options, "quiet", False)):
+            status = options.run(options)
         sys.stdout.flush()
         return status
     except HelisimError as error:
-        print(f"helisim {options.command}: {_one_line(str(error))}", file=sys.stderr)
+        abridged = isinstance(error, UnknownNameError) and error.abridged
+        hint = "; --names lists them" if abridged and not options.names else ""
+        print(f"helisim {options.command}: {single_line(str(error))}{hint}", file=sys.stderr)
+        if abridged and options.names:
+            print("\n".join(error.available), file=sys.stderr)
         return 3 if isinstance(error, DivergedError) else 2
     except KeyboardInterrupt:
         print(f"helisim {options.command}: interrupted", file=sys.stderr)
@@ -82,21 +58,46 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 141
 
 
-def _one_line(text: str) -> str:
-    """Return a message without line breaks, such as a file's name may hold."""
-    return " ".join(text.splitlines())
+@contextmanager
+def _messages(*, quiet: bool) -> Iterator[None]:
+    """Print what the library says while it works, on standard error."""
+    logger, handler = logging.getLogger("helisim"), logging.StreamHandler()
+    before = logger.level
+    logger.setLevel(logging.ERROR if quiet else logging.INFO)
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(before)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = Parser(
+def command_names() -> list[str]:
+    """Return the names of all commands, sorted, without importing any."""
+    return sorted({path.stem for path in Path(__file__).parent.glob("*.py")} - _SHARED)
+
+
+def parser(words: Sequence[str] = ()) -> Parser:
+    """Return the parser; of the commands only the one that `words` begin with, if there is one.
+
+    Args:
+        words: of the command line.
+    """
+    known = command_names()
+    named = next((word for word in words if not word.startswith("-")), None)
+    wanted = [named] if named in known else [] if words[:1] == ["--version"] else known
+    whole = Parser(
         prog="helisim",
         description="Fly, sweep, identify and verify a nonlinear helicopter in MuJoCo.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("--version", action="version", version=f"helisim {version('helisim')}")
-    commands = parser.add_subparsers(
+    whole.add_argument("--version", action="version", version=f"helisim {__version__}")
+    commands = whole.add_subparsers(
         dest="command", required=True, metavar="COMMAND", parser_class=Parser
     )
-    for command in _COMMANDS:
-        command.add(commands)
-    return parser
+    for name in wanted:
+        import_module(f"helisim.cli.{name}").add(commands)
+        commands.choices[name].add_argument(
+            "--names", action="store_true", help="of a name that does not exist, list all that do"
+        )
+    return whole

@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import Progress, add_quiet, names
+from helisim.cli.common import add_quiet, names
+from helisim.cli.progress import Progress
 from helisim.errors import InputError
 
 _EPILOG = """\

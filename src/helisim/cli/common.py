@@ -1,14 +1,12 @@
-"""What several commands share: the parser, options, the progress bar."""
+"""What several commands share: the parser and options."""
 
 import argparse
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from tqdm import tqdm
-
-from helisim.errors import InputError
+from helisim.errors import InputError, UnknownNameError, similar
 
 _WIDTH = 80
 
@@ -25,7 +23,39 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Exit with a message and status 2."""
-        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+        self.exit(2, f"{self.prog}: {single_line(message)}; see {self.prog} --help\n")
+
+    def parse_args(self, *arguments: Any, **options: Any) -> Any:
+        """Parse, or exit with what may have been meant by an option that does not exist."""
+        found, unknown = self.parse_known_args(*arguments, **options)
+        if unknown:
+            command = self._command_parser(found)
+            alike = " or ".join(similar(unknown[0].split("=")[0], command.option_names))
+            meant = f"; did you mean {alike}?" if alike else ""
+            command.error(f"unrecognized arguments: {' '.join(unknown)}{meant}")
+        return found
+
+    @property
+    def option_names(self) -> list[str]:
+        """All options that the parser takes."""
+        return [name for action in self._actions for name in action.option_strings]
+
+    def _command_parser(self, found: argparse.Namespace) -> "Parser":
+        """Return the parser of the command that was found."""
+        for action in self._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                return action.choices[found.command]
+        return self
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
+            self.error(str(UnknownNameError("command", value, action.choices)))
+        super()._check_value(action, value)
+
+
+def single_line(text: str) -> str:
+    """Return a message without line breaks, such as a file's name may hold."""
+    return " ".join(text.splitlines())
 
 
 def add_common(command: argparse.ArgumentParser) -> None:
@@ -134,20 +164,3 @@ def wrapped(text: str, *, indent: int = 0) -> str:
         )
         for line in text.splitlines()
     )
-
-
-class Progress:
-    """A progress bar on standard error; silent where that is no terminal, or when asked."""
-
-    def __init__(self, steps: int, quiet: bool) -> None:
-        self._bar = tqdm(total=steps, disable=quiet or None, unit="step", leave=False)
-
-    def __enter__(self) -> Callable[[str], None]:
-        return self._advance
-
-    def _advance(self, label: str) -> None:
-        self._bar.set_description(label)
-        self._bar.update()
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.close()

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helisim.cli.common import (
-    Progress,
     add_common,
     add_integrator,
     add_vehicle,
@@ -19,6 +18,7 @@ from helisim.cli.common import (
     tell_written,
     write_recording,
 )
+from helisim.cli.progress import Progress
 from helisim.errors import DivergedError, InputError, UnknownNameError
 from helisim.records.channels import AXES
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from helisim.cli.common import Progress, add_quiet, tell_written
+from helisim.cli.common import add_quiet, tell_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, reports
+from helisim.cli.progress import Progress
 from helisim.cli.responses import Signals, add_responses, estimate
 
 if TYPE_CHECKING:

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from helisim.cli.common import Progress, add_quiet, named_numbers, names, tell_written, wrapped
+from helisim.cli.common import add_quiet, named_numbers, names, tell_written, wrapped
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, reports
+from helisim.cli.progress import Progress
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
 from helisim.cli.structures import find_structure
 from helisim.errors import InputError

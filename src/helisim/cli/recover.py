@@ -5,7 +5,8 @@ import json
 import sys
 from typing import Any
 
-from helisim.cli.common import Progress, add_parameters, add_quiet, add_vehicle, parameters
+from helisim.cli.common import add_parameters, add_quiet, add_vehicle, parameters
+from helisim.cli.progress import Progress
 
 
 def add(commands: Any) -> None:

@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import Progress, add_common, parameters, tell_written, write_recording
+from helisim.cli.common import add_common, parameters, tell_written, write_recording
+from helisim.cli.progress import Progress
 from helisim.errors import InputError
 
 _FLIGHTS = 10

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helisim.cli.common import add_parameters, add_quiet, add_vehicle, parameters, tell_written
+from helisim.cli.progress import Progress
 from helisim.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,8 +76,10 @@ def _run(options: argparse.Namespace) -> int:
     height = HEIGHT if options.height is None else options.height
     vehicle = load(options.vehicle, parameters=parameters(options))
     flights: list[Vehicle] = []
-    for speed in speeds:  # each search starts from the flight before
-        flights.append((flights or [vehicle])[-1].trimmed(speed=speed, height=height))
+    with Progress(len(speeds), options.quiet, unit="speed") as advance:
+        for speed in speeds:  # each search starts from the flight before
+            flights.append((flights or [vehicle])[-1].trimmed(speed=speed, height=height))
+            advance(f"{speed:g} m/s")
     if options.json is not None:
         _write_json(flights, options)
     if options.figure is not None:

@@ -3,7 +3,8 @@
 import argparse
 from typing import Any
 
-from helisim.cli.common import add_vehicle
+from helisim.cli.common import add_quiet, add_vehicle, tell_written
+from helisim.cli.progress import Progress
 
 
 def add(commands: Any) -> None:
@@ -22,6 +23,7 @@ def add(commands: Any) -> None:
         action="store_true",
         help="replace the vehicle's tuned.toml",
     )
+    add_quiet(command)
     command.set_defaults(run=_run)
 
 
@@ -33,7 +35,8 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.vehicle.parameters import to_toml
 
     vehicle = load(options.vehicle, tuned=False)
-    settings = tune(vehicle)
+    with Progress(None, options.quiet, unit="trial") as advance:
+        settings = tune(vehicle, on_progress=advance)
     header = "Written by `helisim tune --write`; not by hand."
     text = to_toml(settings, header)
     print(text)
@@ -48,5 +51,5 @@ def _run(options: argparse.Namespace) -> int:
         path = model_folder(vehicle.name) / "tuned.toml"
         with atomic_write(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
-        print(f"Written: {path}")
+        tell_written(options, str(path))
     return 0

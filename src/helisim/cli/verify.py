@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import Progress, add_quiet, tell_written
+from helisim.cli.common import add_quiet, tell_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, read_logs, reports
+from helisim.cli.progress import Progress
 
 _EPILOG = f"""\
 example:

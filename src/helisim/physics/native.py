@@ -2,6 +2,7 @@
 
 import ctypes
 import hashlib
+import logging
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +19,9 @@ from helisim.physics import callbacks
 from helisim.physics.fields import Offsets, offsets
 
 _HOOKS = ("passive", "control", "act_dyn", "sensor")
+_PATIENCE = 2.0
+"""s without a word; from the cache the code is there sooner."""
+_logger = logging.getLogger(__name__)
 _TIMER = "time"
 """MuJoCo's Python package reads the clock some twenty times a step, for `mjData.timer`: a third
 of the cost of our step. So the timer stands still meanwhile, unless someone has set one."""
@@ -57,12 +61,18 @@ def compiled() -> dict[str, Any]:
     neither can be written it is compiled anew in each process.
     """
     layout = offsets()._replace(fingerprint=fingerprint())
+    message = "compiling the force laws; they are kept for the next start"
+    patience = threading.Timer(_PATIENCE, _logger.info, [message])
+    patience.daemon = True
+    patience.start()
     try:
         return _compile(layout, cached=True)
     except RuntimeError as error:
         if "cache" not in str(error):
             raise
         return _compile(layout, cached=False)
+    finally:
+        patience.cancel()
 
 
 def _compile(layout: Offsets, *, cached: bool) -> dict[str, Any]:

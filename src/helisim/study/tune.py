@@ -6,7 +6,7 @@ the sticks is that of Table 3's IN2 column. Both on the exact linear model of th
 vehicle whose parameters ask for a rate command gets one instead.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,7 +127,9 @@ def _crossings(decibel: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(np.sign(decibel)) != 0.0)
 
 
-def tune(vehicle: Vehicle, *, shape: int = 60) -> Parameters:
+def tune(
+    vehicle: Vehicle, *, shape: int = 60, on_progress: Callable[[str], None] | None = None
+) -> Parameters:
     """Return the gyro's settings, and the stick latencies that go with them.
 
     A vehicle whose parameters ask for a rate command (`tuning.*`) gets one. For another, first
@@ -137,6 +139,7 @@ def tune(vehicle: Vehicle, *, shape: int = 60) -> Parameters:
     Args:
         vehicle: with the airframe calibrated, and the published yaw gains.
         shape: number of frequencies of the first stage.
+        on_progress: called with a model's name each time the loop is tried with other settings.
 
     Raises:
         UnknownNameError: nothing is published of the vehicle, and it asks for nothing.
@@ -149,7 +152,7 @@ def tune(vehicle: Vehicle, *, shape: int = 60) -> Parameters:
     for starts, model in ((_YAW, YAW_OVERALL), (_CYCLIC, ROLLPITCH_IN2)):
         target = {value.name: value.value for value in tables.table(model.name)}
         target = {name: value for name, value in target.items() if name in model.tolerances}
-        settings |= _solve(vehicle, starts, model, target, shape)
+        settings |= _solve(vehicle, starts, model, target, shape, on_progress or (lambda _: None))
     source = "solved by helisim tune: eq. (8) and the IN2 column of Table 3"
     entries = {
         name: Parameter(name, value, vehicle.parameters.entry(name).unit, source)
@@ -164,6 +167,7 @@ def _solve(
     model: Model,
     target: Mapping[str, float],
     shape: int,
+    on_progress: Callable[[str], None],
 ) -> dict[str, float]:
     names, starts = list(first), np.array(list(first.values()))
     omega = np.geomspace(*model.band, shape)
@@ -174,6 +178,7 @@ def _solve(
         return dict(zip(names, (starts * np.exp(x)).tolist()))  # keeps each one's sign
 
     def far(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        on_progress(model.name)
         tried = vehicle.with_settings(setting(x))
         found = exact_response(tried, model, Recorder.of(tried), omega).response
         ratio = np.asarray(np.log(found / wanted), dtype=np.complex128)
@@ -181,6 +186,7 @@ def _solve(
         return np.concatenate(errors) / np.sqrt(found.size)
 
     def near(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        on_progress(model.name)
         tried = vehicle.with_settings(setting(x))
         found = true_values(tried, model, Recorder.of(tried))
         missed = [100.0 * (found[name] / target[name] - 1.0) for name in target]
