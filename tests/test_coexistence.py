@@ -129,6 +129,7 @@ def test_a_forked_child_flies_on_within_the_block(jr700, expected):
     assert callbacks() == [None] * len(HOOKS)
 
 
+@pytest.mark.slow
 def test_a_spawned_process_flies_the_same(expected):
     """A fresh interpreter, asked from within a block."""
     with hs.installed(), ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
@@ -211,6 +212,7 @@ if sys.argv[1] == "error":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("how", "status"), [("quietly", 0), ("error", 1), ("thread", 0)])
 def test_the_interpreter_ends_in_an_open_block(how, status):
     """Also while a thread still steps: no crash, and no word that isn't the program's own.

@@ -4,6 +4,8 @@ import pytest
 
 from script import loaded
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def study():

@@ -86,6 +86,7 @@ def test_parameters_can_be_set(capsys):
     assert model["derivatives"]["L_b"] > 580.0  # (100 + T h) / I_xx = 609
 
 
+@pytest.mark.slow
 def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
     """A parameter off its tolerance is listed, and the exit status is 1."""
     strict = Tolerance(percent=1e-9, reason="no estimate is this good")

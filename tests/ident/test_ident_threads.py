@@ -39,6 +39,7 @@ def numbers():
     return frf.response.tobytes() + np.array([*values, verified.tic]).tobytes()
 
 
+@pytest.mark.slow
 def test_the_number_of_blas_threads_does_not_matter():
     """One thread or several, set by the environment before numpy loads, give the same bits."""
     code = "import test_ident_threads as t; print(t.numbers().hex())"

@@ -21,6 +21,7 @@ def test_a_log_becomes_a_recording(tmp_path, capsys):
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 def test_a_run_becomes_a_recording_and_a_report(tmp_path, capsys):
     """`record DIR` takes all flights and the findings; `report DIR` writes page and figures."""
     write_run(tmp_path)

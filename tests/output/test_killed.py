@@ -6,6 +6,8 @@ from helisim.cli import main
 from killing import kill_at
 from made_run import write_run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

@@ -240,6 +240,7 @@ print(helisim.__file__)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(interpreted.wanted(), reason="a process of its own, which compiles")
 def test_works_without_a_writable_cache(tmp_path):
     """Where numba can write its cache nowhere, the callbacks are compiled in memory.

@@ -197,6 +197,7 @@ def test_the_lynx_in_metres_is_the_one_in_feet():
     assert np.sort_complex(found) == pytest.approx(np.sort_complex(expected), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", UNSTABLE)
 def test_the_unstable_ones_are_unstable_and_fly(name):
     """Without feedback two of the aircraft diverge within a second or five; flown, none does."""
@@ -262,6 +263,7 @@ def test_the_direct_estimate_leaves_its_bounds():
     assert max(excess(one.fit, one.truth).values()) < 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "span"), [("boeing_747", 60.0), ("blade_360", 3.0), ("lynx", 12.0)]
 )
@@ -280,6 +282,7 @@ def test_the_model_predicts_an_unseen_flight(name, span):
         assert result.j_rms_by_output[output] < allowed
 
 
+@pytest.mark.slow
 def test_a_stored_fit_still_refuses_its_records(tmp_path):
     """A fit that was written and read back knows which records it was made of."""
     one = flown("blade_360")

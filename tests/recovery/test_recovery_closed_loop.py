@@ -32,6 +32,7 @@ def yaw_estimate(seed, **options):
     return identify(frf, structures.yaw_base, frequencies_per_response=40)["N_r"].value
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::helisim.ident.ClosedLoopWarning")
 def test_joint_beats_direct_in_yaw():
     """A gust under rate feedback biases N_r of the direct estimate, not the joint one's."""

@@ -7,6 +7,8 @@ from helisim.study.recover import base_models, recover
 from helisim.study.results import Results
 from helisim.vehicle import load
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def results() -> Results:

@@ -58,6 +58,7 @@ def flown_by(folder: Path, suffix: str, **environment: str) -> tuple[dict[str, b
     return {path.name: path.read_bytes() for path in folder.iterdir()}, done.stdout.strip()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["parquet", "csv"])
 def test_another_process_with_other_threads_writes_the_same_bytes(here, tmp_path, suffix):
     """Neither the process, its hash seed, its locale, its clock nor any number of threads."""

@@ -43,6 +43,7 @@ def test_a_run_repeats_to_the_byte(run, capsys):
     assert found["numbers_compared"] > 10_000
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_the_results_before(copied):
     """Kill -9 when new results are about to be complete: those before are there, whole."""
     path = copied / "results.json"
