@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from pathlib import Path
+from pkgutil import iter_modules
 
 from helisim import __version__
 from helisim.cli.common import Parser, single_line
@@ -29,7 +29,7 @@ examples:
   helisim verify model.json doublet.parquet
 """
 
-_SHARED = {"__init__", "common", "logs", "progress", "responses"}
+_SHARED = {"common", "logs", "progress", "responses"}
 """Modules here that are no commands."""
 
 
@@ -74,7 +74,7 @@ def _messages(*, quiet: bool) -> Iterator[None]:
 
 def command_names() -> list[str]:
     """Return the names of all commands, sorted, without importing any."""
-    return sorted({path.stem for path in Path(__file__).parent.glob("*.py")} - _SHARED)
+    return sorted({module.name for module in iter_modules(__path__)} - _SHARED)
 
 
 def parser(words: Sequence[str] = ()) -> Parser:
