@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-
 from balance import Balance
 from shapes import Shape
 

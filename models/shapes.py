@@ -6,6 +6,7 @@ except blades (radius along x, leading edge -y).
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -260,7 +261,7 @@ def plate(
     ]
     flat = np.concatenate(outlines)
     starts = np.cumsum([0, *(len(loop) for loop in outlines)])
-    loops = [list(range(low, high)) for low, high in zip(starts, starts[1:])]
+    loops = [list(range(low, high)) for low, high in pairwise(starts)]
     tri = ears(flat, joined(flat, loops))
     vertices, faces, normals = [], [], []
     for side in (1, -1):
@@ -295,7 +296,8 @@ def tube(
     Args:
         knots: rows x, y, z of the axis and half-width, half-height of the elliptic section, m.
         up: the direction of the height, never along the axis.
-        along, around: points.
+        along: points from end to end.
+        around: points of a section.
     """
     knots = np.array(knots, float)
     way = np.cumsum([0.0, *np.linalg.norm(np.diff(knots[:, :3], axis=0), axis=1)])

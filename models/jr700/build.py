@@ -11,7 +11,7 @@ from shapes import Canopy, Shape, blade, plate
 
 FOLDER = Path(__file__).resolve().parent
 TOTAL_MASS_KG = 8.01  # paper, Table 1
-VIEW = View(lookat=(-0.08, 0.0, 0.0), distance=1.95, azimuth=-142, elevation=-14, height=0.8)
+VIEW = View(lookat=(-0.08, 0.0, -0.08), distance=2.0, azimuth=-142, elevation=-14, height=0.75)
 
 # Drawn by eye after flybarless 700-class canopies.
 CANOPY = Canopy(

@@ -23,7 +23,7 @@ MASSIVE = {
     "skid_left",
     "skid_right",
 }
-"""Primitives that carry their part's mass; the fuselage's and the blades' is in inertial elements."""
+"""Primitives that carry their part's mass; fuselage and blades have inertial elements."""
 MORE = {
     "jr700": {"battery_left", "battery_right", "gyro", "safety_bar_1", "safety_bar_2"},
     "blade360": {"battery"},
@@ -77,11 +77,11 @@ def rotor_points(model, body, mesh):
     mujoco.mj_kinematics(model, data)
     number, points = model.body(body).id, []
     for geom in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH):
-        if model.geom_bodyid[geom] == number:
-            if model.mesh(model.geom_dataid[geom]).name.startswith(mesh):
-                turn = data.geom_xmat[geom].reshape(3, 3)
-                place = data.geom_xpos[geom] - data.xpos[number]
-                points.append(points_of(model, model.geom_dataid[geom]) @ turn.T + place)
+        drawn = model.mesh(model.geom_dataid[geom])
+        if model.geom_bodyid[geom] == number and drawn.name.startswith(mesh):
+            turn = data.geom_xmat[geom].reshape(3, 3)
+            place = data.geom_xpos[geom] - data.xpos[number]
+            points.append(points_of(model, drawn.id) @ turn.T + place)
     return np.concatenate(points)
 
 
@@ -157,7 +157,8 @@ def test_drawn_blades_have_the_radius_and_chord_that_fly(scene, folder, body, ax
 def test_meshes_are_what_build_makes(folder, rebuilt):
     """Nobody edited a mesh, and none is left over."""
     stored, made = (
-        {path.name: path for path in (place / "assets").glob("*.obj")} for place in (folder, rebuilt)
+        {path.name: path for path in (place / "assets").glob("*.obj")}
+        for place in (folder, rebuilt)
     )
     assert set(stored) == set(made)
     assert len(made) > 10
