@@ -83,7 +83,9 @@ def fly_sweep() -> hs.FlightRecord:
     """Fly a lateral sweep, recorded with the rotor's true tilt and loads."""
     vehicle = hs.load("jr700")
     recorder = hs.Recorder.of(vehicle, rotor=True)
-    (record,) = hs.fly(vehicle, hs.Sweep(axis="lat"), seed=1, recorder=recorder)
+    (record,) = hs.fly(
+        vehicle, hs.FlightPlan(excitation=hs.Sweep(axis="lat"), recorder=recorder), seed=1
+    )
     return record
 
 
