@@ -11,6 +11,7 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.physics import pilot
 from helisim.physics.frames import flip
 from helisim.physics.native import installed
+from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.recorder import Recorder
@@ -194,15 +195,14 @@ def _record(
     recorder = recorder or Recorder.of(held)
     trajectory = read_trajectory(held, _run(held.model, key, control))
     _ENVELOPE.check(held, trajectory)
-    provenance = {
-        "made_by": "helisim, ground test",
-        "vehicle": held.name,
-        "parameters": dict(held.parameters),
-        "rig": rig,
-        "test": what,
-        "recorder": recorder.to_dict(),
-        "seed": seed,
-    }
+    provenance = made_by(
+        "ground test",
+        **held.provenance,
+        rig=rig,
+        test=what,
+        recorder=recorder.to_dict(),
+        seed=seed,
+    )
     rng = np.random.default_rng([seed, *f"{rig} {key}".encode()])
     return recorder.record(trajectory, rng, provenance)
 
