@@ -21,7 +21,9 @@ def main() -> None:
     """Print the seconds and the megabytes."""
     vehicle = hs.load("jr700")
     recorder = hs.Recorder.of(vehicle, rotor=True)
-    (record,) = hs.fly(vehicle, hs.Sweep(axis="lat"), seed=1, recorder=recorder)
+    (record,) = hs.fly(
+        vehicle, hs.FlightPlan(excitation=hs.Sweep(axis="lat"), recorder=recorder), seed=1
+    )
     model = vehicle.visual_model()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "lat.rrd"

@@ -57,7 +57,12 @@ def step_costs(rounds: int = ROUNDS) -> dict[str, float]:
 def _of_ours(integrator: Integrator) -> dict[str, Callable[[], float]]:
     """Return our vehicle with our callbacks and without, stepped by one of the integrators."""
     vehicle = hs.load("jr700", integrator=integrator)
-    model = prepare(vehicle, hs.Sweep(axis="lat"), hs.Pilot(), hs.Weather(), seed=1, number=0)
+    model = prepare(
+        vehicle,
+        hs.Sweep(axis="lat"),
+        seed=1,
+        number=0,
+    )
 
     def ours() -> float:
         with installed():

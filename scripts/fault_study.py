@@ -71,7 +71,12 @@ def shift(records: Sequence[hs.FlightRecord], good: hs.Fit) -> str:
 def study(vehicle: hs.Vehicle, text: str, good: hs.Fit) -> str:
     """Return one fault's line."""
     try:
-        flights = hs.fly(vehicle, hs.Sweep(axis="ped"), count=2, seed=1, faults=[parse_fault(text)])
+        flights = hs.fly(
+            vehicle,
+            hs.FlightPlan(excitation=hs.Sweep(axis="ped"), faults=[parse_fault(text)]),
+            count=2,
+            seed=1,
+        )
     except DivergedError as error:
         return f"{text:<40}{str(error).split(';')[0]}"
     tilt = max(np.abs(one.select(("phi", "theta"))).max() for one in flights)

@@ -1,4 +1,4 @@
-"""Make the README's pictures: the model, a Bode figure, a screenshot of a Rerun recording.
+"""Make the READMEs' pictures: the models, a Bode figure, a screenshot of a Rerun recording.
 
     python scripts/make_pictures.py [DIR]
 
@@ -26,9 +26,9 @@ import helisim as hs
 from helisim.output.drawings import bode_drawings
 from helisim.output.rerun_log import write_recording
 from helisim.study.run import Run, read_run
+from helisim.vehicle.assembly import model_folder, vehicle_names
 
 PICTURES = Path(__file__).parent / "pictures"
-MODEL = Path(__file__).parents[1] / "models" / "jr700"
 PATIENCE = 60.0
 """s to wait for the viewer."""
 NOTICES = 8.0
@@ -46,7 +46,7 @@ def main() -> None:
             run_folder = Path(folder)
             hs.reproduce(out=run_folder)
         PICTURES.mkdir(exist_ok=True)
-        write_model()
+        write_models()
         write_bode(read_run(run_folder), PICTURES / "bode.png")
         sweep = fly_sweep()
         recording = write_recording(
@@ -56,11 +56,15 @@ def main() -> None:
         write_screenshot(recording, PICTURES / "recording.png", seconds=float(most))
 
 
-def write_model() -> None:
-    """Render the model as MuJoCo sees it."""
+def write_models() -> None:
+    """Render each vehicle as MuJoCo sees it."""
     environment = {"MUJOCO_GL": "egl", **os.environ}
-    subprocess.run([sys.executable, MODEL / "build.py", "picture"], env=environment, check=True)
-    print(f"Written: {MODEL / 'jr700.png'}")
+    for name in vehicle_names():
+        folder = model_folder(name)
+        subprocess.run(
+            [sys.executable, folder / "build.py", "picture"], env=environment, check=True
+        )
+        print(f"Written: {folder / f'{name}.png'}")
 
 
 def write_bode(run: Run, path: Path) -> None:
@@ -79,7 +83,9 @@ def fly_sweep() -> hs.FlightRecord:
     """Fly a lateral sweep, recorded with the rotor's true tilt and loads."""
     vehicle = hs.load("jr700")
     recorder = hs.Recorder.of(vehicle, rotor=True)
-    (record,) = hs.fly(vehicle, hs.Sweep(axis="lat"), seed=1, recorder=recorder)
+    (record,) = hs.fly(
+        vehicle, hs.FlightPlan(excitation=hs.Sweep(axis="lat"), recorder=recorder), seed=1
+    )
     return record
 
 

@@ -1,6 +1,6 @@
 """Flights that go wrong, each in its own way: what ends them, when, and what is kept.
 
-Last comes what the watch costs a flight that it finds nothing in, in processor time, and whether
+Last comes what the envelope costs a flight that it finds nothing in, in processor time, and whether
 that flight is the same to the bit without it.
 
     python scripts/watch_study.py
@@ -51,8 +51,9 @@ CASES: dict[str, tuple[dict[str, Any], Any, dict[str, Any]]] = {
 
 def case(name: str, folder: Path) -> str:
     """Fly a case and return its line."""
-    loading, manoeuvre, how = CASES[name]
-    flown = hs.fly_to(folder / name, hs.load(**loading), manoeuvre, count=1, seed=1, jobs=1, **how)
+    loading, manoeuvre, parts = CASES[name]
+    plan = hs.FlightPlan(excitation=manoeuvre, **parts)
+    flown = hs.fly_to(folder / name, hs.load(**loading), plan, count=1, seed=1, jobs=1)
     (path,) = flown.paths
     if not flown.ended:
         return f"{name:<36}flown to the end"
@@ -62,16 +63,18 @@ def case(name: str, folder: Path) -> str:
 
 
 def cost() -> str:
-    """Return what the watch costs a sweep of 90 s."""
+    """Return what the envelope costs a sweep of 90 s."""
     vehicle, sweep = hs.load(), hs.Sweep(axis="lat")
 
-    def flight(watch: hs.Watch) -> hs.FlightRecord:
-        return hs.fly(vehicle, sweep, seed=1, watch=watch, jobs=1)[0]
+    def flight(envelope: hs.FlightEnvelope) -> hs.FlightRecord:
+        plan = hs.FlightPlan(excitation=sweep, envelope=envelope)
+        return hs.fly(vehicle, plan, seed=1, jobs=1)[0]
 
-    truth = next(simulate(vehicle, sweep, seed=1, jobs=1))
-    share = _seconds(lambda: hs.Watch().end(vehicle, truth)) / _seconds(lambda: flight(hs.Watch()))
-    same = np.array_equal(flight(hs.Watch()).values, flight(hs.Watch.off()).values)
-    return f"the watch takes {100.0 * share:.1f} % of a flight's time; same bits without: {same}"
+    usual, off = hs.FlightEnvelope(), hs.FlightEnvelope.off()
+    trajectory = next(simulate(vehicle, sweep, seed=1, jobs=1))
+    share = _seconds(lambda: usual.end(vehicle, trajectory)) / _seconds(lambda: flight(usual))
+    same = np.array_equal(flight(usual).values, flight(off).values)
+    return f"the envelope takes {100.0 * share:.1f} % of a flight's time; same bits without: {same}"
 
 
 def _seconds(work: Callable[[], object]) -> float:

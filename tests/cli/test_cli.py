@@ -40,7 +40,7 @@ def test_a_flight_has_the_faults_asked_for(tmp_path):
     """`fly --fault` puts faults into the flight and into its provenance."""
     path = tmp_path / "faulty.parquet"
     faults = ["--fault", "servo_tail:stuck@8", "--fault", "recorder:gap@5,lasts=0.5"]
-    flight = ["--duration", "13", "--watch", "off", *faults, "--out", str(path)]
+    flight = ["--duration", "13", "--envelope", "off", *faults, "--out", str(path)]
     assert main(["fly", "--axis", "ped", *flight]) == 0
     record = read_record(path)
     kinds = [fault["kind"] for fault in record.provenance["faults"]]

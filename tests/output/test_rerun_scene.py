@@ -10,7 +10,7 @@ from test_rerun_log import SINGLE, read
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN
 from helisim.output.rerun_log import write_recording
 from helisim.records.channels import CHANNELS, POSITIONS, ROTOR
-from helisim.sim import Recorder, Sweep, fly
+from helisim.sim import FlightPlan, Recorder, Sweep, fly
 from helisim.study.run import read_run
 from made_run import make_flight, write_run
 
@@ -131,7 +131,11 @@ def test_a_run_is_recorded_with_its_models(tmp_path):
 
 def test_a_flight_of_90_seconds_is_small(tmp_path, jr700):
     """With everything in it, its recording is below 15 MB."""
-    (record,) = fly(jr700, Sweep(axis="lat"), seed=1, recorder=Recorder.of(jr700, rotor=True))
+    (record,) = fly(
+        jr700,
+        FlightPlan(excitation=Sweep(axis="lat"), recorder=Recorder.of(jr700, rotor=True)),
+        seed=1,
+    )
     model = jr700.visual_model()
     path = write_recording(tmp_path / "lat.rrd", {"lat": record}, model=model)
     assert path.stat().st_size < 15e6  # what opens at once on a phone line; 4.9 MB measured
@@ -141,7 +145,9 @@ def test_the_rotors_truth_is_recorded_on_request_alone(jr700):
     """The rotor's channels are there when asked for, and change no other channel."""
     sweep = Sweep(axis="lat", duration=13.0)
     (plain,) = fly(jr700, sweep, seed=3)
-    (more,) = fly(jr700, sweep, seed=3, recorder=Recorder.of(jr700, rotor=True))
+    (more,) = fly(
+        jr700, FlightPlan(excitation=sweep, recorder=Recorder.of(jr700, rotor=True)), seed=3
+    )
     assert not set(ROTOR) & set(plain.names)
     np.testing.assert_array_equal(more.select(plain.names), plain.values)
     weight = 8.01 * 9.8015  # Table 1

@@ -6,10 +6,11 @@ import pytest
 
 from helisim.errors import DisplayError, InputError
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN
-from helisim.output.viewer import check_display, prepare_live, watch
+from helisim.output.viewer import aim, check_display, prepare_live, watch
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
-from helisim.sim import Doublet
+from helisim.sim import Doublet, Sweep
+from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 
 
@@ -48,11 +49,12 @@ class Clock:
 def test_a_hover_is_flown_in_real_time(jr700):
     """A second of the clock is a second of flight; the pilot stays within a decimetre."""
     flight, clock = prepare_live(jr700), Clock()
+    start = flight.data.qpos[:3].copy()
     window = Window(flight.model, pictures=61)
     flown = watch(flight, window, clock=clock, sleep=clock.sleep)
     assert flown > 0.9
     assert flown == pytest.approx(clock.now - 100.0, abs=0.02)  # a picture
-    assert np.linalg.norm(flight.data.qpos[:3] - [0.0, 0.0, 3.0]) < 0.1
+    assert np.linalg.norm(flight.data.qpos[:3] - start) < 0.1
     assert window.user_scn.ngeom == 1  # the thrust
     assert window.user_scn.geoms[0].size[2] > 0.0
 
@@ -77,6 +79,54 @@ def test_a_slow_computer_does_not_hurry_after_the_clock(jr700):
 
     flown = watch(flight, Window(flight.model, pictures=3), clock=clock, sleep=stalling)
     assert flown <= 1.5
+
+
+def seen_at(model, data, points, *, name):
+    """Where points (n, 3) are in the picture of the aimed camera, (n, 2): 1 is its border.
+
+    Across, of a window as high as it is wide, the narrowest that anyone would keep.
+    """
+    camera, scene = mujoco.MjvCamera(), mujoco.MjvScene(model, maxgeom=1000)
+    aim(camera, model, name)
+    category = mujoco.mjtCatBit.mjCAT_ALL
+    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, category, scene)
+    eye = scene.camera[0]
+    away = points - eye.pos
+    ahead = away @ eye.forward
+    assert np.all(ahead > 0.0)
+    right = np.cross(eye.forward, eye.up)
+    border = ahead * eye.frustum_top / eye.frustum_near
+    return np.stack([away @ right, away @ eye.up], axis=1) / border[:, None]
+
+
+@pytest.mark.parametrize("name", ["jr700", "blade360"])
+def test_helicopter_shadow_and_pad_are_seen(name):
+    """The view begins with all of the helicopter in it, its shadow, and the middle of the pad."""
+    flight = prepare_live(load(name))
+    model, data = flight.model, flight.data
+    own = model.body_rootid[model.geom_bodyid] == model.body(name).id
+    sun = data.light_xdir[model.light("sun").id]
+    shadow = data.geom_xpos[own] - sun * data.geom_xpos[own, 2:] / sun[2]
+    pad = np.zeros((1, 3))
+    for points in (data.geom_xpos[own], shadow, pad):
+        assert np.abs(seen_at(model, data, points, name=name)).max() < 1.0
+    # The helicopter is not a dot: it takes a sixth of the picture's width at least.
+    across = seen_at(model, data, data.geom_xpos[own], name=name)[:, 0]
+    assert np.ptp(across) > 2.0 / 6.0
+
+
+@pytest.mark.parametrize("name", ["jr700", "blade360"])
+def test_a_watched_sweep_stays_clear_of_the_ground(name):
+    """The heave sweep, which sinks most, leaves air under the skids."""
+    flight = prepare_live(load(name), Sweep(axis="col"))
+    model, data = flight.model, flight.data
+    skids = data.geom("skid_left_collision").xpos[2] - data.qpos[2]
+    lowest = np.inf
+    with installed():
+        while data.time < 90.0:
+            mujoco.mj_step(model, data, 10)
+            lowest = min(lowest, data.qpos[2])
+    assert 0.2 < lowest + skids < 1.0
 
 
 @pytest.mark.parametrize("environment", [{}, {"DISPLAY": ""}])

@@ -12,6 +12,7 @@ from helisim.physics.native import installed
 from helisim.records.channels import IN1, SERVOS
 from helisim.sim.excitation import Doublet
 from helisim.sim.fly import fly
+from helisim.sim.plan import FlightPlan
 from helisim.sim.recorder import Recorder
 from helisim.vehicle.motion import addresses
 
@@ -74,7 +75,11 @@ def test_a_limited_swashplate_moves_less_than_asked(commanded):
 def test_four_servo_signals_are_recorded_and_give_in1(jr700):
     """Also where limits are met: IN1 is of the commands, as the paper recomputes it."""
     kept = Recorder(latency={}, antialias_hz=49.0)
-    record = fly(jr700, Doublet(axis="ped", amplitude=0.3, width=0.2), recorder=kept, jobs=1)[0]
+    record = fly(
+        jr700,
+        FlightPlan(excitation=Doublet(axis="ped", amplitude=0.3, width=0.2), recorder=kept),
+        jobs=1,
+    )[0]
     assert set(SERVOS) <= set(record.names)
     front, left, right, tail = record.select(SERVOS).T
     recomputed = np.column_stack([*servo.unmix(front, left, right), tail])

@@ -10,7 +10,7 @@ from mujoco import rollout
 from helisim.physics import weather as law
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
-from helisim.sim import Pilot, Sweep, Weather
+from helisim.sim import FlightPlan, Pilot, Sweep, Weather
 from helisim.sim.simulation import _start, prepare
 from helisim.vehicle.motion import addresses
 
@@ -85,7 +85,9 @@ def five_minutes(jr700):
     """The native simulation's turbulence states at each tick of five minutes of hover."""
     quiet = Pilot(remnant=0.0)
     hover = Sweep(axis="lat", duration=300.0, amplitude=1e-9)
-    model = prepare(jr700, hover, quiet, ROUGH, seed=1, number=0)
+    model = prepare(
+        jr700, FlightPlan(excitation=hover, pilot=quiet, weather=ROUGH), seed=1, number=0
+    )
     where = addresses(model)
     state = _start(jr700, ROUGH, seed=1, number=0)
     first = 1 + model.nq + model.nv + where.state + STATE.air_u

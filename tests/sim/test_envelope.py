@@ -1,4 +1,4 @@
-"""The watch: each limit ends a flight where it is exceeded, and a healthy one stays as it is."""
+"""The flight envelope: a limit ends a flight where it is exceeded; a healthy one stays."""
 
 import copy
 from dataclasses import fields, replace
@@ -15,10 +15,20 @@ from helisim.ident import DamagedRecordWarning, frequency_response
 from helisim.physics.native import installed
 from helisim.records.channels import ATTITUDES, POSITIONS
 from helisim.records.storage import read_record, write_record
-from helisim.sim import Doublet, Pilot, ServoStuck, Sweep, Watch, Weather, fly, simulate
-from helisim.sim.airframe import clearance
-from helisim.sim.ending import watched
+from helisim.sim import (
+    Doublet,
+    FlightEnvelope,
+    FlightPlan,
+    Pilot,
+    ServoStuck,
+    Sweep,
+    Weather,
+    fly,
+    simulate,
+)
+from helisim.sim.clearance import clearance
 from helisim.sim.envelope import hover_induced_velocity
+from helisim.sim.simulation import until_end
 from helisim.vehicle import load
 from helisim.vehicle.assembly import model_folder
 from helisim.vehicle.trim import place
@@ -52,7 +62,8 @@ def changed(truth, row, **columns):
 def test_a_watched_flight_is_the_same_to_the_bit(jr700):
     """Watched or not, a healthy flight has the same numbers."""
     watched, unwatched = (
-        fly(jr700, SHORT, seed=3, watch=watch, jobs=1)[0] for watch in (Watch(), Watch.off())
+        fly(jr700, FlightPlan(excitation=SHORT, envelope=watch), seed=3, jobs=1)[0]
+        for watch in (FlightEnvelope(), FlightEnvelope.off())
     )
     assert watched.values.tobytes() == unwatched.values.tobytes()
     assert not watched.ended
@@ -73,12 +84,12 @@ def test_a_watched_flight_is_the_same_to_the_bit(jr700):
 )
 def test_each_limit_ends_the_flight_where_it_is_exceeded(jr700, healthy, columns, says):
     """At the first sample beyond it; one within it doesn't."""
-    row, why = Watch().end(jr700, changed(healthy, 1234, **columns))
+    row, why = FlightEnvelope().end(jr700, changed(healthy, 1234, **columns))
     assert row == 1234
     assert says in why
     half = {name: (column, 0.5 * by) for name, (column, by) in columns.items()}
-    assert Watch().end(jr700, changed(healthy, 1234, **half)) is None
-    assert Watch.off().end(jr700, changed(healthy, 1234, **columns)) is None
+    assert FlightEnvelope().end(jr700, changed(healthy, 1234, **half)) is None
+    assert FlightEnvelope.off().end(jr700, changed(healthy, 1234, **columns)) is None
 
 
 def test_a_gust_from_below_is_a_descent(jr700, healthy):
@@ -87,9 +98,9 @@ def test_a_gust_from_below_is_a_descent(jr700, healthy):
     # momentum theory: v_h^2 = W / (2 rho A), Table 1
     assert induced**2 == pytest.approx(8.01 * 9.8015 / (2 * 1.225 * np.pi * 0.767**2), rel=1e-9)
     gust = changed(healthy, 1000, air=(2, -2.1 * induced))
-    assert Watch().end(jr700, gust)[0] == 1000
+    assert FlightEnvelope().end(jr700, gust)[0] == 1000
     fast = changed(gust, 1000, velocities=(0, 1.5 * induced))
-    assert Watch().end(jr700, fast) is None
+    assert FlightEnvelope().end(jr700, fast) is None
 
 
 @pytest.mark.parametrize(
@@ -105,7 +116,7 @@ def test_saturation_that_lasts_ends_the_flight(jr700, healthy, held, over):
         first = 500 + 2 * k * each
         last = first + min(each, steps - k * each)
         stop[first:last, 3] = 0.5
-    found = Watch().end(jr700, replace(healthy, servo_commands=stop))
+    found = FlightEnvelope().end(jr700, replace(healthy, servo_commands=stop))
     if over is None:
         assert found is None
     else:
@@ -113,7 +124,7 @@ def test_saturation_that_lasts_ends_the_flight(jr700, healthy, held, over):
         assert "had ped at its limit for 1 s of 10 s" in why
         # the window's sum passes a second so many steps before the last piece is over
         assert last - row == pytest.approx(over / healthy.timestep, abs=1.0)
-        apart = replace(Watch(), saturation_window=1.5)
+        apart = replace(FlightEnvelope(), saturation_window=1.5)
         assert apart.end(jr700, replace(healthy, servo_commands=stop)) is None
 
 
@@ -128,14 +139,24 @@ def test_a_stuck_tail_servo_ends_the_flight(jr700):
     """The heading turns away and the pedal's command stays at its stop."""
     stuck = ServoStuck(servo="servo_tail", at=3.0)
     with pytest.raises(DivergedError, match="ped at its limit"):
-        fly(jr700, Sweep(axis="ped", duration=20.0), faults=[stuck], seed=1, jobs=1)
+        fly(
+            jr700,
+            FlightPlan(excitation=Sweep(axis="ped", duration=20.0), faults=[stuck]),
+            seed=1,
+            jobs=1,
+        )
 
 
 def test_a_stuck_servo_that_nobody_watched_is_flagged(jr700):
     """The identification sees in the record that the pedal's command stayed at its stop."""
     stuck = ServoStuck(servo="servo_tail", at=10.0)
     sweep = Sweep(axis="ped", duration=20.0)
-    record = fly(jr700, sweep, faults=[stuck], seed=1, watch=Watch.off(), jobs=1)[0]
+    record = fly(
+        jr700,
+        FlightPlan(excitation=sweep, faults=[stuck], envelope=FlightEnvelope.off()),
+        seed=1,
+        jobs=1,
+    )[0]
     with pytest.warns(DamagedRecordWarning, match="'ped' is at its stop for"):
         frequency_response(record, inputs="ped", outputs="r", band=(3.0, 20.0))
 
@@ -227,7 +248,7 @@ def test_a_mujoco_warning_ends_the_flight_by_its_name(jr700, monkeypatch, tmp_pa
     mujoco.mj_getState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     with installed():
         _, sensordata = rollout.rollout(model, [mujoco.MjData(model)], start[None], nstep=20)
-    truth = watched(jr700, Watch.off(), model, start, sensordata[0])
+    truth = until_end(jr700, FlightEnvelope.off(), model, start, sensordata[0])
     assert "MuJoCo warned of BAD" in truth.end.why
     assert truth.time.size < 20
     assert np.isfinite(truth.end.state).all()
@@ -276,11 +297,18 @@ def test_a_diverged_flight_on_the_command_line(tmp_path, capsys):
     assert read_record(tmp_path / "last_second" / "lat.parquet").duration > 0.99
     assert main([*asked, "--out", str(tmp_path / "many"), "--count", "2", "--jobs", "1"]) == 3
     assert capsys.readouterr().err.count("\n") == 2
-    limits = ["--watch", "tilt=off", "--watch", "rate=off", "--watch", "saturation=off"]
-    further = ["--watch", "clearance=off", "--watch", "descent=off", "--watch", "advance=off"]
+    limits = ["--envelope", "tilt=off", "--envelope", "rate=off", "--envelope", "saturation=off"]
+    further = [
+        "--envelope",
+        "clearance=off",
+        "--envelope",
+        "descent=off",
+        "--envelope",
+        "advance=off",
+    ]
     asked[asked.index("--duration") + 1] = "13"
-    assert main([*asked, "--out", str(out), *limits, *further, "--watch", "flapping=off"]) == 0
-    assert main([*asked, "--out", str(out), "--watch", "off"]) == 0
+    assert main([*asked, "--out", str(out), *limits, *further, "--envelope", "flapping=off"]) == 0
+    assert main([*asked, "--out", str(out), "--envelope", "off"]) == 0
     assert not read_record(out).ended
 
 
@@ -297,7 +325,7 @@ def test_a_diverged_flight_on_the_command_line(tmp_path, capsys):
 )
 def test_a_bad_limit_is_one_line(tmp_path, capsys, text, says):
     """With the limits that there are, and nothing is flown."""
-    asked = ["fly", "--axis", "lat", "--out", str(tmp_path / "a.parquet"), "--watch", text]
+    asked = ["fly", "--axis", "lat", "--out", str(tmp_path / "a.parquet"), "--envelope", text]
     assert main(asked) == 2
     error = capsys.readouterr().err
     assert says in error
@@ -305,18 +333,18 @@ def test_a_bad_limit_is_one_line(tmp_path, capsys, text, says):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", [one.name for one in fields(Watch)])
+@pytest.mark.parametrize("name", [one.name for one in fields(FlightEnvelope)])
 def test_limits_that_can_not_be_are_refused(name):
     """NaN, infinite and negative; None watches none of it."""
     for bad in (float("nan"), float("inf"), -1.0):
         with pytest.raises(InputError, match=name):
-            Watch(**{name: bad})
+            FlightEnvelope(**{name: bad})
 
 
 def test_a_flight_that_starts_beyond_a_limit_is_no_record(jr700):
     """There is nothing to keep, and the message is the same."""
     with pytest.raises(DivergedError, match=r"came within 30 m of the ground at 0\.00 s") as caught:
-        fly(jr700, SHORT, watch=Watch(clearance=30.0), jobs=1)
+        fly(jr700, FlightPlan(excitation=SHORT, envelope=FlightEnvelope(clearance=30.0)), jobs=1)
     assert caught.value.record is None
 
 
@@ -326,7 +354,13 @@ def test_the_ground_ends_a_flight(jr700):
     low = ServoStuck(servo="servo_front", at=1.0, position=-0.02)
     weather = Weather(height=2.0)
     with pytest.raises(DivergedError, match="touched the ground") as caught:
-        fly(jr700, manoeuvre, pilot=Pilot(remnant=0.0), faults=[low], weather=weather, jobs=1)
+        fly(
+            jr700,
+            FlightPlan(
+                excitation=manoeuvre, pilot=Pilot(remnant=0.0), faults=[low], weather=weather
+            ),
+            jobs=1,
+        )
     last = caught.value.last_second
     height = clearance(jr700, last.select(POSITIONS), last.select(ATTITUDES))
     sinking = last["w"][-1]

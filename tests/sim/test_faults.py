@@ -12,11 +12,12 @@ from helisim.physics import servo
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.records.channels import RATES, SERVOS
-from helisim.sim.envelope import Watch
+from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.excitation import Doublet, Sweep
 from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak, write_faults
 from helisim.sim.fly import fly
 from helisim.sim.pilot import Pilot
+from helisim.sim.plan import FlightPlan
 from helisim.sim.simulation import simulate
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
@@ -29,8 +30,10 @@ AT = 2.0
 
 def hover(vehicle, *faults, pilot=STILL, excitation=QUIET):
     """Return the truth of a hover with faults, whatever becomes of it."""
-    how = {"pilot": pilot, "faults": faults, "watch": Watch.off()}
-    return next(simulate(vehicle, excitation, **how, jobs=1))
+    plan = FlightPlan(
+        excitation=excitation, pilot=pilot, faults=faults, envelope=FlightEnvelope.off()
+    )
+    return next(simulate(vehicle, plan, jobs=1))
 
 
 def without_gyro(vehicle, seconds, *faults, start=None):
@@ -56,8 +59,8 @@ def test_nothing_changes_before_a_fault_and_everything_repeats(jr700):
     sweep = Sweep(axis="lat", duration=8.0, trim_time=1.0)
     fault = ServoWeak(servo="servo_left", at=4.0, rate_limit=0.3)
     plain = fly(jr700, sweep, count=2, seed=3, jobs=1)
-    weak = fly(jr700, sweep, count=2, seed=3, faults=[fault], jobs=1)
-    again = fly(jr700, sweep, count=2, seed=3, faults=[fault], jobs=2)
+    weak = fly(jr700, FlightPlan(excitation=sweep, faults=[fault]), count=2, seed=3, jobs=1)
+    again = fly(jr700, FlightPlan(excitation=sweep, faults=[fault]), count=2, seed=3, jobs=2)
     for one, other, repeated in zip(plain, weak, again):
         assert np.array_equal(other.values, repeated.values)
         # the anti-alias filter looks back only, the lever arm's derivative ahead by a sample
@@ -257,7 +260,7 @@ def test_only_the_rates_that_drop_out_do(jr700):
 def test_provenance_tells_the_faults(jr700):
     """Kind and every number, in the record."""
     faults = [ServoStuck(servo="servo_left", at=2.0), GyroDropout(at=1.0, lasts=0.1)]
-    record = fly(jr700, QUIET, faults=faults, pilot=STILL, jobs=1)[0]
+    record = fly(jr700, FlightPlan(excitation=QUIET, faults=faults, pilot=STILL), jobs=1)[0]
     assert record.provenance["faults"] == [
         {"kind": "ServoStuck", "servo": "servo_left", "at": 2.0, "position": None},
         {"kind": "GyroDropout", "at": 1.0, "lasts": 0.1, "rates": list(RATES), "reads": "zero"},
@@ -290,11 +293,16 @@ def test_faults_that_can_not_be_in_one_flight_are_refused(jr700):
     """Too late, two of one part, or no fault at all."""
     stuck = ServoStuck(servo="servo_tail", at=2.0)
     with pytest.raises(InputError, match="over at 12 s"):
-        fly(jr700, QUIET, faults=[ServoStuck(servo="servo_tail", at=30.0)])
+        fly(jr700, FlightPlan(excitation=QUIET, faults=[ServoStuck(servo="servo_tail", at=30.0)]))
     with pytest.raises(InputError, match="one fault of a part"):
-        fly(jr700, QUIET, faults=[stuck, ServoWeak(servo="servo_tail", at=3.0, travel=0.1)])
+        fly(
+            jr700,
+            FlightPlan(
+                excitation=QUIET, faults=[stuck, ServoWeak(servo="servo_tail", at=3.0, travel=0.1)]
+            ),
+        )
     with pytest.raises(InputError, match="ServoStuck or SampleLoss"):
-        fly(jr700, QUIET, faults=["servo_tail:stuck@2"])
+        fly(jr700, FlightPlan(excitation=QUIET, faults=["servo_tail:stuck@2"]))
 
 
 @pytest.mark.parametrize(

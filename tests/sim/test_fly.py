@@ -10,8 +10,9 @@ from helisim.records.channels import CHANNELS, IN1, IN2, OUT, SERVOS
 from helisim.sim.excitation import Doublet, Sweep
 from helisim.sim.fly import fly, fly_each
 from helisim.sim.pilot import Pilot
+from helisim.sim.plan import FlightPlan
 from helisim.sim.simulation import simulate
-from helisim.sim.trajectory import read_truth
+from helisim.sim.trajectory import read_trajectory
 from helisim.vehicle import load
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
@@ -95,11 +96,10 @@ def test_provenance_repeats_the_flight(jr700, three):
     kept = three[2].provenance
     assert (kept["seed"], kept["flight"], kept["vehicle"]) == (7, 2, "jr700")
     assert kept["excitation"]["kind"] == "Sweep"
-    excitation = {k: v for k, v in kept["excitation"].items() if k != "kind"}
+    plan = FlightPlan.of_record(three[2])
+    assert kept["plan_digest"] == plan.digest
     vehicle = load(kept["vehicle"], parameters=kept["parameters"], timestep=kept["timestep_s"])
-    again = fly(
-        vehicle, Sweep(**excitation), count=3, seed=kept["seed"], pilot=Pilot(**kept["pilot"])
-    )
+    again = fly(vehicle, plan, count=3, seed=kept["seed"])
     assert same(again[2], three[2])
     assert set(kept["versions"]) >= {"mujoco", "numpy", "numba"}
 
@@ -139,7 +139,7 @@ def test_flight_without_finite_state_is_refused(jr700):
     sensordata = np.zeros((10, jr700.model.nsensordata))
     sensordata[6:] = np.nan
     with pytest.raises(DivergedError, match=r"no finite state from 0\.01 s"):
-        read_truth(jr700, sensordata)
+        read_trajectory(jr700, sensordata)
 
 
 def test_flight_that_stopped_is_refused(jr700):
@@ -150,13 +150,13 @@ def test_flight_that_stopped_is_refused(jr700):
     truth[:, jr700.model.sensor("imu_attitude").adr[0]] = 1.0
     truth[:, jr700.model.sensor("imu_position").adr[0] + 2] = 10.0
     with pytest.raises(DivergedError, match=r"stopped at 0\.01 s"):
-        read_truth(jr700, truth)
+        read_trajectory(jr700, truth)
 
 
 @pytest.mark.parametrize(("axis", "rate"), [("lat", "p"), ("lon", "q"), ("ped", "r")])
 def test_doublet_turns_its_axis_first_one_way(jr700, axis, rate):
     """A positive doublet rolls right, pitches up or yaws right, and then the other way."""
-    record = fly(jr700, Doublet(axis=axis), pilot=STILL, jobs=1)[0]
+    record = fly(jr700, FlightPlan(excitation=Doublet(axis=axis), pilot=STILL), jobs=1)[0]
     stick = record[axis.upper()]
     first = (record.time > 2.1) & (record.time < 2.5)
     second = (record.time > 2.6) & (record.time < 3.0)
@@ -170,7 +170,7 @@ def test_doublet_turns_its_axis_first_one_way(jr700, axis, rate):
 
 def test_collective_doublet_climbs_first(jr700):
     """A positive collective doublet gives upward velocity: w falls."""
-    record = fly(jr700, Doublet(axis="col"), pilot=STILL, jobs=1)[0]
+    record = fly(jr700, FlightPlan(excitation=Doublet(axis="col"), pilot=STILL), jobs=1)[0]
     assert np.interp(2.5, record.time, record["w"]) < -0.3
 
 
@@ -181,7 +181,11 @@ def test_sweep_is_the_formula_at_the_stick(jr700):
     ends = []
     for timestep in (0.002, 0.001):
         truth = next(
-            simulate(load(timestep=timestep), excitation, pilot=Pilot(remnant=0.0), jobs=1)
+            simulate(
+                load(timestep=timestep),
+                FlightPlan(excitation=excitation, pilot=Pilot(remnant=0.0)),
+                jobs=1,
+            )
         )
         w_min, w_max = excitation.band
         each = round(0.002 / timestep)  # the hand moves at the gyro's ticks

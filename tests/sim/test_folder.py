@@ -6,7 +6,7 @@ import pytest
 from helisim.cli import main
 from helisim.errors import InputError
 from helisim.records.storage import read_record
-from helisim.sim import Pilot, Recorder, Sweep, Watch, fly, fly_to, simulate
+from helisim.sim import FlightEnvelope, FlightPlan, Pilot, Recorder, Sweep, fly, fly_to, simulate
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
 
@@ -79,9 +79,10 @@ def test_a_damaged_flight_is_flown_again(jr700, tmp_path, whole):
 def test_another_configuration_is_refused(jr700, tmp_path, whole, change, says):
     """Flights of another configuration are neither kept as ours nor overwritten."""
     (tmp_path / "lat_0003.parquet").write_bytes(whole["lat_0003.parquet"])
-    arguments = {"excitation": SHORT, "count": 3, "seed": 7, **change}
+    seed = change.pop("seed", 7)
+    plan = FlightPlan(**{"excitation": SHORT, **change})
     with pytest.raises(InputError, match=says):
-        fly_to(tmp_path, jr700, **arguments)
+        fly_to(tmp_path, jr700, plan, count=3, seed=seed)
     assert contents(tmp_path) == {"lat_0003.parquet": whole["lat_0003.parquet"]}
 
 
@@ -89,14 +90,16 @@ def test_another_configuration_is_refused(jr700, tmp_path, whole, change, says):
 def tight(jr700):
     """A watch that lets two of the three flights pass: the rate that the wildest one exceeds."""
     fastest = [np.abs(one.rates).max() for one in simulate(jr700, SHORT, count=3, seed=7, jobs=1)]
-    return Watch(rate=0.5 * sum(sorted(fastest)[1:])), int(np.argmax(fastest))
+    return FlightEnvelope(rate=0.5 * sum(sorted(fastest)[1:])), int(np.argmax(fastest))
 
 
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_a_flight_that_is_over_hurts_no_other(jr700, tmp_path, whole, tight, jobs):
     """The others have the numbers that they always have, in one batch too; all is kept."""
     watch, wild = tight
-    flown = fly_to(tmp_path, jr700, SHORT, count=3, seed=7, watch=watch, jobs=jobs)
+    flown = fly_to(
+        tmp_path, jr700, FlightPlan(excitation=SHORT, envelope=watch), count=3, seed=7, jobs=jobs
+    )
     assert list(flown.ended) == [flown.paths[wild]]
     (tmp_path / "whole").mkdir()
     for number, path in enumerate(flown.paths):
@@ -112,7 +115,9 @@ def test_a_flight_that_is_over_hurts_no_other(jr700, tmp_path, whole, tight, job
     (beside,) = (tmp_path / "last_second").iterdir()
     assert beside.name == flown.paths[wild].name
     # it isn't flown again, and is told again
-    again = fly_to(tmp_path, jr700, SHORT, count=3, seed=7, watch=watch, jobs=jobs)
+    again = fly_to(
+        tmp_path, jr700, FlightPlan(excitation=SHORT, envelope=watch), count=3, seed=7, jobs=jobs
+    )
     assert (again.found, again.ended) == (3, flown.ended)
 
 

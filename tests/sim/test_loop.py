@@ -12,6 +12,7 @@ from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.sim.excitation import Sweep
 from helisim.sim.pilot import Pilot
+from helisim.sim.plan import FlightPlan
 from helisim.sim.simulation import simulate
 from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, addresses, write_motion
@@ -31,7 +32,9 @@ def test_the_sampled_linear_model_is_what_flies(axis, motion, timestep, integrat
     excitation = Sweep(
         axis=axis, duration=30.0, amplitude=0.002, leakage=0.0, unsteadiness=0.0, trim_time=2.0
     )
-    truth = next(simulate(vehicle, excitation, pilot=Pilot(remnant=0.0), jobs=1))
+    truth = next(
+        simulate(vehicle, FlightPlan(excitation=excitation, pilot=Pilot(remnant=0.0)), jobs=1)
+    )
     linear = vehicle.linearize("IN2")
     each = round(linear.system.dt / timestep)
     sticks = truth.sticks[::each] - truth.sticks[0]
@@ -160,8 +163,8 @@ def test_remnant_is_what_was_asked(jr700):
     """The hand's unrest has the rms of the pilot, on every stick, on top of the holding."""
     still, human = Pilot(remnant=0.0), Pilot(remnant=0.01)
     excitation = Sweep(axis="col", duration=40.0, amplitude=1e-6, band=(0.3, 1.0))
-    truth = next(simulate(jr700, excitation, pilot=human, jobs=1))
-    quiet = next(simulate(jr700, excitation, pilot=still, jobs=1))
+    truth = next(simulate(jr700, FlightPlan(excitation=excitation, pilot=human), jobs=1))
+    quiet = next(simulate(jr700, FlightPlan(excitation=excitation, pilot=still), jobs=1))
     assert np.abs(quiet.sticks[:, 1:]).max() < 1e-4
     # the fast part alone: the holding moves well below 5 rad/s
     fast = np.diff(truth.sticks[:: round(0.1 / truth.timestep)], axis=0)

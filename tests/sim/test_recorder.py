@@ -24,9 +24,10 @@ from helisim.records.channels import (
 )
 from helisim.sim.excitation import Sweep
 from helisim.sim.fly import fly
+from helisim.sim.plan import FlightPlan
 from helisim.sim.recorder import Recorder
 from helisim.sim.simulation import simulate
-from helisim.sim.trajectory import Truth, imu_offset, read_truth
+from helisim.sim.trajectory import Trajectory, imu_offset, read_trajectory
 from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, write_motion
 
@@ -47,7 +48,7 @@ def wave(width, seconds=10.0):
 def artificial(**changes):
     """Return a made-up flight whose every signal is a known sine."""
     time = np.arange(5001) * STEP
-    truth = Truth(
+    truth = Trajectory(
         time=time,
         timestep=STEP,
         sticks=wave(4),
@@ -86,7 +87,7 @@ def tumbling(jr700):
             mujoco.mj_step(model, data)
             sensors.append(data.sensordata.copy())
             motion.append([body, velocity, position])
-    truth = read_truth(jr700, np.array(sensors))
+    truth = read_trajectory(jr700, np.array(sensors))
     bodies, velocities, positions = (np.array(column) for column in zip(*motion))
     return truth, bodies, velocities, positions
 
@@ -198,7 +199,11 @@ def test_default_latencies_reach_the_record():
 def test_in1_is_recomputed_from_the_servos(jr700):
     """IN1 is what the inverse of the mixing makes of the recorded servo signals."""
     flown = fly(
-        jr700, Sweep(axis="lat", duration=6.0, trim_time=1.0), recorder=Recorder(latency={}), jobs=1
+        jr700,
+        FlightPlan(
+            excitation=Sweep(axis="lat", duration=6.0, trim_time=1.0), recorder=Recorder(latency={})
+        ),
+        jobs=1,
     )[0]
     front, left, right, tail = flown.select(SERVOS).T
     recomputed = np.column_stack([*servo.unmix(front, left, right), tail])
@@ -300,4 +305,4 @@ def test_settings_are_read_only():
     assert recorder.latency["p"] == 0.01
     with pytest.raises(TypeError):
         recorder.latency["p"] = 1.0
-    assert set(recorder.as_dict()["latency"]) <= set(CHANNELS)
+    assert set(recorder.to_dict()["latency"]) <= set(CHANNELS)

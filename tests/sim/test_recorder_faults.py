@@ -7,14 +7,15 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 from helisim.sim.excitation import Doublet
-from helisim.sim.fly import fly
-from helisim.sim.recorder_faults import (
+from helisim.sim.faults.recorder import (
     ClockDrift,
     RecordGap,
     SampleLoss,
     SensorDropout,
     SensorSpikes,
 )
+from helisim.sim.fly import fly
+from helisim.sim.plan import FlightPlan
 
 COUNT = 6001
 NAMES = ("p", "r", "LAT")
@@ -28,7 +29,7 @@ def made():
 
 
 def spoilt(fault, seed=0):
-    return fault.spoil(made(), np.random.default_rng(seed))
+    return fault.apply(made(), np.random.default_rng(seed))
 
 
 def test_a_dropout_holds_or_reads_zero_for_as_long_as_said():
@@ -98,8 +99,8 @@ def test_a_seed_repeats_them_and_flights_differ(jr700):
     faults = [SensorSpikes(channels="r", size=3.0, per_minute=30.0), SampleLoss(share=0.02)]
     doublet = Doublet(axis="ped", duration=12.0)
     plain = fly(jr700, doublet, count=2, seed=4, jobs=1)
-    bad = fly(jr700, doublet, count=2, seed=4, faults=faults, jobs=1)
-    again = fly(jr700, doublet, count=2, seed=4, faults=faults, jobs=2)
+    bad = fly(jr700, FlightPlan(excitation=doublet, faults=faults), count=2, seed=4, jobs=1)
+    again = fly(jr700, FlightPlan(excitation=doublet, faults=faults), count=2, seed=4, jobs=2)
     for one, other, good in zip(bad, again, plain):
         assert np.array_equal(one.time, other.time)
         assert np.array_equal(one.values, other.values)

@@ -11,7 +11,7 @@ from helisim.physics import weather as law
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.records.channels import AIR
-from helisim.sim import Gust, Pilot, Recorder, Sweep, Weather, fly, simulate
+from helisim.sim import FlightPlan, Gust, Pilot, Recorder, Sweep, Weather, fly, simulate
 from helisim.sim.simulation import _start, prepare
 from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, addresses, write_motion
@@ -23,7 +23,13 @@ KNOT = 0.514444
 
 @pytest.fixture(scope="module")
 def rough(jr700):
-    return fly(jr700, SHORT, count=3, seed=7, jobs=1, weather=Weather(turbulence="light"))
+    return fly(
+        jr700,
+        FlightPlan(excitation=SHORT, weather=Weather(turbulence="light")),
+        count=3,
+        seed=7,
+        jobs=1,
+    )
 
 
 def same(one, other):
@@ -34,7 +40,7 @@ def same(one, other):
 def test_threads_do_not_matter(jr700, rough, jobs):
     """Turbulence is the same bits for any number of threads, and another in each flight."""
     weather = Weather(turbulence="light")
-    again = fly(jr700, SHORT, count=3, seed=7, jobs=jobs, weather=weather)
+    again = fly(jr700, FlightPlan(excitation=SHORT, weather=weather), count=3, seed=7, jobs=jobs)
     assert all(same(one, other) for one, other in zip(rough, again))
     assert not same(rough[0], rough[1])
 
@@ -42,7 +48,9 @@ def test_threads_do_not_matter(jr700, rough, jobs):
 def test_turbulence_survives_a_copied_state(jr700):
     """It lives in the state: a flight goes on elsewhere bit for bit, and none of it is left."""
     weather = Weather(turbulence="severe")
-    model = prepare(jr700, SHORT, Pilot(), weather, seed=1, number=0)
+    model = prepare(
+        jr700, FlightPlan(excitation=SHORT, pilot=Pilot(), weather=weather), seed=1, number=0
+    )
     kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
     one, other = mujoco.MjData(model), mujoco.MjData(model)
     mujoco.mj_setState(model, one, _start(jr700, weather, seed=1, number=0), kind)
@@ -70,7 +78,9 @@ def test_time_step_does_not_matter():
     air = []
     for step in (0.002, 0.001):
         vehicle = load(timestep=step)
-        (truth,) = simulate(vehicle, SHORT, seed=2, weather=weather, pilot=Pilot(remnant=0.0))
+        (truth,) = simulate(
+            vehicle, FlightPlan(excitation=SHORT, weather=weather, pilot=Pilot(remnant=0.0)), seed=2
+        )
         seen = truth.at_ticks()
         air.append(np.sum(down_in_body(seen.attitudes) * seen.air[:, :3], axis=1))
     assert np.std(air[0]) > 0.1
@@ -80,10 +90,12 @@ def test_time_step_does_not_matter():
 
 def test_calm_is_calm(jr700):
     """No weather, and a weather without any, are the same flight, in still air."""
-    calm, still = (
-        fly(jr700, SHORT, seed=1, weather=weather, recorder=Recorder(rotor=True))[0]
-        for weather in (None, Weather())
-    )
+    recorder = Recorder(rotor=True)
+    plans = [
+        FlightPlan(excitation=SHORT, recorder=recorder),
+        FlightPlan(excitation=SHORT, recorder=recorder, weather=Weather()),
+    ]
+    calm, still = (fly(jr700, plan, seed=1)[0] for plan in plans)
     assert same(calm, still)
     assert not np.any([calm[name] for name in AIR])
 
@@ -95,7 +107,9 @@ def test_air_is_reported_in_body_axes(jr700, heading):
         wind=3.0, wind_from=heading, rms=(1.0, 1.0, 1.0), gust=Gust(east=2.0, start=-1.0, hold=9.0)
     )
     vehicle = weather.trimmed(jr700)
-    model = prepare(vehicle, SHORT, Pilot(), weather, seed=1, number=0)
+    model = prepare(
+        vehicle, FlightPlan(excitation=SHORT, pilot=Pilot(), weather=weather), seed=1, number=0
+    )
     data = mujoco.MjData(model)
     first = addresses(model).state + STATE.air_u
     data.act[first : first + 8] = states = np.arange(1.0, 9.0)
@@ -147,7 +161,10 @@ def test_gust_has_the_standards_shape(jr700):
     """V_m / 2 (1 - cos(pi t / T)) up, then V_m, then down the same way (section 3.7.1.3)."""
     gust = Gust(down=-2.0, start=1.0, rise=0.5, hold=1.0)
     (truth,) = simulate(
-        jr700, Sweep(axis="lat", duration=5.0, trim_time=1.0), weather=Weather(gust=gust)
+        jr700,
+        FlightPlan(
+            excitation=Sweep(axis="lat", duration=5.0, trim_time=1.0), weather=Weather(gust=gust)
+        ),
     )
     t = truth.time - 1.0
     shape = np.select(
@@ -170,7 +187,11 @@ def test_an_updraught_lifts(jr700):
     up = Weather(gust=Gust(down=-2.0, start=1.0, rise=0.5, hold=2.0))
     manoeuvre = Sweep(axis="lat", duration=5.0, trim_time=1.0, amplitude=1e-6)
     heights = [
-        next(simulate(jr700, manoeuvre, pilot=Pilot(remnant=0.0), weather=weather)).positions[-1, 2]
+        next(
+            simulate(
+                jr700, FlightPlan(excitation=manoeuvre, pilot=Pilot(remnant=0.0), weather=weather)
+            )
+        ).positions[-1, 2]
         for weather in (Weather(), up)
     ]
     # Z_w = -0.94 1/s: most of 2 m/s is taken up within the 2 s that the gust lasts
@@ -182,7 +203,9 @@ def test_wind_is_hovered_in(jr700):
     manoeuvre = Sweep(axis="lat", duration=6.0, trim_time=1.0, amplitude=1e-6)
     for origin in (0.0, 2.0):
         weather = Weather(wind=6.0, wind_from=origin)
-        (truth,) = simulate(jr700, manoeuvre, pilot=Pilot(remnant=0.0), weather=weather)
+        (truth,) = simulate(
+            jr700, FlightPlan(excitation=manoeuvre, pilot=Pilot(remnant=0.0), weather=weather)
+        )
         # amplitude of 1e-6 stick; the trim leaves 1e-9 m/s^2
         assert np.ptp(truth.positions, axis=0).max() < 1e-4
 
@@ -228,7 +251,7 @@ def test_impossible_gusts_are_refused(given):
 def test_turbulence_of_no_wind_is_calm(jr700):
     """Zero is a level of turbulence: the flight is the calm one, bit for bit."""
     calm, still = (
-        fly(jr700, SHORT, seed=3, jobs=1, weather=weather)[0]
+        fly(jr700, FlightPlan(excitation=SHORT, weather=weather), seed=3, jobs=1)[0]
         for weather in (Weather(), Weather(turbulence=0.0))
     )
     np.testing.assert_array_equal(calm.values, still.values)

@@ -10,6 +10,7 @@ from helisim.cli import main
 from helisim.records.logs import screen
 from helisim.sim import (
     ClockDrift,
+    FlightPlan,
     RecordGap,
     SampleLoss,
     SensorDropout,
@@ -53,7 +54,7 @@ def faulty(flown, *faults):
     records = []
     for number, record in enumerate(flown):
         for fault in faults:
-            record = fault.spoil(record, np.random.default_rng(number))
+            record = fault.apply(record, np.random.default_rng(number))
         records.append(record)
     return records
 
@@ -111,7 +112,7 @@ def test_a_drifting_clock_is_told_and_its_effect_is_small(jr700, flown, good):
     fit = identified(faulty(flown, drift))
     assert shift(fit, good) < 1.0
     # a lateral sweep turns the helicopter enough to tell
-    rolling = fly(jr700, Sweep(axis="lat"), seed=1, faults=[drift])[0]
+    rolling = fly(jr700, FlightPlan(excitation=Sweep(axis="lat"), faults=[drift]), seed=1)[0]
     (finding,) = screen(rolling).report.findings
     assert finding.kind == "clock"
     assert "clock is fast" in finding.text

@@ -1,4 +1,4 @@
-"""The experiment's flights: those that were over before their time are left out, and told."""
+"""The experiment's flights: those that were terminated early are left out, and told."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 from helisim.errors import DivergedError
 from helisim.records.channels import AXES
 from helisim.records.storage import read_record
-from helisim.sim import Recorder, Sweep
+from helisim.sim import Flight, Recorder, Sweep
 from helisim.study import flights
 from helisim.study.flights import fly_sweeps
 
@@ -20,14 +20,16 @@ def over(monkeypatch):
 
     def choose(*numbers):
         def marked(*args, **kwargs):
-            for number, (record, last) in enumerate(flown(*args, **kwargs)):
+            for number, flight in enumerate(flown(*args, **kwargs)):
                 if number in numbers:
-                    record = replace(record, provenance={**record.provenance, "ended": END})
-                    last = record.slice(24.0, 25.0)
-                yield record, last
+                    provenance = {**flight.record.provenance, "ended": END}
+                    record = replace(flight.record, provenance=provenance)
+                    yield Flight(record, record.slice(24.0, 25.0))
+                else:
+                    yield flight
 
-        flown = flights.fly_watched
-        monkeypatch.setattr(flights, "fly_watched", marked)
+        flown = flights.fly_all
+        monkeypatch.setattr(flights, "fly_all", marked)
         monkeypatch.setattr(flights, "Sweep", lambda axis: Sweep(axis=axis, duration=35.0))
 
     return choose
@@ -44,7 +46,7 @@ def test_a_sweep_that_was_over_is_left_out(jr700, tmp_path, over):
         assert read_record(tmp_path / "flights" / f"{axis}_01.parquet").ended
         assert (tmp_path / "flights" / "last_second" / f"{axis}_01.parquet").is_file()
     assert excluded == tuple(
-        f"flight {axis}_01: was over before its time: the helicopter touched the ground at 12.50 s"
+        f"flight {axis}_01: was terminated early: the helicopter touched the ground at 12.50 s"
         for axis in AXES
     )
 

@@ -11,6 +11,7 @@ from helisim.physics.native import installed
 from helisim.sim.excitation import Doublet
 from helisim.sim.fly import fly
 from helisim.sim.pilot import Pilot
+from helisim.sim.plan import FlightPlan
 from helisim.vehicle import GyroSettings, load
 
 OMEGA = np.geomspace(0.5, 60.0, 40)
@@ -104,7 +105,11 @@ def test_a_flight_mode_keeps_attitude_or_damps_rates(jr700):
 def test_every_flight_mode_flies(jr700, mode):
     """The pilot keeps the hover in each mode, through a doublet."""
     vehicle = jr700.with_settings(GyroSettings(flight_mode=mode))
-    record = fly(vehicle, Doublet(axis="lat", duration=20.0), pilot=Pilot(remnant=0.0), jobs=1)[0]
+    record = fly(
+        vehicle,
+        FlightPlan(excitation=Doublet(axis="lat", duration=20.0), pilot=Pilot(remnant=0.0)),
+        jobs=1,
+    )[0]
     assert np.abs(record["phi"][record.time > 12.0] - vehicle.trim.phi).max() < 0.1
     assert record.provenance["parameters"]["gyro.flight_mode"] == mode
 
@@ -117,7 +122,9 @@ def test_the_collectives_rate_moves_the_stick_not_the_hover():
     assert full.trim.col > 0.01
     sticks = [vehicle.hovering().ctrl[0] for vehicle in (full, half)]
     assert sticks == pytest.approx([full.trim.col, 2.0 * full.trim.col], rel=1e-9)
-    record = fly(half, Doublet(axis="lat"), pilot=Pilot(remnant=0.0), jobs=1)[0]
+    record = fly(
+        half, FlightPlan(excitation=Doublet(axis="lat"), pilot=Pilot(remnant=0.0)), jobs=1
+    )[0]
     assert record["COL"][50] == pytest.approx(2.0 * full.trim.col, abs=0.001)  # its resolution
 
 

@@ -1,4 +1,4 @@
-"""`helisim fly`: sweeps, recorded."""
+"""`helisim fly`: fly a plan once or many times, and record."""
 
 import argparse
 import math
@@ -23,13 +23,22 @@ from helisim.errors import DivergedError, InputError, UnknownNameError
 from helisim.records.channels import AXES
 
 if TYPE_CHECKING:
-    from helisim.sim import Watch
+    from helisim.records.record import FlightRecord
+    from helisim.sim import Excitation, FlightEnvelope, FlightPlan, Weather
+    from helisim.vehicle import Vehicle
 
 _EPILOG = """\
 examples:
   helisim fly --axis lat --duration 90 --seed 1 --out lat.parquet
   helisim fly --axis lat --count 40 --out flights
   helisim fly --axis ped --turbulence light --amplitude 0.04 --out gusty.parquet
+  helisim fly --axis lat --excitation doublet,width=0.5 --out doublet.parquet
+  helisim fly --axis lat --turbulence light --print-plan > gusty.toml
+  helisim fly --plan gusty.toml --seed 2 --out lat.parquet
+
+a plan is a TOML file with all that is flown: excitation, pilot, recorder,
+weather, faults, envelope. Options beside --plan change what it says, but
+--fault adds to its faults.
 
 a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
   servo_front:stuck@30                   where it is; with position=P, at P
@@ -42,9 +51,9 @@ a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
   recorder:gap@30,lasts=0.5
   recorder:drift,ppm=200                 channels=p+q+r: of these only
 
-A flight is over where it leaves what the model is valid for. Its record says
-so and the identification refuses it; last_second/ beside it keeps how it came.
-Exit status 3. The limits of --watch are
+A flight is terminated early where it leaves what the model is valid for. Its
+record says so and the identification refuses it; last_second/ beside it keeps
+how it came. Exit status 3. The limits of --envelope are
   tilt=1.2, rate=20                      rad, rad/s
   clearance=0                            m above the ground
   flapping=1                             of the head's stop
@@ -58,15 +67,27 @@ def add(commands: Any) -> None:
     """Add the command to the parser."""
     command = commands.add_parser(
         "fly",
-        help="fly sweeps and record them",
-        description="Fly one frequency sweep, or many, and write what the flight computer records.",
+        help="fly sweeps and other plans and record them",
+        description="Fly one frequency sweep, or another plan, once or many times, and write what "
+        "the flight computer records.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_vehicle(command)
-    command.add_argument("--axis", required=True, metavar="AXIS", help="|".join(AXES))
+    command.add_argument("--plan", type=Path, metavar="FILE", help="fly this plan, .toml")
     command.add_argument(
-        "--duration", type=float, default=90.0, metavar="S", help="of the flight, s (default: 90)"
+        "--print-plan",
+        action="store_true",
+        help="print the whole plan as TOML, which --plan reads, and fly nothing",
+    )
+    command.add_argument(
+        "--excitation",
+        metavar="KIND[,NAME=VALUE...]",
+        help="what is flown on purpose: sweep (default), doublet, ..., and its settings",
+    )
+    command.add_argument("--axis", metavar="AXIS", help="|".join(AXES))
+    command.add_argument(
+        "--duration", type=float, metavar="S", help="of the flight, s (default: a sweep's is 90)"
     )
     command.add_argument(
         "--amplitude",
@@ -78,13 +99,12 @@ def add(commands: Any) -> None:
         "--count",
         type=int,
         metavar="N",
-        help="fly N sweeps into the folder DIR, or go on where an earlier run stopped",
+        help="fly N times into the folder DIR, or go on where an earlier run stopped",
     )
     command.add_argument("--jobs", type=int, metavar="J", help="threads (default: all processors)")
     command.add_argument(
         "--out",
         type=Path,
-        required=True,
         metavar="FILE|DIR",
         help="record to write, .parquet or .csv; with --count a folder of them",
     )
@@ -97,7 +117,7 @@ def add(commands: Any) -> None:
     )
     _add_weather(command)
     command.add_argument(
-        "--watch",
+        "--envelope",
         action="append",
         default=[],
         metavar="LIMIT=VALUE|off",
@@ -115,70 +135,114 @@ def _add_weather(command: argparse.ArgumentParser) -> None:
         help="light, moderate or severe (Dryden, MIL-F-8785C), or the wind at 20 ft that makes "
         "it, m/s (default: calm)",
     )
-    command.add_argument(
-        "--wind", type=float, default=0.0, metavar="M/S", help="steady wind, m/s (default: 0)"
-    )
+    command.add_argument("--wind", type=float, metavar="M/S", help="steady wind, m/s (default: 0)")
     command.add_argument(
         "--wind-from-deg",
         type=float,
-        default=0.0,
         metavar="DEG",
         help="where it comes from; flights head north: 0 is a headwind, 90 from the right",
     )
 
 
-def _weather(options: argparse.Namespace) -> Any:
-    from helisim.sim import Weather
+def _run(options: argparse.Namespace) -> int:
+    plan = _plan(options)
+    if not options.print_plan:
+        _check(options)
+    from helisim.vehicle import load
 
-    turbulence = options.turbulence
-    with suppress(TypeError, ValueError):
-        turbulence = float(turbulence)
-    return Weather(
-        wind=options.wind, wind_from=math.radians(options.wind_from_deg), turbulence=turbulence
+    vehicle = load(options.vehicle, parameters=parameters(options), integrator=options.integrator)
+    plan = plan.on(vehicle)
+    if options.rerun is not None and plan.recorder is not None:
+        plan = replace(plan, recorder=replace(plan.recorder, rotor=True))
+    if options.print_plan:
+        print(plan.to_toml(), end="")
+        return 0
+    work = _one if options.count is None else _many
+    return work(options, vehicle, plan)
+
+
+def _plan(options: argparse.Namespace) -> "FlightPlan":
+    """Return the plan that the options say. Raises InputError."""
+    from helisim.sim import FlightPlan, parse_fault, read_plan
+
+    faults = tuple(parse_fault(text) for text in options.fault)
+    if options.plan is None:
+        if options.axis is None:
+            raise InputError(f"say what is flown: --axis {'|'.join(AXES)}, or --plan FILE")
+        plan = FlightPlan(excitation=_excitation(options, None))
+    else:
+        plan = read_plan(options.plan)
+        plan = replace(plan, excitation=_excitation(options, plan.excitation))
+    return replace(
+        plan,
+        faults=(*plan.faults, *faults),
+        weather=_weather(options, plan.weather),
+        envelope=_envelope(options.envelope, plan.envelope),
     )
 
 
-def _run(options: argparse.Namespace) -> int:
-    from helisim.sim import Recorder, Sweep, parse_fault
-    from helisim.vehicle import load
+def _excitation(options: argparse.Namespace, planned: "Excitation | None") -> "Excitation":
+    """Return the excitation that the options say, beside that of a plan."""
+    from helisim.sim.excitation import EXCITATIONS
+    from helisim.sim.plain import from_plain, to_plain
 
-    faults = [parse_fault(text) for text in options.fault]
-    sweep = Sweep(axis=options.axis, duration=options.duration, amplitude=options.amplitude)
-    watch, weather = _watch(options.watch), _weather(options)
-    _check(options)
-    vehicle = load(options.vehicle, parameters=parameters(options), integrator=options.integrator)
-    how = {
-        "seed": options.seed,
-        "recorder": Recorder.of(vehicle, rotor=options.rerun is not None),
-        "faults": faults,
-        "weather": weather,
-        "watch": watch,
+    given = {
+        name: value
+        for name in ("axis", "duration", "amplitude")
+        if (value := getattr(options, name)) is not None
     }
-    work = _one if options.count is None else _many
-    return work(options, vehicle, sweep, how)
+    if options.excitation is None and planned is not None:
+        axis = given.get("axis", planned.axis)
+        fixed = [one for one in planned.left_open if getattr(planned, one) is not None]
+        if axis != planned.axis and fixed:
+            raise InputError(
+                f"{options.plan}: {' and '.join(fixed)} of the {planned.axis} axis: take them out "
+                f"for --axis {axis}, or leave out --axis"
+            )
+        return from_plain(type(planned), {**to_plain(planned), **given}, "the excitation")
+    word, *items = (options.excitation or "sweep").split(",")
+    kinds = {name.lower(): kind for name, kind in EXCITATIONS.items()}
+    if word.strip().lower() not in kinds:
+        raise UnknownNameError("excitation", word, kinds)
+    kind = kinds[word.strip().lower()]
+    settings = named_numbers("--excitation", items)
+    axis = {} if planned is None else {"axis": planned.axis}
+    return from_plain(kind, {**axis, **given, **settings}, f"the excitation {kind.__name__}")
 
 
-def _watch(items: Sequence[str]) -> "Watch":
-    """Return what --watch says. Raises InputError."""
-    from helisim.sim import Watch
+def _weather(options: argparse.Namespace, weather: "Weather") -> "Weather":
+    turbulence: Any = options.turbulence
+    with suppress(TypeError, ValueError):
+        turbulence = float(turbulence)
+    given = {
+        "turbulence": turbulence,
+        "wind": options.wind,
+        "wind_from": None if options.wind_from_deg is None else math.radians(options.wind_from_deg),
+    }
+    return replace(weather, **{name: one for name, one in given.items() if one is not None})
 
+
+def _envelope(items: Sequence[str], envelope: "FlightEnvelope") -> "FlightEnvelope":
+    """Return an envelope with the limits of --envelope. Raises InputError."""
     if "off" in items:
         if len(items) > 1:
-            raise InputError("--watch off watches nothing: leave out the other limits")
-        return Watch.off()
-    unwatched = [item.partition("=")[0].strip() for item in items if item.endswith("=off")]
-    values = named_numbers("--watch", [item for item in items if not item.endswith("=off")])
-    limits = {**values, **dict.fromkeys(unwatched)}
+            raise InputError("--envelope off has no limits: leave out the others")
+        return envelope.off()
+    unlimited = [item.partition("=")[0].strip() for item in items if item.endswith("=off")]
+    values = named_numbers("--envelope", [item for item in items if not item.endswith("=off")])
+    limits: dict[str, Any] = {**values, **dict.fromkeys(unlimited)}
     for name in limits:
-        if name not in Watch.__dataclass_fields__:
-            raise UnknownNameError("limit of --watch", name, Watch.__dataclass_fields__)
-    return replace(Watch(), **limits)
+        if name not in envelope.__dataclass_fields__:
+            raise UnknownNameError("limit of --envelope", name, envelope.__dataclass_fields__)
+    return replace(envelope, **limits)
 
 
 def _check(options: argparse.Namespace) -> None:
     """Refuse what can't be written, before any time is spent."""
     from helisim.records.files import SUFFIXES, check_destination
 
+    if options.out is None:
+        raise InputError("say where to write: --out FILE, or --out DIR with --count")
     if options.count is None:
         check_destination(options.out)
         if options.rerun is not None:
@@ -192,19 +256,19 @@ def _check(options: argparse.Namespace) -> None:
         )
 
 
-def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, how: dict[str, Any]) -> int:
+def _one(options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan") -> int:
     from helisim.records.storage import write_record
-    from helisim.sim import fly
+    from helisim.sim import Flight, fly
     from helisim.sim.folder import write_flight
 
     try:
         with Progress(1, options.quiet) as advance:
-            (record,) = fly(vehicle, sweep, **how, on_flight=lambda: advance("flight"))
+            (record,) = fly(vehicle, plan, seed=options.seed, on_flight=lambda: advance("flight"))
     except DivergedError as error:
         if error.record is not None:
-            beside = write_flight(error.record, error.last_second, options.out)
+            beside = write_flight(Flight(error.record, error.last_second), options.out)
             tell_written(options, f"{options.out}, as far as the flight went, and {beside}")
-            _write_recording(options, vehicle, error.record)
+            _write_recording(options, vehicle, plan, error.record)
         raise
     write_record(record, options.out)
     tell_written(
@@ -212,33 +276,36 @@ def _one(options: argparse.Namespace, vehicle: Any, sweep: Any, how: dict[str, A
         f"{options.out} ({record.duration:.2f} s, {len(record)} samples, "
         f"{len(record.names)} channels)",
     )
-    _write_recording(options, vehicle, record)
+    _write_recording(options, vehicle, plan, record)
     return 0
 
 
-def _write_recording(options: argparse.Namespace, vehicle: Any, record: Any) -> None:
+def _write_recording(
+    options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan", record: "FlightRecord"
+) -> None:
     if options.rerun is not None:
-        flown, quiet = {options.axis: record}, options.quiet
+        flown, quiet = {plan.excitation.axis: record}, options.quiet
         write_recording(options.rerun, flown, vehicle=vehicle.name, quiet=quiet)
 
 
-def _many(options: argparse.Namespace, vehicle: Any, sweep: Any, how: dict[str, Any]) -> int:
+def _many(options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan") -> int:
     from helisim.sim import fly_to
 
     with Progress(options.count, options.quiet) as advance:
         flown = fly_to(
             options.out,
             vehicle,
-            sweep,
+            plan,
             count=options.count,
-            **how,
+            seed=options.seed,
             jobs=options.jobs,
             on_flight=lambda: advance("flight"),
         )
     there = f", {flown.found} of them there before" if flown.found else ""
     tell_written(
-        options, f"{options.out} ({len(flown.paths)} flights of {options.duration:g} s{there})"
+        options,
+        f"{options.out} ({len(flown.paths)} flights of {plan.excitation.duration:g} s{there})",
     )
     for path, why in flown.ended.items():
-        print(f"helisim fly: {path}: {why}, where the flight was over", file=sys.stderr)
+        print(f"helisim fly: {path}: {why}, where the flight was terminated early", file=sys.stderr)
     return 3 if flown.ended else 0

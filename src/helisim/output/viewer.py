@@ -25,15 +25,18 @@ from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 
-_HEIGHT = 3.0
-"""m above the pad: near enough to see it, with room for a sweep."""
+_ROOM = 0.9
+"""m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m."""
+_STAND_OFF = 2.3
+"""How many times its height the camera is away, so that the pad below is in the picture."""
 _FRAME = 1.0 / 60.0
 """s between two pictures."""
 _FALLEN_BEHIND = 0.5
 """s: a computer that is later than this lets the clock go instead of hurrying after it."""
 _CLOSING = 5.0
 """s that a window may take to close."""
-_METRES_PER_NEWTON = 0.008
+_ARROW_LENGTH, _ARROW_RADIUS = 0.5, 0.0125
+"""In the model's extents: how long a thrust that carries the weight is drawn, and how thick."""
 _THRUST_COLOUR = np.array([0.9, 0.3, 0.1, 1.0], dtype=np.float32)
 
 LEGEND = f"disc tilt x {TILT_GAIN:g}, blades {SLOWED:g} times slower, thrust red"
@@ -88,15 +91,34 @@ def prepare_live(
     if seed < 0:
         raise InputError(f"seed must be 0 or more, got {seed}")
     model = vehicle.visual_model()
+    height = _height(model)
     par = model.actuator_user[addresses(model).rotor]
-    (pilot or Pilot()).write(par, vehicle, seed=seed, height=_HEIGHT)
+    (pilot or Pilot()).write(par, vehicle, seed=seed, height=height)
     if excitation is not None:
         excitation.on(vehicle.parameters).write(par)
     data = mujoco.MjData(model)
-    place(model, data, vehicle.trim, height=_HEIGHT)
+    place(model, data, vehicle.trim, height=height)
     with installed():
         mujoco.mj_forward(model, data)
     return LiveFlight(model, data)
+
+
+def _height(model: mujoco.MjModel) -> float:
+    """Return how high above its pad a helicopter is watched, m; half its extent hangs below."""
+    return _ROOM + 0.5 * model.stat.extent
+
+
+def aim(camera: mujoco.MjvCamera, model: mujoco.MjModel, body: str) -> None:
+    """Let a camera follow a body so that it, its shadow and the pad are seen.
+
+    Args:
+        camera: to be set.
+        model: of a scene, with every part to be seen.
+        body: the vehicle's name.
+    """
+    camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+    camera.trackbodyid = model.body(body).id
+    camera.distance, camera.azimuth, camera.elevation = _STAND_OFF * _height(model), -140.0, -25.0
 
 
 def watch(
@@ -163,9 +185,7 @@ def view(
     window = _open(flight)
     try:
         with window:
-            window.cam.type = mujoco.mjtCamera.mjCAMERA_TRACKING
-            window.cam.trackbodyid = flight.model.body(vehicle.name).id
-            window.cam.distance, window.cam.azimuth, window.cam.elevation = 2.8, -140.0, -15.0
+            aim(window.cam, flight.model, vehicle.name)
             window.set_texts((None, mujoco.mjtGridPos.mjGRID_BOTTOMLEFT, LEGEND, None))
             return watch(flight, window, duration=duration)
     finally:
@@ -212,6 +232,9 @@ class _Rotors:
         self.speeds = model.actuator_user[where.rotor, [PARAM.main_speed, PARAM.tail_speed]]
         self.tilts = where.state + np.array([STATE.flap_a, STATE.flap_b])
         self.thrust = model.sensor("rotor").adr[0]
+        extent, mass = model.stat.extent, model.body_subtreemass[model.body_rootid[self.main.body]]
+        self.metres_per_newton = _ARROW_LENGTH * extent / (mass * -model.opt.gravity[2])
+        self.arrow_radius = _ARROW_RADIUS * extent
 
     def draw(self, data: mujoco.MjData, scene: mujoco.MjvScene | None) -> None:
         """Put the rotors and the arrow where the state has them."""
@@ -224,8 +247,8 @@ class _Rotors:
             return
         hub = data.xpos[self.main.body]
         up = data.xmat[self.main.body].reshape(3, 3) @ tilt.apply([0.0, 0.0, 1.0])
-        tip = hub + up * _METRES_PER_NEWTON * data.sensordata[self.thrust]
+        tip = hub + up * self.metres_per_newton * data.sensordata[self.thrust]
         arrow, shape = scene.geoms[0], mujoco.mjtGeom.mjGEOM_ARROW
         mujoco.mjv_initGeom(arrow, shape, np.zeros(3), np.zeros(3), np.zeros(9), _THRUST_COLOUR)
-        mujoco.mjv_connector(arrow, shape, 0.015, hub, tip)
+        mujoco.mjv_connector(arrow, shape, self.arrow_radius, hub, tip)
         scene.ngeom = 1

@@ -1,22 +1,27 @@
-"""The simulated experiment: truth in flight, and what the flight computer records of it."""
+"""Fly a plan and record it: the simulated experiment, and the benches on the ground (`rigs`)."""
 
-from helisim.sim.envelope import Watch
+from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.excitation import Doublet, Excitation, Sweep
-from helisim.sim.fault_notation import Fault, parse_fault
-from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak
-from helisim.sim.fly import fly, fly_each
-from helisim.sim.folder import fly_to
-from helisim.sim.pilot import Pilot
-from helisim.sim.recorder import Recorder
-from helisim.sim.recorder_faults import (
+from helisim.sim.faults import (
     ClockDrift,
+    Fault,
+    GyroDropout,
+    GyroRestart,
     RecordGap,
     SampleLoss,
     SensorDropout,
     SensorSpikes,
+    ServoStuck,
+    ServoWeak,
+    parse_fault,
 )
+from helisim.sim.fly import Flight, fly, fly_all, fly_each
+from helisim.sim.folder import fly_to
+from helisim.sim.pilot import Pilot
+from helisim.sim.plan import FlightPlan, read_plan, write_plan
+from helisim.sim.recorder import Recorder
 from helisim.sim.simulation import simulate
-from helisim.sim.trajectory import End, Truth, read_truth
+from helisim.sim.trajectory import End, Trajectory, read_trajectory
 from helisim.sim.weather import Gust, Weather
 
 __all__ = [
@@ -25,6 +30,9 @@ __all__ = [
     "End",
     "Excitation",
     "Fault",
+    "Flight",
+    "FlightEnvelope",
+    "FlightPlan",
     "Gust",
     "GyroDropout",
     "GyroRestart",
@@ -37,13 +45,15 @@ __all__ = [
     "ServoStuck",
     "ServoWeak",
     "Sweep",
-    "Truth",
-    "Watch",
+    "Trajectory",
     "Weather",
     "fly",
+    "fly_all",
     "fly_each",
     "fly_to",
     "parse_fault",
-    "read_truth",
+    "read_plan",
+    "read_trajectory",
     "simulate",
+    "write_plan",
 ]

@@ -1,6 +1,7 @@
-"""The watch over a flight: where it leaves what the model is valid for, it is over.
+"""The flight envelope: where a flight leaves what the model is valid for, it is terminated.
 
-It looks at what was flown, so a flight that it finds nothing in is the same to the bit.
+Limits are held against the trajectory that was flown, so a flight within them is the same to the
+bit with any others.
 """
 
 import math
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from helisim.errors import DivergedError, InputError
 from helisim.physics import servo
 from helisim.records.channels import IN2, SERVOS
-from helisim.sim.airframe import closer_than
-from helisim.sim.trajectory import Truth
+from helisim.sim.clearance import closer_than
+from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
 
 _STOP = 0.5
@@ -28,10 +29,10 @@ _FULL_RATE = 0.999
 
 
 @dataclass(frozen=True, kw_only=True)
-class Watch:
-    """Limits of a flight. None, for any of them, lets it go on.
+class FlightEnvelope:
+    """Limits beyond which a flight is terminated early. None, for any of them, lets it go on.
 
-    A flight without finite state, or of whose state MuJoCo warns, is over in any case.
+    A flight without finite state, or of whose state MuJoCo warns, is terminated in any case.
 
     Attributes:
         tilt: rad, of roll or pitch; beyond it the hover's small angles, and the pilot, are lost.
@@ -61,22 +62,22 @@ class Watch:
     saturation_window: float = 10.0
 
     def __post_init__(self) -> None:
-        for name, value in self.as_dict().items():
+        for name, value in asdict(self).items():
             if value is None and name != "saturation_window":
                 continue
             if value is None or not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"watch: {name} must be a number, 0 or more, got {value}")
+                raise InputError(f"envelope: {name} must be a number, 0 or more, got {value}")
             if value == 0.0 and name != "clearance":
-                raise InputError(f"watch: {name} must be above 0, got {value}")
+                raise InputError(f"envelope: {name} must be above 0, got {value}")
         if self.saturation is not None and self.saturation > self.saturation_window:
             raise InputError(
-                f"watch: saturation of {self.saturation:g} s doesn't fit into a window of "
+                f"envelope: saturation of {self.saturation:g} s doesn't fit into a window of "
                 f"{self.saturation_window:g} s"
             )
 
     @classmethod
-    def off(cls) -> "Watch":
-        """Return a watch that only sees that a flight has no finite state."""
+    def off(cls) -> "FlightEnvelope":
+        """Return an envelope without limits; a flight still needs finite states."""
         return cls(
             tilt=None,
             rate=None,
@@ -87,52 +88,50 @@ class Watch:
             saturation=None,
         )
 
-    def as_dict(self) -> dict[str, float | None]:
-        """Return the limits as plain data, for provenance."""
-        return asdict(self)
-
-    def end(self, vehicle: Vehicle, truth: Truth) -> tuple[int, str] | None:
+    def end(self, vehicle: Vehicle, trajectory: Trajectory) -> tuple[int, str] | None:
         """Return the first sample beyond a limit and what happened there, None if there is none."""
         found = [
             (int(np.argmax(beyond)), f"the helicopter {what}")
-            for what, beyond in self._beyond(vehicle, truth)
+            for what, beyond in self._beyond(vehicle, trajectory)
             if beyond.any()
         ]
         return min(found, default=None)
 
-    def check(self, vehicle: Vehicle, truth: Truth) -> None:
+    def check(self, vehicle: Vehicle, trajectory: Trajectory) -> None:
         """Raise DivergedError if a limit is exceeded."""
-        found = self.end(vehicle, truth)
+        found = self.end(vehicle, trajectory)
         if found is not None:
-            raise DivergedError(told(truth.time[found[0]], found[1]))
+            raise terminated_early(trajectory.time[found[0]], found[1])
 
-    def _beyond(self, vehicle: Vehicle, truth: Truth) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    def _beyond(
+        self, vehicle: Vehicle, trajectory: Trajectory
+    ) -> Iterator[tuple[str, NDArray[np.bool_]]]:
         """Yield what each limit says where it is exceeded, and at which samples it is, (n,)."""
         if self.tilt is not None:
-            tilt = np.abs(truth.attitudes[:, :2]).max(axis=1)
+            tilt = np.abs(trajectory.attitudes[:, :2]).max(axis=1)
             yield f"rolled or pitched beyond {self.tilt:g} rad", tilt > self.tilt
         if self.rate is not None:
-            rate = np.abs(truth.rates).max(axis=1)
+            rate = np.abs(trajectory.rates).max(axis=1)
             yield f"turned faster than {self.rate:g} rad/s", rate > self.rate
         if self.clearance is not None:
-            near = closer_than(vehicle, self.clearance, truth.positions, truth.attitudes)
+            near = closer_than(vehicle, self.clearance, trajectory.positions, trajectory.attitudes)
             low = f"came within {self.clearance:g} m of the ground"
             yield low if self.clearance else "touched the ground", near
         if self.flapping is not None:
             limit = self.flapping * vehicle.parameters["main_rotor.flap_stop"]
-            yield f"flapped beyond {limit:.3g} rad", np.abs(truth.flapping).max(axis=1) > limit
-        yield from self._beyond_momentum_theory(vehicle, truth)
+            yield f"flapped beyond {limit:.3g} rad", np.abs(trajectory.flapping).max(axis=1) > limit
+        yield from self._beyond_momentum_theory(vehicle, trajectory)
         if self.saturation is not None:
             window = f"{self.saturation:g} s of {self.saturation_window:g} s"
-            for name, at_limit in _saturated(vehicle, truth):
-                if np.count_nonzero(at_limit) * truth.timestep > self.saturation:
-                    times = _sum_of_last(at_limit, self.saturation_window, truth.timestep)
+            for name, at_limit in _saturated(vehicle, trajectory):
+                if np.count_nonzero(at_limit) * trajectory.timestep > self.saturation:
+                    times = _time_in_window(at_limit, self.saturation_window, trajectory.timestep)
                     yield f"had {name} at its limit for {window}", times > self.saturation
 
     def _beyond_momentum_theory(
-        self, vehicle: Vehicle, truth: Truth
+        self, vehicle: Vehicle, trajectory: Trajectory
     ) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-        motion = truth.velocities - truth.air[:, :3]
+        motion = trajectory.velocities - trajectory.air[:, :3]
         across = np.hypot(motion[:, 0], motion[:, 1])
         induced = hover_induced_velocity(vehicle)
         if self.descent is not None:
@@ -148,9 +147,9 @@ class Watch:
             yield f"flew beyond an advance ratio of {self.advance:g}", across > self.advance * tip
 
 
-def told(time: float, why: str) -> str:
-    """Return the message of a flight that is over at a time, s."""
-    return (
+def terminated_early(time: float, why: str) -> DivergedError:
+    """Return the error of a flight that is terminated early at a time, s, with advice."""
+    return DivergedError(
         f"{why} at {time:.2f} s; "
         "fly a smaller amplitude or a narrower band, or check the gyro's gains"
     )
@@ -164,21 +163,23 @@ def hover_induced_velocity(vehicle: Vehicle) -> float:
     return float(math.sqrt(weight / (2.0 * own["air.density"] * disc)))
 
 
-def _saturated(vehicle: Vehicle, truth: Truth) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+def _saturated(vehicle: Vehicle, trajectory: Trajectory) -> Iterator[tuple[str, NDArray[np.bool_]]]:
     """Yield the name of each stick, command and servo that may be at its limit, and where, (n,)."""
-    commands = dict(zip(IN2, truth.sticks.T)) | {"ped": truth.servo_commands[:, 3]}
-    if np.abs(truth.servo_commands[:, :3]).max() >= _LEAST_AT_STOP:
-        _, commands["lon"], commands["lat"] = servo.unmix(*truth.servo_commands[:, :3].T)
+    commands = dict(zip(IN2, trajectory.sticks.T)) | {"ped": trajectory.servo_commands[:, 3]}
+    if np.abs(trajectory.servo_commands[:, :3]).max() >= _LEAST_AT_STOP:
+        _, commands["lon"], commands["lat"] = servo.unmix(*trajectory.servo_commands[:, :3].T)
     for name, command in commands.items():
         yield name, np.abs(command) >= _STOP - _ROUNDING
-    limit = _FULL_RATE * vehicle.parameters["servo.rate_limit"] * truth.timestep
-    moved = np.abs(np.diff(truth.servo_positions, axis=0, prepend=truth.servo_positions[:1]))
+    limit = _FULL_RATE * vehicle.parameters["servo.rate_limit"] * trajectory.timestep
+    moved = np.abs(
+        np.diff(trajectory.servo_positions, axis=0, prepend=trajectory.servo_positions[:1])
+    )
     for name, steps in zip(SERVOS, moved.T):
         yield name, steps >= limit
 
 
-def _sum_of_last(flags: NDArray[np.bool_], window: float, step: float) -> NDArray[np.float64]:
-    """Return for how long flags were up in the window that ends at each sample, s, (n,)."""
+def _time_in_window(flags: NDArray[np.bool_], window: float, step: float) -> NDArray[np.float64]:
+    """Return how long a flag (n,) is true in the window that ends at each sample, s, (n,)."""
     count = max(1, round(window / step))
     up = np.concatenate([[0], np.cumsum(flags)])
     before = np.maximum(np.arange(1, up.size) - count, 0)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,41 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import DOUBLET, PARAM, SWEEP
 from helisim.records.channels import AXES
 
+EXCITATIONS: dict[str, type["Excitation"]] = {}
+"""Every kind of excitation by its name; a subclass of `Excitation` joins on its definition."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class Sweep:
+class Excitation:
+    """What a pilot flies on purpose, on top of holding the hover.
+
+    Attributes:
+        axis: "col", "lon", "lat" or "ped".
+        duration: s, of the whole flight.
+    """
+
+    axis: str
+    duration: float
+
+    left_open: ClassVar[tuple[str, ...]] = ()
+    """Settings that may be None: the vehicle's own for the axis."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        EXCITATIONS[cls.__name__] = cls
+
+    def on(self, own: Mapping[str, float]) -> Self:
+        """Return it with what is left open filled in by a vehicle's own parameters."""
+        del own
+        return self
+
+    def write(self, par: NDArray[np.float64]) -> None:
+        """Put it, complete, into a vehicle's numbers for the force laws."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep(Excitation):
     """An exponential frequency sweep between two stretches of trimmed flight.
 
     Attributes:
@@ -34,9 +67,12 @@ class Sweep:
     leakage: float = 0.04
     unsteadiness: float = 0.1
 
+    left_open: ClassVar[tuple[str, ...]] = ("amplitude", "band")
+
     def __post_init__(self) -> None:
         _check(self.axis, self.duration, self.trim_time)
         if self.band is not None:
+            object.__setattr__(self, "band", tuple(self.band))
             w_min, w_max = self.band
             if not (math.isfinite(w_max) and 0.0 < w_min < w_max):
                 raise InputError(f"sweep band must be 0 < w_min < w_max in rad/s, got {self.band}")
@@ -47,7 +83,7 @@ class Sweep:
                 f"{self.unsteadiness}"
             )
 
-    def on(self, own: Mapping[str, float]) -> "Sweep":
+    def on(self, own: Mapping[str, float]) -> Self:
         """Return the sweep with what is left open filled in by a vehicle's own parameters."""
         band = self.band
         if band is None:
@@ -70,7 +106,7 @@ class Sweep:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Doublet:
+class Doublet(Excitation):
     """A doublet: the stick one way, then the other, then centred.
 
     Attributes:
@@ -87,6 +123,8 @@ class Doublet:
     width: float = 1.0
     trim_time: float = 2.0
 
+    left_open: ClassVar[tuple[str, ...]] = ("amplitude",)
+
     def __post_init__(self) -> None:
         _check(self.axis, self.duration, self.trim_time)
         if not 0.0 < self.width <= self.duration - self.trim_time:
@@ -96,7 +134,7 @@ class Doublet:
             )
         _check_amplitude(self.amplitude)
 
-    def on(self, own: Mapping[str, float]) -> "Doublet":
+    def on(self, own: Mapping[str, float]) -> Self:
         """Return the doublet with what is left open filled in by a vehicle's own parameters."""
         return replace(self, amplitude=_stick(self, own))
 
@@ -112,9 +150,6 @@ class Doublet:
         par[first + AXES.index(self.axis)] = self.amplitude
 
 
-Excitation = Sweep | Doublet
-
-
 def _check(axis: str, duration: float, trim_time: float) -> None:
     if axis not in AXES:
         raise UnknownNameError("axis", axis, AXES)
@@ -127,7 +162,7 @@ def _check(axis: str, duration: float, trim_time: float) -> None:
         )
 
 
-def _stick(excitation: Excitation, own: Mapping[str, float]) -> float:
+def _stick(excitation: Sweep | Doublet, own: Mapping[str, float]) -> float:
     if excitation.amplitude is not None:
         return excitation.amplitude
     return own[f"sweep.{excitation.axis}_amplitude"]

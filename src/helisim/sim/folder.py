@@ -1,6 +1,6 @@
 """A folder of flights: filled one by one, kept when interrupted, and gone on with later."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -11,18 +11,14 @@ from helisim.records.files import make_folder
 from helisim.records.provenance import difference, plain
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
-from helisim.sim.envelope import Watch
 from helisim.sim.excitation import Excitation
-from helisim.sim.fault_notation import Fault
-from helisim.sim.fly import flight_provenance, fly_watched
-from helisim.sim.pilot import Pilot
-from helisim.sim.recorder import Recorder
+from helisim.sim.fly import Flight, flight_provenance, fly_all
+from helisim.sim.plan import FlightPlan, as_plan
 from helisim.sim.simulation import flight_numbers
-from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 
 LAST_SECONDS = "last_second"
-"""Folder beside records, of the last seconds of those flights that were over before their time."""
+"""Folder beside records, of the last seconds of those flights that were terminated early."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +28,8 @@ class Flown:
     Attributes:
         paths: one record a flight, in order.
         found: how many of them were there before, and were left as they are.
-        ended: why those were over before their time that were; a folder `last_second` holds that
-            of each, at the simulation's rate.
+        ended: why those were terminated early that were; a folder `last_second` holds that of
+            each, at the simulation's rate.
     """
 
     paths: tuple[Path, ...]
@@ -44,55 +40,38 @@ class Flown:
 def fly_to(
     folder: Path,
     vehicle: Vehicle,
-    excitation: Excitation,
+    plan: FlightPlan | Excitation,
     *,
-    count: int,
+    count: int = 1,
     seed: int = 0,
-    pilot: Pilot | None = None,
-    recorder: Recorder | None = None,
-    weather: Weather | None = None,
-    faults: Sequence[Fault] = (),
-    watch: Watch | None = None,
     jobs: int | None = None,
     on_flight: Callable[[], None] | None = None,
 ) -> Flown:
-    """Fly as `fly` does and write each record as its flight ends.
+    """Fly a plan as `fly` does and write each record as its flight ends.
 
     Flights that the folder already holds, whole and of the same provenance, aren't flown
     again; so a second call goes on where an interrupted one stopped. A damaged file is
-    written anew. A flight that is over before its time is kept as far as it went, marked, and
-    the others go on. Memory doesn't grow with `count`.
+    written anew. A flight that is terminated early is kept as far as it went, marked, and the
+    others go on. Memory doesn't grow with `count`.
 
     Args:
         folder: of records such as `lat_0001.parquet`; made if it doesn't exist.
         vehicle: that flies.
-        excitation: sweep or doublet.
+        plan: of the flights; a bare excitation is a plan with all else default.
         count: number of flights that the folder shall hold.
-        seed: of pilots and sensors.
-        pilot: the default `Pilot` if None.
-        recorder: the vehicle's own if None.
-        weather: calm if None.
-        faults: as for `fly`.
-        watch: limits beyond which a flight is over; the default `Watch` if None.
+        seed: of pilots, turbulence and sensors.
         jobs: threads; all processors if None.
         on_flight: called once for each flight that the folder holds, for progress.
 
     Raises:
         InputError: as for `fly`; or the folder holds a flight of another configuration.
-        DivergedError: a flight is over before there is a record of it; those before it are kept.
+        DivergedError: a flight is terminated before there is a record of it; those before it
+            are kept.
         StorageError: the folder can't be made or written.
     """
-    pilot, recorder = pilot or Pilot(), recorder or Recorder.of(vehicle)
-    weather, watch = weather or Weather(), watch or Watch()
-    how: dict[str, Any] = {
-        "seed": seed,
-        "pilot": pilot,
-        "recorder": recorder,
-        "weather": weather,
-        "faults": faults,
-        "watch": watch,
-    }
-    paths = [folder / f"{excitation.axis}_{k + 1:04d}.parquet" for k in flight_numbers(count)]
+    plan = as_plan(plan).on(vehicle)
+    axis = plan.excitation.axis
+    paths = [folder / f"{axis}_{k + 1:04d}.parquet" for k in flight_numbers(count)]
     ended: dict[Path, str] = {}
     missing = []
 
@@ -103,20 +82,21 @@ def fly_to(
             on_flight()
 
     for number, path in enumerate(paths):
-        found = _found(path, plain(flight_provenance(vehicle, excitation, number, **how)))
+        expected = flight_provenance(vehicle, plan, seed=seed, number=number)
+        found = _found(path, plain(expected))
         if found is None:
             missing.append(number)
         else:
             kept(path, found)
-    flights = fly_watched(vehicle, excitation, missing, **how, jobs=jobs)
+    flights = fly_all(vehicle, plan, missing, seed=seed, jobs=jobs)
     make_folder(folder)
-    for number, (record, last) in zip(missing, flights):
-        write_flight(record, last, paths[number])
-        kept(paths[number], record)
+    for number, flight in zip(missing, flights):
+        write_flight(flight, paths[number])
+        kept(paths[number], flight.record)
     return Flown(tuple(paths), count - len(missing), MappingProxyType(dict(sorted(ended.items()))))
 
 
-def write_flight(record: FlightRecord, last: FlightRecord | None, path: Path) -> Path | None:
+def write_flight(flight: Flight, path: Path) -> Path | None:
     """Write a flight, and its last second, if there is one, into a folder beside it.
 
     Returns:
@@ -126,10 +106,12 @@ def write_flight(record: FlightRecord, last: FlightRecord | None, path: Path) ->
         StorageError: a file can't be written.
     """
     beside = None
-    if last is not None:  # first, so that a record that says that it ended isn't without
+    if (
+        flight.last_second is not None
+    ):  # first, so that a record that says that it ended isn't without
         beside = make_folder(path.parent / LAST_SECONDS) / f"{path.stem}.parquet"
-        write_record(last, beside)
-    write_record(record, path)
+        write_record(flight.last_second, beside)
+    write_record(flight.record, path)
     return beside
 
 
@@ -141,8 +123,10 @@ def _found(path: Path, expected: Mapping[str, Any]) -> FlightRecord | None:
         found = read_record(path)
     except (StorageError, RecordError):
         return None
-    told = {key: value for key, value in found.provenance.items() if key != "ended"}
-    change = difference(told, expected)
+    origin = {key: value for key, value in found.provenance.items() if key != "ended"}
+    change = difference(origin, expected)
+    if "excitation" in origin and "plan_digest" not in origin:
+        change = "an earlier version of helisim flew it, and stated no plan_digest"
     if change:
         raise InputError(
             f"{path} holds a flight of another configuration: {change}; "

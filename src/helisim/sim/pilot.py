@@ -1,4 +1,4 @@
-"""How the pilot is set up for a flight: what is held, and how human the hand is."""
+"""The pilot of a flight: the hover that is held, and the remnant level of the stick."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,8 @@ class Pilot:
     """A pilot who holds the hover at the place where the flight starts.
 
     Attributes:
-        remnant: rms of the stick movement that no purpose explains, unitised, each axis.
+        remnant: its level: rms of the stick movement that no purpose explains, unitised, each
+            axis.
         remnant_interval: s between its knots; it is flat up to about 1/interval rad/s.
     """
 

@@ -6,7 +6,7 @@ the centre of gravity with the measured rates (Wu and Chen, section 2).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -29,10 +29,12 @@ from helisim.records.channels import (
     ROTOR,
     SERVOS,
     VELOCITIES,
+    Channel,
     channel,
 )
 from helisim.records.record import FlightRecord
-from helisim.sim.trajectory import Truth
+from helisim.sim.plain import setting_names, to_plain
+from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
 
 _NOISE = {
@@ -47,6 +49,10 @@ _NOISE = {
 _RESOLUTION = {**dict.fromkeys(SERVOS, 0.0005), **dict.fromkeys(IN2, 0.0005)}
 """Half a microsecond of a pulse whose travel is a millisecond."""
 
+_LAST = 1.0
+"""s, before the end of a flight, that are kept as they truly were."""
+_AT_IMU = (*VELOCITIES, *ACCELERATIONS, *POSITIONS)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Recorder:
@@ -55,21 +61,22 @@ class Recorder:
     Attributes:
         rate_hz: samples a second.
         antialias_hz: corner of the fourth-order Butterworth filter before sampling.
-        latency: s, by channel name; 0 where none is given. Positive is late.
-        noise: standard deviation by channel name, in the channel's unit.
-        resolution: step by channel name; 0 where none is given.
         lever_arm_corrected: False leaves velocity and force as they are at the IMU.
         rotor: True adds the rotor's true tilt, thrusts and torque and the air's own motion, to
             look at; no flight computer measures them.
+        latency: s, by channel name; 0 where none is given. Positive is late. None: the vehicle's
+            own, which `on` fills in.
+        noise: standard deviation by channel name, in the channel's unit.
+        resolution: step by channel name; 0 where none is given.
     """
 
     rate_hz: float = 100.0
     antialias_hz: float = 40.0
-    latency: Mapping[str, float] = field(default_factory=dict)
-    noise: Mapping[str, float] = field(default_factory=lambda: dict(_NOISE))
-    resolution: Mapping[str, float] = field(default_factory=lambda: dict(_RESOLUTION))
     lever_arm_corrected: bool = True
     rotor: bool = False
+    latency: Mapping[str, float] | None = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=lambda: dict(_NOISE))
+    resolution: Mapping[str, float] = field(default_factory=lambda: dict(_RESOLUTION))
 
     def __post_init__(self) -> None:
         if not 0.0 < self.antialias_hz < 0.5 * self.rate_hz < np.inf:
@@ -78,6 +85,8 @@ class Recorder:
                 f"{self.antialias_hz} Hz for {self.rate_hz} Hz"
             )
         for name in ("latency", "noise", "resolution"):
+            if getattr(self, name) is None:
+                continue
             values = dict(getattr(self, name))
             for key, value in values.items():
                 channel(key)
@@ -85,36 +94,47 @@ class Recorder:
                     raise InputError(f"{name} of {key!r} must be 0 or more, got {value}")
             object.__setattr__(self, name, MappingProxyType(values))
 
+    def __hash__(self) -> int:
+        settings = (getattr(self, name) for name in setting_names(self))
+        return hash(
+            tuple(frozenset(one.items()) if isinstance(one, Mapping) else one for one in settings)
+        )
+
     @classmethod
     def of(cls, vehicle: Vehicle, *, rotor: bool = False) -> "Recorder":
         """Return the vehicle's own flight computer, with the latencies of its channels."""
+        return cls(latency=None, rotor=rotor).on(vehicle)
+
+    def on(self, vehicle: Vehicle) -> "Recorder":
+        """Return the recorder with latencies that are left open filled in by the vehicle's."""
+        if self.latency is not None:
+            return self
         section = "recorder_latency."
         own = [name for name in vehicle.parameters if name.startswith(section)]
         latency = {name.removeprefix(section): vehicle.parameters[name] for name in own}
-        return cls(latency=latency, rotor=rotor)
+        return replace(self, latency=latency)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the settings as plain data, for provenance."""
-        plain = {name: dict(getattr(self, name)) for name in ("latency", "noise", "resolution")}
-        return {
-            "rate_hz": self.rate_hz,
-            "antialias_hz": self.antialias_hz,
-            "lever_arm_corrected": self.lever_arm_corrected,
-            "rotor": self.rotor,
-            **plain,
-        }
+    def late(self, name: str) -> float:
+        """Return a channel's latency, s. Raises InputError while latencies are left open."""
+        if self.latency is None:
+            raise InputError("the recorder's latencies are open; complete it with on(vehicle)")
+        return self.latency.get(name, 0.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings as plain data."""
+        return to_plain(self)
 
     def record(
-        self, truth: Truth, rng: np.random.Generator, provenance: Mapping[str, Any]
+        self, trajectory: Trajectory, rng: np.random.Generator, provenance: Mapping[str, Any]
     ) -> FlightRecord:
         """Return what this computer writes of a flight.
 
         Args:
-            truth: the flight at the simulation's own rate.
+            trajectory: the flight at the simulation's own rate.
             rng: of the sensor noise.
             provenance: kept with the record.
         """
-        sampling = _Sampling(self, truth, rng)
+        sampling = _Sampling(self, trajectory, rng)
         columns = {name: sampling.inputs(name) for name in (*IN1, *IN2, *SERVOS)}
         columns |= sampling.motion()
         if self.rotor:
@@ -128,18 +148,24 @@ class Recorder:
 class _Sampling:
     """One flight seen by one recorder."""
 
-    def __init__(self, recorder: Recorder, truth: Truth, rng: np.random.Generator) -> None:
-        truth = truth.at_ticks()  # so that a record doesn't depend on the time step
+    def __init__(
+        self, recorder: Recorder, trajectory: Trajectory, rng: np.random.Generator
+    ) -> None:
+        trajectory = trajectory.at_ticks()  # so that a record doesn't depend on the time step
         self.recorder = recorder
-        self.truth = truth
+        self.trajectory = trajectory
         self.rng = rng
-        count = int(np.floor((truth.time[-1] - truth.time[0]) * recorder.rate_hz + 1e-6)) + 1
-        self.time = truth.time[0] + np.arange(count) / recorder.rate_hz
-        rate_hz = 1.0 / truth.timestep
+        count = (
+            int(np.floor((trajectory.time[-1] - trajectory.time[0]) * recorder.rate_hz + 1e-6)) + 1
+        )
+        self.time = trajectory.time[0] + np.arange(count) / recorder.rate_hz
+        rate_hz = 1.0 / trajectory.timestep
         self._sos = None
         if recorder.antialias_hz < 0.5 * rate_hz:
             self._sos = butter(4, recorder.antialias_hz, fs=rate_hz, output="sos")
-        self.sticks, self.commands = map(self._filtered, (truth.sticks, truth.servo_commands))
+        self.sticks, self.commands = map(
+            self._filtered, (trajectory.sticks, trajectory.servo_commands)
+        )
         self._input_noise = {name: self._noise(name) for name in (*IN2, *SERVOS)}
 
     def inputs(self, name: str) -> NDArray[np.float64]:
@@ -158,11 +184,11 @@ class _Sampling:
     def motion(self) -> dict[str, NDArray[np.float64]]:
         """Return rates, attitudes, velocities, specific forces and positions by name."""
         groups = {
-            "rates": (self.truth.rates, RATES),
-            "attitudes": (self.truth.attitudes, ATTITUDES),
-            "velocities": (self.truth.velocities, VELOCITIES),
-            "forces": (self.truth.specific_forces, ACCELERATIONS),
-            "positions": (self.truth.positions, POSITIONS),
+            "rates": (self.trajectory.rates, RATES),
+            "attitudes": (self.trajectory.attitudes, ATTITUDES),
+            "velocities": (self.trajectory.velocities, VELOCITIES),
+            "forces": (self.trajectory.specific_forces, ACCELERATIONS),
+            "positions": (self.trajectory.positions, POSITIONS),
         }
         noise = {name: self._noise(name) for _, names in groups.values() for name in names}
         filtered = {group: self._filtered(signals) for group, (signals, _) in groups.items()}
@@ -183,8 +209,8 @@ class _Sampling:
 
     def rotor(self) -> dict[str, NDArray[np.float64]]:
         """Return tilt, loads and the air's motion by name, filtered and sampled like the rest."""
-        thrust, torque, _, tail_thrust = self.truth.rotor.T
-        true = (*self.truth.flapping.T, thrust, torque, tail_thrust, *self.truth.air.T)
+        thrust, torque, _, tail_thrust = self.trajectory.rotor.T
+        true = (*self.trajectory.flapping.T, thrust, torque, tail_thrust, *self.trajectory.air.T)
         signals = self._filtered(np.column_stack(true))
         return {
             name: self._sampled(signal, name) for name, signal in zip((*ROTOR, *AIR), signals.T)
@@ -194,7 +220,7 @@ class _Sampling:
         self, rates: NDArray[np.float64], attitudes: NDArray[np.float64]
     ) -> dict[str, NDArray[np.float64]]:
         """Return what the IMU's offset adds to velocity, specific force and position."""
-        arm = self.truth.imu_offset
+        arm = self.trajectory.imu_offset
         spin = np.gradient(rates, self.time, axis=0)
         turning = np.cross(rates, arm)
         earth = Rotation.from_euler("ZYX", attitudes[:, ::-1])
@@ -233,8 +259,8 @@ class _Sampling:
 
     def _sampled(self, signal: NDArray[np.float64], name: str | None) -> NDArray[np.float64]:
         """Return a filtered signal at the samples, late by the latency of a named channel."""
-        latency = 0.0 if name is None else self.recorder.latency.get(name, 0.0)
-        return np.interp(self.time - latency, self.truth.time, signal)
+        latency = 0.0 if name is None else self.recorder.late(name)
+        return np.interp(self.time - latency, self.trajectory.time, signal)
 
     def _rounded(self, name: str, signal: NDArray[np.float64]) -> NDArray[np.float64]:
         step = self.recorder.resolution.get(name, 0.0)
@@ -245,3 +271,42 @@ class _Sampling:
         if level == 0.0:
             return np.zeros(self.time.size)
         return level * self.rng.standard_normal(self.time.size)
+
+
+def last_second(trajectory: Trajectory, provenance: Mapping[str, Any]) -> FlightRecord:
+    """Return the last second of a flight at the simulation's rate, true to the last digit.
+
+    Beside the usual channels it has the servos' positions. Velocities, forces and positions are
+    the IMU's.
+
+    Args:
+        trajectory: of a flight that has at least two samples.
+        provenance: kept with the record.
+    """
+    trajectory = trajectory.since(trajectory.time[-1] - _LAST)
+    thrust, torque, _, tail_thrust = trajectory.rotor.T
+    groups = {
+        IN2: trajectory.sticks.T,
+        SERVOS: trajectory.servo_commands.T,
+        RATES: trajectory.rates.T,
+        ATTITUDES: trajectory.attitudes.T,
+        VELOCITIES: trajectory.velocities.T,
+        ACCELERATIONS: trajectory.specific_forces.T,
+        POSITIONS: trajectory.positions.T,
+        ROTOR: (*trajectory.flapping.T, thrust, torque, tail_thrust),
+        AIR: trajectory.air.T,
+    }
+    channels = [_channel(name) for names in groups for name in names]
+    channels += [
+        Channel(f"{name}_position", "1", "OTHER", f"true position of {name}") for name in SERVOS
+    ]
+    columns = [column for of_group in groups.values() for column in of_group]
+    values = np.column_stack([*columns, trajectory.servo_positions])
+    return FlightRecord(trajectory.time, values, tuple(channels), provenance)
+
+
+def _channel(name: str) -> Channel:
+    one = CHANNELS[name]
+    if name not in _AT_IMU:
+        return one
+    return replace(one, meaning=one.meaning.replace("the centre of gravity", "the IMU"))

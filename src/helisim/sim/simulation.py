@@ -1,4 +1,4 @@
-"""What truly happens in flights: pilot, gyro, servos and rotor in native steps, many at a time."""
+"""Fly plans: pilot, gyro, servos and rotor in native steps, many flights at a time."""
 
 import copy
 import os
@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from helisim.errors import DivergedError, InputError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
-from helisim.sim.ending import watched
-from helisim.sim.envelope import Watch, told
+from helisim.sim.envelope import FlightEnvelope, terminated_early
 from helisim.sim.excitation import Excitation
-from helisim.sim.faults import FlightFault, write_faults
-from helisim.sim.pilot import Pilot
-from helisim.sim.trajectory import Truth
+from helisim.sim.faults import write_faults
+from helisim.sim.plan import FlightPlan, as_plan
+from helisim.sim.trajectory import End, Trajectory, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
@@ -30,43 +29,28 @@ Result = TypeVar("Result")
 
 def simulate(
     vehicle: Vehicle,
-    excitation: Excitation,
+    plan: FlightPlan | Excitation,
     *,
     count: int = 1,
     seed: int = 0,
-    pilot: Pilot | None = None,
-    weather: Weather | None = None,
-    faults: Sequence[FlightFault] = (),
-    watch: Watch | None = None,
-    keep_ended: bool = False,
     jobs: int | None = None,
-) -> Iterator[Truth]:
-    """Yield what truly happens in each flight; arguments and errors as for `fly`.
+    keep_ended: bool = False,
+) -> Iterator[Trajectory]:
+    """Yield what truly happens in each flight of a plan; arguments and errors as for `fly`.
 
-    Only as many flights as threads are in memory at a time. `Truth.end` says why a flight that
-    is kept was over before its time.
+    Only as many flights as threads are in memory at a time. `Trajectory.end` says why a flight
+    that is kept was terminated early.
     """
     numbers = flight_numbers(count)
-    pilot, weather = pilot or Pilot(), weather or Weather()
-    truths = simulated(
-        vehicle,
-        excitation,
-        numbers,
-        seed=seed,
-        pilot=pilot,
-        weather=weather,
-        faults=faults,
-        watch=watch or Watch(),
-        then=lambda _, truth: truth,
-        jobs=jobs,
-    )
+    trajectories = simulated(vehicle, plan, numbers, lambda _, one: one, seed=seed, jobs=jobs)
 
-    def kept(truth: Truth) -> Truth:
-        if truth.end is not None and not keep_ended:
-            raise DivergedError(told(truth.end.at, truth.end.why))
-        return truth
+    def kept(trajectory: Trajectory) -> Trajectory:
+        end = trajectory.end
+        if end is not None and not keep_ended:
+            raise terminated_early(end.at, end.why)
+        return trajectory
 
-    return map(kept, truths)
+    return (kept(one) for one in trajectories)
 
 
 def flight_numbers(count: int) -> range:
@@ -78,18 +62,14 @@ def flight_numbers(count: int) -> range:
 
 def simulated(
     vehicle: Vehicle,
-    excitation: Excitation,
+    plan: FlightPlan | Excitation,
     numbers: Sequence[int],
+    then: Callable[[int, Trajectory], Result],
     *,
     seed: int,
-    pilot: Pilot,
-    weather: Weather,
-    faults: Sequence[FlightFault],
-    watch: Watch,
-    then: Callable[[int, Truth], Result],
     jobs: int | None,
 ) -> Iterator[Result]:
-    """Yield what `then` makes of each flight's number and truth, up to where the flight is over.
+    """Yield what `then` makes of each flight's number and trajectory, in the order of numbers.
 
     A thread does all of a flight, and nothing goes on in threads while the caller has the word.
     """
@@ -97,28 +77,29 @@ def simulated(
     for name, number, least in (("jobs", threads, 1), ("seed", seed, 0)):
         if not isinstance(number, int) or number < least:
             raise InputError(f"{name} must be an integer of {least} or more, got {number}")
-    vehicle = weather.trimmed(vehicle)
-    rooms = _rooms_for_states(vehicle, min(threads, len(numbers)), excitation.duration)
+    plan = as_plan(plan)
+    vehicle = plan.weather.trimmed(vehicle)
+    buffers = _state_buffers(vehicle, min(threads, len(numbers)), plan.excitation.duration)
 
-    def flown(number: int, room: NDArray[np.float64]) -> Result:
-        model = prepare(vehicle, excitation, pilot, weather, faults, seed=seed, number=number)
-        start = _start(vehicle, weather, seed=seed, number=number)
-        sensordata = _run(model, start, room)
-        return then(number, watched(vehicle, watch, model, start, sensordata))
+    def flown(number: int, buffer: NDArray[np.float64]) -> Result:
+        model = prepare(vehicle, plan, seed=seed, number=number)
+        start = _start(vehicle, plan.weather, seed=seed, number=number)
+        sensordata = _run(model, start, buffer)
+        return then(number, until_end(vehicle, plan.envelope, model, start, sensordata))
 
     def batches() -> Iterator[Result]:
         with ThreadPoolExecutor(threads) as pool:
             for first in range(0, len(numbers), threads):
                 batch = numbers[first : first + threads]
-                flights = [pool.submit(flown, *one) for one in zip(batch, rooms)]
+                flights = [pool.submit(flown, *one) for one in zip(batch, buffers)]
                 wait(flights)
                 yield from (flight.result() for flight in flights)
 
     return batches()
 
 
-def _rooms_for_states(vehicle: Vehicle, flights: int, duration: float) -> list[NDArray[np.float64]]:
-    """Return memory for the states of a flight in each thread, which nobody reads.
+def _state_buffers(vehicle: Vehicle, flights: int, duration: float) -> list[NDArray[np.float64]]:
+    """Return memory for the states of a flight in each thread, (1, n_step, n_state), never read.
 
     New memory for each flight would cost a fifth of the time: the threads wait for its pages.
     """
@@ -128,50 +109,42 @@ def _rooms_for_states(vehicle: Vehicle, flights: int, duration: float) -> list[N
 
 
 def _run(
-    model: mujoco.MjModel, start: NDArray[np.float64], room: NDArray[np.float64]
+    model: mujoco.MjModel, start: NDArray[np.float64], buffer: NDArray[np.float64]
 ) -> NDArray[np.float64]:
+    """Return the sensor data of a flight, (n_step, nsensordata)."""
     with installed():
         _, sensordata = rollout.rollout(
-            model, mujoco.MjData(model), initial_state=start, nstep=room.shape[1], state=room
+            model, mujoco.MjData(model), initial_state=start, nstep=buffer.shape[1], state=buffer
         )
     return sensordata[0]
 
 
 def prepare(
-    vehicle: Vehicle,
-    excitation: Excitation,
-    pilot: Pilot,
-    weather: Weather,
-    faults: Sequence[FlightFault] = (),
-    *,
-    seed: int,
-    number: int,
+    vehicle: Vehicle, plan: FlightPlan | Excitation, *, seed: int, number: int
 ) -> mujoco.MjModel:
-    """Return a copy of the vehicle's model with pilot, manoeuvre, weather and faults of a flight.
+    """Return a copy of the vehicle's model that flies one flight of a plan.
 
     Args:
         vehicle: trimmed for the weather's steady wind.
-        excitation: sweep or doublet.
-        pilot: who flies.
-        weather: of the flight.
-        faults: of servos and gyro.
+        plan: of the flight.
         seed: of pilot and turbulence.
         number: of the flight.
     """
+    plan = as_plan(plan)
     model = copy.copy(vehicle.model)
     par = model.actuator_user[addresses(model).rotor]
     hand, air = (
         int(generator(seed, number, purpose).integers(2**31)) for purpose in ("pilot", "air")
     )
-    pilot.write(par, vehicle, seed=hand, height=weather.height)
-    excitation.on(vehicle.parameters).write(par)
-    weather.write(par, vehicle, seed=air)
-    write_faults(par, faults)
+    plan.pilot.write(par, vehicle, seed=hand, height=plan.weather.height)
+    plan.excitation.on(vehicle.parameters).write(par)
+    plan.weather.write(par, vehicle, seed=air)
+    write_faults(par, plan.flight_faults)
     return model
 
 
 def _start(vehicle: Vehicle, weather: Weather, *, seed: int, number: int) -> NDArray[np.float64]:
-    """Return the full state in which a flight starts."""
+    """Return the full physics state in which a flight starts, (n_state,)."""
     data = mujoco.MjData(vehicle.model)
     place(vehicle.model, data, vehicle.trim, height=weather.height)
     first = addresses(vehicle.model).state
@@ -185,3 +158,58 @@ def _start(vehicle: Vehicle, weather: Weather, *, seed: int, number: int) -> NDA
 def generator(seed: int, number: int, purpose: str) -> np.random.Generator:
     """Return the random numbers of one purpose in one flight of a seed."""
     return np.random.default_rng([seed, number, int.from_bytes(purpose.encode())])
+
+
+def until_end(
+    vehicle: Vehicle,
+    envelope: FlightEnvelope,
+    model: mujoco.MjModel,
+    start: NDArray[np.float64],
+    sensordata: NDArray[np.float64],
+) -> Trajectory:
+    """Return the trajectory of a flight, cut where it leaves the envelope or its states break.
+
+    Args:
+        vehicle: that flew.
+        envelope: that it must stay in.
+        model: of the flight, with pilot and excitation.
+        start: (n_state,) full physics state.
+        sensordata: (n_step, nsensordata), of the time before each step.
+
+    Raises:
+        DivergedError: not one sample is within the envelope.
+    """
+    count, why = sound_samples(model, sensordata)
+    if count == 0:
+        raise DivergedError(why)
+    trajectory = read_trajectory(vehicle, sensordata[:count])
+    found = envelope.end(vehicle, trajectory)
+    if found is None and count == len(sensordata):
+        return trajectory
+    at = count * model.opt.timestep
+    if found is not None:
+        count, why = found
+        at = float(trajectory.time[count])
+    if count == 0:
+        raise terminated_early(at, why)
+    state, warnings = _flown_again(model, start, count)
+    if found is None and warnings:
+        why = f"MuJoCo warned of {', '.join(warnings)}"
+    return trajectory.until(count, End(at, why, state))
+
+
+def _flown_again(
+    model: mujoco.MjModel, start: NDArray[np.float64], samples: int
+) -> tuple[NDArray[np.float64], list[str]]:
+    """Fly again; return the state of the last sample, and what MuJoCo warns of after it.
+
+    A batch keeps no states, and doesn't say which of its flights a warning was in.
+    """
+    data = mujoco.MjData(model)
+    with installed():
+        states, _ = rollout.rollout(model, data, start[None], nstep=samples)
+    kinds = [
+        kind for kind in mujoco.mjtWarning.__members__.values() if int(kind) < len(data.warning)
+    ]
+    warned = [kind.name.removeprefix("mjWARN_") for kind in kinds if data.warning[int(kind)].number]
+    return (states[0, samples - 2] if samples > 1 else start).copy(), warned

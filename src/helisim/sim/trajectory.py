@@ -1,4 +1,4 @@
-"""What truly happened in a flight, at the simulation's own rate and in the field's axes."""
+"""The trajectory of a flight: what truly happened, at the simulation's rate, in field axes."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -15,7 +15,7 @@ from helisim.vehicle import Vehicle
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """Why a flight was over before its time.
+    """Why a flight was terminated early.
 
     Attributes:
         at: s.
@@ -30,14 +30,14 @@ class End:
     def __str__(self) -> str:
         return f"{self.why} at {self.at:.2f} s"
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, for provenance."""
         return {"at": self.at, "why": self.why, "state": self.state.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
-    """Time histories of one flight, all of the same instants.
+class Trajectory:
+    """Time histories of what truly happened in one flight, all of the same instants.
 
     Attributes:
         time: (n,) s.
@@ -55,7 +55,7 @@ class Truth:
         positions: (n, 3) north, east, down in m of the IMU.
         hold: s, for which sticks and servo commands are held; 0 if they are not.
         imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
-        end: why the flight was over before its time; None if it wasn't.
+        end: why the flight was terminated early; None if it wasn't.
     """
 
     time: NDArray[np.float64]
@@ -75,22 +75,22 @@ class Truth:
     hold: float = 0.0
     end: End | None = None
 
-    def at_ticks(self) -> "Truth":
+    def at_ticks(self) -> "Trajectory":
         """Return only the instants at which the held signals change."""
         each = round(self.hold / self.timestep)
         if each <= 1:
             return self
         return replace(self._rows(slice(None, None, each)), timestep=each * self.timestep)
 
-    def until(self, count: int, end: End) -> "Truth":
-        """Return only so many samples, of a flight that is over then."""
+    def until(self, count: int, end: End) -> "Trajectory":
+        """Return only so many samples, of a flight that is terminated then."""
         return replace(self._rows(slice(count)), end=end)
 
-    def since(self, time: float) -> "Truth":
+    def since(self, time: float) -> "Trajectory":
         """Return only the samples from a time on, s."""
         return self._rows(slice(int(np.searchsorted(self.time, time)), None))
 
-    def _rows(self, rows: slice) -> "Truth":
+    def _rows(self, rows: slice) -> "Trajectory":
         histories = {
             field.name: getattr(self, field.name)[rows]
             for field in fields(self)
@@ -99,8 +99,8 @@ class Truth:
         return replace(self, **histories)
 
 
-def read_truth(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Truth:
-    """Sort the sensor data of one flight into a `Truth`.
+def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajectory:
+    """Sort the sensor data of one flight into a `Trajectory`.
 
     Args:
         vehicle: that flew.
@@ -126,7 +126,7 @@ def read_truth(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Truth:
         turned = 0.5 * model.opt.timestep * rates  # rad, of the attitude since the velocity
         velocities = velocities + np.cross(turned, velocities)
         attitudes, forces, positions = map(_halfway, (attitudes, forces, positions))
-    return Truth(
+    return Trajectory(
         time=time,
         timestep=float(model.opt.timestep),
         sticks=seen("stick"),
@@ -196,6 +196,6 @@ def sound_samples(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> tup
 
 
 def _check_finite(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> None:
-    count, how = sound_samples(model, sensordata)
+    count, why = sound_samples(model, sensordata)
     if count < len(sensordata):
-        raise DivergedError(how)
+        raise DivergedError(why)

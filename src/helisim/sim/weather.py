@@ -1,8 +1,7 @@
 """The weather of a flight: steady wind, Dryden turbulence after MIL-F-8785C, and a gust."""
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,6 +146,8 @@ class Weather:
             )
         if isinstance(self.turbulence, str) and self.turbulence not in LEVELS:
             raise UnknownNameError("turbulence", self.turbulence, LEVELS)
+        if self.rms is not None:
+            object.__setattr__(self, "rms", tuple(self.rms))
         rms = (1.0, 1.0, 1.0) if self.rms is None else self.rms
         if len(rms) != 3 or not all(0.0 < level < math.inf for level in rms):
             raise InputError(f"rms needs three positive numbers in m/s, got {self.rms}")
@@ -229,7 +230,3 @@ class Weather:
         if self.dryden is None:
             return np.zeros(_STATES)
         return self.dryden.start(2.0 * vehicle.parameters["main_rotor.radius"], rng)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the weather as plain data, for provenance, with what follows from it."""
-        return {**asdict(self), "dryden": None if self.dryden is None else asdict(self.dryden)}

@@ -11,8 +11,7 @@ from helisim.records.channels import AXES
 from helisim.records.files import read_json
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record
-from helisim.sim import Doublet, Recorder, Sweep
-from helisim.sim.fly import fly_watched
+from helisim.sim import Doublet, Flight, FlightPlan, Recorder, Sweep, fly_all
 from helisim.sim.folder import write_flight
 from helisim.study.models import MODELS
 from helisim.vehicle import Vehicle
@@ -54,31 +53,26 @@ def fly_sweeps(
     excluded: list[str] = []
     for number, axis in enumerate(AXES):
         names = [f"{axis}_{k + 1:02d}" for k in range(flown_each_axis(flights))]
-        flown = fly_watched(
-            vehicle,
-            Sweep(axis=axis),
-            range(len(names)),
-            seed=seed * len(AXES) + number,
-            jobs=jobs,
-            recorder=recorder,
-        )
+        plan = FlightPlan(excitation=Sweep(axis=axis), recorder=recorder)
+        flown = fly_all(vehicle, plan, range(len(names)), seed=seed * len(AXES) + number, jobs=jobs)
         records: list[FlightRecord] = []
         scores: dict[int, float] = {}
-        for k, (record, last) in enumerate(flown):
-            _keep(record, last, folder, names[k])
+        for k, flight in enumerate(flown):
+            record = flight.record
+            _keep(flight, folder, names[k])
             records.append(record)
             if not record.ended:
                 scores[k] = sweep_coherence(record, axis)
             tell(axis)
         excluded += [
-            f"flight {name}: was over before its time: {record.ended}"
+            f"flight {name}: was terminated early: {record.ended}"
             for name, record in zip(names, records)
             if record.ended
         ]
         if len(scores) < flights:
             raise DivergedError(
-                f"{len(records) - len(scores)} of {len(records)} sweeps of {axis} were over before "
-                f"their time, so fewer than {flights} are left; {excluded[-1]}"
+                f"{len(records) - len(scores)} of {len(records)} sweeps of {axis} were terminated "
+                f"early, so fewer than {flights} are left; {excluded[-1]}"
             )
         best = sorted(sorted(scores, key=scores.__getitem__)[-flights:])
         kept[axis] = [records[k] for k in best]
@@ -98,19 +92,18 @@ def fly_doublets(
     """Fly a doublet on each axis that a model is verified on; no fit sees them."""
     records = {}
     for axis in _verified_axes():
-        ((record, last),) = fly_watched(
-            vehicle, Doublet(axis=axis), [0], seed=seed * len(AXES), recorder=recorder
-        )
-        _keep(record, last, folder, f"{axis}_doublet")
-        if record.ended:
-            raise DivergedError(f"the doublet of {axis}: {record.ended}; fly a smaller one")
-        records[axis] = record
+        plan = FlightPlan(excitation=Doublet(axis=axis), recorder=recorder)
+        (flight,) = fly_all(vehicle, plan, [0], seed=seed * len(AXES))
+        _keep(flight, folder, f"{axis}_doublet")
+        if flight.record.ended:
+            raise DivergedError(f"the doublet of {axis}: {flight.record.ended}; fly a smaller one")
+        records[axis] = flight.record
     return records
 
 
-def _keep(record: FlightRecord, last: FlightRecord | None, folder: Path | None, name: str) -> None:
+def _keep(flight: Flight, folder: Path | None, name: str) -> None:
     if folder is not None:
-        write_flight(record, last, folder / FOLDER / f"{name}.parquet")
+        write_flight(flight, folder / FOLDER / f"{name}.parquet")
 
 
 def read_flights(

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from helisim.errors import InputError
-from helisim.sim import Recorder, Sweep, fly
+from helisim.sim import FlightPlan, Recorder, Sweep, fly
 from helisim.study.flights import Flights
 from helisim.study.identification import identify_model
 from helisim.study.models import HEAVE, ROLLPITCH_IN1, YAW_BASE
@@ -69,7 +69,11 @@ def lever_arm_study(
     def flown(recorder: Recorder) -> Flights:
         return {
             axis: fly(
-                vehicle, Sweep(axis=axis), count=flights, seed=seed, recorder=recorder, jobs=jobs
+                vehicle,
+                FlightPlan(excitation=Sweep(axis=axis), recorder=recorder),
+                count=flights,
+                seed=seed,
+                jobs=jobs,
             )
             for axis in axes
         }

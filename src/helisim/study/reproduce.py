@@ -99,7 +99,7 @@ def reproduce(
             "flown_each_axis": flown_each_axis(len(kept["lat"])),
             "timestep_s": float(vehicle.model.opt.timestep),
             "parameters": dict(parameters or {}),
-            "recorder": recorder.as_dict(),
+            "recorder": recorder.to_dict(),
         },
         excluded=excluded,
         further={

@@ -37,7 +37,7 @@ def true_values(
         return _gyro_values(vehicle)
     if model.truth == "equivalent":
         return _equivalent_values(vehicle, model, recorder, like)
-    late = recorder.latency
+    late = recorder.late
     true = dict(vehicle.derivatives)
     for delay, axis, motion in (
         ("tau_r_base", "ped", "r"),
@@ -45,7 +45,7 @@ def true_values(
         ("tau_lon", "lon", "q"),
         ("tau_col", "col", "w"),
     ):
-        true[delay] = vehicle.servo_delay(axis) + late.get(motion, 0.0) - late.get(axis, 0.0)
+        true[delay] = vehicle.servo_delay(axis) + late(motion) - late(axis)
     return true
 
 
@@ -83,7 +83,7 @@ def exact_response(
         response = np.linalg.solve(driven.T, answer.T).T[:, : len(model.inputs)]
     else:
         linear = vehicle.linearize("IN2" if model.input == "IN2" else "IN1")
-        late = np.array([recorder.latency.get(name, 0.0) for name in model.inputs])
+        late = np.array([recorder.late(name) for name in model.inputs])
         response = _recorded(linear, model.outputs, model.inputs, recorder, omega)
         response = response * np.exp(1j * late[None, :, None] * omega)
     return ident.FrequencyResponse.exact(
@@ -101,6 +101,6 @@ def _recorded(
     """Return the response of outputs, as late as they are recorded, (n_out, n_in, n_freq)."""
     rows = [linear.system.output_labels.index(name) for name in outputs]
     columns = [linear.system.input_labels.index(name) for name in inputs]
-    late = np.array([recorder.latency.get(name, 0.0) for name in outputs])
+    late = np.array([recorder.late(name) for name in outputs])
     response = linear.response(omega)[np.ix_(rows, columns)]
     return response * np.exp(-1j * late[:, None, None] * omega)

@@ -21,7 +21,7 @@ from numpy.polynomial.hermite_e import hermegauss
 from helisim.errors import InputError
 from helisim.ident import ClosedLoopWarning
 from helisim.records.channels import IN2
-from helisim.sim import Recorder, Sweep, Weather, fly
+from helisim.sim import FlightPlan, Recorder, Sweep, Weather, fly
 from helisim.study.identification import identify_model
 from helisim.study.models import HEAVE, ROLLPITCH_IN1, YAW_BASE, Model
 from helisim.vehicle import Vehicle
@@ -136,11 +136,9 @@ def turbulence_study(
     records = {
         axis: fly(
             vehicle,
-            sweep,
+            FlightPlan(excitation=sweep, recorder=recorder, weather=weather),
             count=flights,
             seed=seed,
-            recorder=recorder,
-            weather=weather,
             jobs=jobs,
         )
         for axis, sweep in SWEEPS.items()

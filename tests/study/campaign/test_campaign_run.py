@@ -81,7 +81,11 @@ def test_the_dataset_is_what_the_pipeline_finds(whole):
     recorder = Recorder(noise=noise, latency=Recorder.of(vehicle).latency)
     sweep = hs.Sweep(axis="col", duration=30.0)
     # col is axis 0 of 4, and the fourth replicate has seed 3 + 3
-    flights = {"col": hs.fly(vehicle, sweep, count=2, seed=4 * 6, recorder=recorder)}
+    flights = {
+        "col": hs.fly(
+            vehicle, hs.FlightPlan(excitation=sweep, recorder=recorder), count=2, seed=4 * 6
+        )
+    }
     fit = identify_model(HEAVE, flights)
     truth = true_values(vehicle, HEAVE, recorder)
     assert [row["parameter"] for row in rows] == list(fit.values)

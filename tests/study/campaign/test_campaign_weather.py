@@ -33,7 +33,9 @@ def test_flights_are_in_the_weather(by_weather):
     vehicle = hs.load("jr700", integrator="Euler")
     sweep = hs.Sweep(axis="col", duration=30.0)
     # the last of four replicates has seed 2 + 3, col is axis 0 of 4
-    flights = {"col": hs.fly(vehicle, sweep, seed=4 * 5, weather=weather, jobs=1)}
+    flights = {
+        "col": hs.fly(vehicle, hs.FlightPlan(excitation=sweep, weather=weather), seed=4 * 5, jobs=1)
+    }
     fit = identify_model(HEAVE, flights)
     for name, row in by_weather[6, 6].items():
         # 1e-6: this process may use more threads in BLAS, which changes the last bits

@@ -11,15 +11,16 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.physics import pilot
 from helisim.physics.frames import flip
 from helisim.physics.native import installed
+from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
-from helisim.sim.envelope import Watch
+from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.recorder import Recorder
-from helisim.sim.trajectory import read_truth
+from helisim.sim.trajectory import read_trajectory
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import assemble
 
-_WATCH = replace(Watch.off(), tilt=Watch().tilt, rate=Watch().rate)
-"""Over what is held: a gyro that can't turn its helicopter may well saturate, near the ground."""
+_ENVELOPE = replace(FlightEnvelope.off(), tilt=FlightEnvelope().tilt, rate=FlightEnvelope().rate)
+"""Of what is held: a gyro that can't turn its helicopter may well saturate, near the ground."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,19 +193,18 @@ def _record(
     if not isinstance(seed, int) or seed < 0:
         raise InputError(f"seed must be an integer, 0 or more, got {seed!r}")
     recorder = recorder or Recorder.of(held)
-    truth = read_truth(held, _run(held.model, key, control))
-    _WATCH.check(held, truth)
-    provenance = {
-        "made_by": "helisim, ground test",
-        "vehicle": held.name,
-        "parameters": dict(held.parameters),
-        "rig": rig,
-        "test": what,
-        "recorder": recorder.as_dict(),
-        "seed": seed,
-    }
+    trajectory = read_trajectory(held, _run(held.model, key, control))
+    _ENVELOPE.check(held, trajectory)
+    provenance = made_by(
+        "ground test",
+        **held.provenance,
+        rig=rig,
+        test=what,
+        recorder=recorder.to_dict(),
+        seed=seed,
+    )
     rng = np.random.default_rng([seed, *f"{rig} {key}".encode()])
-    return recorder.record(truth, rng, provenance)
+    return recorder.record(trajectory, rng, provenance)
 
 
 def _run(model: mujoco.MjModel, key: str, control: NDArray[np.float64]) -> NDArray[np.float64]:

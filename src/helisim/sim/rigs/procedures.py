@@ -226,7 +226,7 @@ def turntable_test(
                 name="tau_r",
                 unit="s",
                 value=-found.delay,
-                truth=recorder.latency.get("r", 0.0) - true["gyro.latency"],
+                truth=recorder.late("r") - true["gyro.latency"],
                 standard_error=found.delay_error,
                 how="by how much the rate is recorded late, beside the servo command it causes",
             ),

@@ -9,7 +9,7 @@ from helisim.errors import DivergedError, HelisimError
 from helisim.ident import ClosedLoopWarning, CrossControlWarning, Fit
 from helisim.records.channels import AXES, IN1
 from helisim.records.record import FlightRecord
-from helisim.sim import Recorder, Weather, fly
+from helisim.sim import FlightPlan, Recorder, fly
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.study.campaign.plan import MODEL_NAMES, Campaign, Method, Replicate
 from helisim.study.flights import Flights
@@ -60,13 +60,13 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
     """Return every estimate of a replicate, those that failed with the reason."""
     try:
         vehicle = one.settings.load()
-        recorder, weather = one.settings.recorder(vehicle), one.settings.weather()
-        steady = weather.trimmed(vehicle)  # the truth is of the hover in the steady wind
+        plans = {axis: one.settings.plan(axis, vehicle) for axis in campaign.axes}
+        recorder = one.settings.recorder(vehicle)
+        # the truth is of the hover in the steady wind
+        steady = one.settings.weather().trimmed(vehicle)
     except HelisimError as error:
         return [row for item in _tasks(campaign) for row in _failed(*item, str(error))]
-    flown = {
-        axis: _flights(campaign, one, vehicle, recorder, weather, axis) for axis in campaign.axes
-    }
+    flown = {axis: _flights(campaign, one, vehicle, plan) for axis, plan in plans.items()}
     ground = _ground_tests(campaign, one, vehicle, recorder)
     rows: list[Estimate] = []
     found: dict[tuple[int, Method], dict[str, ComparisonTable]] = {}
@@ -121,24 +121,12 @@ def _tasks(campaign: Campaign) -> Iterator[tuple[int, Method, Model]]:
 
 
 def _flights(
-    campaign: Campaign,
-    one: Replicate,
-    vehicle: Vehicle,
-    recorder: Recorder,
-    weather: Weather,
-    axis: str,
+    campaign: Campaign, one: Replicate, vehicle: Vehicle, plan: FlightPlan
 ) -> list[FlightRecord] | HelisimError:
+    axis = plan.excitation.axis
+    seed = one.seed * len(AXES) + AXES.index(axis)
     try:
-        return fly(
-            vehicle,
-            one.settings.sweep(axis, vehicle.parameters),
-            count=campaign.flights,
-            seed=one.seed * len(AXES) + AXES.index(axis),
-            pilot=one.settings.pilot(),
-            recorder=recorder,
-            weather=weather,
-            jobs=1,
-        )
+        return fly(vehicle, plan, count=campaign.flights, seed=seed, jobs=1)
     except DivergedError as error:
         number = "" if error.record is None else f" {error.record.provenance['flight'] + 1}"
         return DivergedError(f"flight{number} of {axis}: {error}")

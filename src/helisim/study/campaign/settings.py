@@ -1,14 +1,14 @@
 """What a campaign can vary: the vehicle's parameters and the fields of the value objects."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
-from types import NoneType, UnionType
-from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, cast, get_type_hints
 
 from helisim.errors import HelisimError, InputError, UnknownNameError
 from helisim.records.channels import AXES
-from helisim.sim import Pilot, Recorder, Sweep, Weather
+from helisim.sim import FlightEnvelope, FlightPlan, Pilot, Recorder, Sweep, Weather
+from helisim.sim.plain import check_type, value_object
 from helisim.study.campaign.variation import Value
 from helisim.vehicle import Vehicle, load, standard_parameters
 from helisim.vehicle.assembly import Integrator
@@ -20,6 +20,7 @@ OBJECTS: dict[str, type] = {
     "pilot": Pilot,
     "recorder": Recorder,
     "weather": Weather,
+    "envelope": FlightEnvelope,
 }
 """Section of a campaign file -> the value object whose fields it names."""
 
@@ -64,7 +65,7 @@ class Settings:
         changed = {}
         for name, change in self._of("vehicle").items():
             old = standard[name]
-            _check_type(f"vehicle.{name}", float, change.value)
+            check_type(f"vehicle.{name}", float, change.value)
             changed[name] = _changed(f"vehicle.{name}", old, change)
         return changed
 
@@ -82,9 +83,15 @@ class Settings:
         }
         return applied("sweep", own, {**general, **special})
 
-    def pilot(self) -> Pilot:
-        """Return the pilot."""
-        return applied("pilot", Pilot(), self._of("pilot"))
+    def plan(self, axis: str, vehicle: Vehicle) -> FlightPlan:
+        """Return the plan of a sweep of one axis, complete for the vehicle."""
+        return FlightPlan(
+            excitation=self.sweep(axis, vehicle.parameters),
+            pilot=applied("pilot", Pilot(), self._of("pilot")),
+            recorder=self.recorder(vehicle),
+            weather=self.weather(),
+            envelope=applied("envelope", FlightEnvelope(), self._of("envelope")),
+        )
 
     def recorder(self, vehicle: Vehicle) -> Recorder:
         """Return the flight computer, with the vehicle's own latencies unless they are set."""
@@ -99,9 +106,9 @@ class Settings:
         parameters = {**_standard(self.vehicle), **self.parameters()}
         for axis in (*axes, *AXES):  # those that are flown first, for the clearest message
             self.sweep(axis, parameters)
-        self.pilot()
-        self.weather()
-        applied("recorder", Recorder(), self._of("recorder"))
+        for section, kind in OBJECTS.items():
+            if section != "sweep":
+                applied(section, kind(), self._of(section))
 
     def _of(self, section: str) -> Mapping[str, Change]:
         return self.changes.get(section, {})
@@ -131,7 +138,7 @@ def applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
         if isinstance(old, Mapping):
             new[top] = _in_mapping(where, old, key, change)
             continue
-        inner = _value_object(hints[top])
+        inner = value_object(hints[top])
         if inner is not None:
             if not key:
                 first = fields(inner)[0].name
@@ -141,7 +148,7 @@ def applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
         if key:
             raise InputError(f"{where}: {section}.{top} has no parts")
         expected = float if change.relative else hints[top]
-        _check_type(where, expected, change.value)
+        check_type(where, expected, change.value)
         new[top] = _changed(where, old, change)
     try:
         return replace(plain, **new)  # pyright: ignore[reportArgumentType, reportCallIssue]
@@ -149,13 +156,8 @@ def applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
         raise InputError(f"[{section}] {error}") from None
 
 
-def _value_object(hint: Any) -> Any:
-    """Return the dataclass of a field that may hold one, None if it can't."""
-    return next((one for one in (hint, *get_args(hint)) if is_dataclass(one)), None)
-
-
 def _in_mapping(where: str, old: Mapping[str, Any], key: str, change: Change) -> dict[str, Any]:
-    _check_type(where, float, change.value)
+    check_type(where, float, change.value)
     if key:
         return {**old, key: _changed(where, old.get(key, 0.0), change)}
     if change.relative:
@@ -175,36 +177,3 @@ def _changed(where: str, old: Any, change: Change) -> Any:
     if isinstance(old, bool) or not isinstance(old, (int, float)):
         raise InputError(f"{where} is {old!r}, which can't be multiplied: drop relative")
     return factor * old
-
-
-def _check_type(where: str, hint: Any, value: Value) -> None:
-    if not _fits(hint, value):
-        raise InputError(f"{where} must be {_words(hint)}, got {value!r}")
-
-
-def _fits(hint: Any, value: Value) -> bool:
-    origin, parts = get_origin(hint), get_args(hint)
-    if origin in (Union, UnionType):
-        return any(_fits(part, value) for part in parts)
-    if origin is Literal:
-        return value in parts
-    if origin is tuple:
-        return isinstance(value, tuple) and (Ellipsis in parts or len(value) == len(parts))
-    if hint is float:
-        return isinstance(value, (int, float)) and not isinstance(value, bool)
-    if hint is int:
-        return isinstance(value, int) and not isinstance(value, bool)
-    return isinstance(hint, type) and isinstance(value, hint)
-
-
-def _words(hint: Any) -> str:
-    """Return a type in the words of a campaign file."""
-    origin, parts = get_origin(hint), get_args(hint)
-    if origin in (Union, UnionType):
-        return " or ".join(_words(part) for part in parts if part is not NoneType)
-    if origin is Literal:
-        return " or ".join(map(repr, parts))
-    if origin is tuple:
-        return f"a list of {len(parts)} numbers" if Ellipsis not in parts else "a list of numbers"
-    words = {float: "a number", int: "an integer", bool: "true or false", str: "text"}
-    return words.get(hint, str(hint))

@@ -1,4 +1,4 @@
-"""Faults of servos and gyro in flight. What a recorder does wrong is in `recorder_faults`."""
+"""Faults of servos and gyro in flight. What a recorder does wrong is in `recorder`."""
 
 import math
 from collections.abc import Sequence
@@ -164,16 +164,16 @@ class GyroDropout:
 FlightFault = ServoStuck | ServoWeak | GyroRestart | GyroDropout
 
 
-def write_faults(par: NDArray[np.float64], faults: Sequence[FlightFault]) -> None:
-    """Put all faults of a flight into a vehicle's numbers for the force laws.
-
-    Raises:
-        InputError: two of the same part.
-    """
+def check_parts(faults: Sequence[FlightFault]) -> None:
+    """Raise InputError if two faults are of the same part."""
     parts = [fault.part for fault in faults]
     for part in parts:
         if parts.count(part) > 1:
             raise InputError(f"{part}: a flight has one fault of a part, got {parts.count(part)}")
+
+
+def write_faults(par: NDArray[np.float64], faults: Sequence[FlightFault]) -> None:
+    """Put all faults of a flight into a vehicle's numbers for the force laws."""
     par[PARAM.faults] = float(bool(faults))
     par[PARAM.faults + 1 : PARAM.dropout_p] = NEVER
     par[PARAM.dropout_p : PARAM.dropout_r + 1] = 0.0

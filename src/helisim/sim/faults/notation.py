@@ -1,13 +1,11 @@
-"""Faults as text, such as "servo_front:stuck@30", and as plain data for provenance."""
+"""Faults as text, such as "servo_front:stuck@30"."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, asdict, fields
 from typing import Any
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import CHANNELS, SERVOS
-from helisim.sim.faults import FlightFault, GyroDropout, GyroRestart, ServoStuck, ServoWeak
-from helisim.sim.recorder_faults import (
+from helisim.sim.faults.flight import FlightFault, GyroDropout, GyroRestart, ServoStuck, ServoWeak
+from helisim.sim.faults.recorder import (
     ClockDrift,
     RecorderFault,
     RecordGap,
@@ -15,6 +13,7 @@ from helisim.sim.recorder_faults import (
     SensorDropout,
     SensorSpikes,
 )
+from helisim.sim.plain import from_plain
 
 Fault = FlightFault | RecorderFault
 
@@ -22,10 +21,6 @@ _SERVO: dict[str, type[Fault]] = {"stuck": ServoStuck, "weak": ServoWeak}
 _GYRO: dict[str, type[Fault]] = {"restart": GyroRestart, "dropout": GyroDropout}
 _RECORDER: dict[str, type[Fault]] = {"loss": SampleLoss, "gap": RecordGap, "drift": ClockDrift}
 _CHANNEL: dict[str, type[Fault]] = {"spikes": SensorSpikes, "dropout": SensorDropout}
-_KINDS = (ServoStuck, ServoWeak, GyroRestart, GyroDropout, SensorDropout, SensorSpikes)
-_ALL: dict[str, type[Fault]] = {
-    kind.__name__: kind for kind in (*_KINDS, SampleLoss, RecordGap, ClockDrift)
-}
 
 FORM = "PART:KIND[@SECONDS][,NAME=VALUE...]"
 
@@ -49,42 +44,7 @@ def parse_fault(text: str) -> Fault:
         if not equals or name.strip() in given:
             raise InputError(f"fault {text!r}: expected a new NAME=VALUE, got {item!r}")
         given[name.strip()] = _value(name.strip(), value.strip(), text)
-    return _make(kind, given, text)
-
-
-def to_dict(fault: Fault) -> dict[str, Any]:
-    """Return a fault as plain data."""
-    return {"kind": type(fault).__name__, **asdict(fault)}
-
-
-def from_dict(data: Mapping[str, Any]) -> Fault:
-    """Return the fault that `to_dict` wrote.
-
-    Raises:
-        InputError: the data are no fault.
-    """
-    rest = {name: value for name, value in data.items() if name != "kind"}
-    name = data.get("kind")
-    if name not in _ALL:
-        raise UnknownNameError("kind of fault", name, _ALL)
-    return _make(_ALL[name], rest, dict(data))
-
-
-def check_faults(faults: Sequence[Fault], duration: float) -> tuple[FlightFault, ...]:
-    """Return those of servos and gyro, once all can come in a flight of that many seconds.
-
-    Raises:
-        InputError: one is no fault, or comes after the flight.
-    """
-    for fault in faults:
-        if not isinstance(fault, Fault):
-            raise InputError(f"faults must be such as ServoStuck or SampleLoss, got {fault!r}")
-        at = getattr(fault, "at", 0.0)
-        if at >= duration:
-            raise InputError(
-                f"{type(fault).__name__} at {at:g} s: the flight is over at {duration:g} s"
-            )
-    return tuple(fault for fault in faults if isinstance(fault, FlightFault))
+    return from_plain(kind, given, f"the fault {text!r}")
 
 
 def _kind(part: str, word: str) -> tuple[type[Fault], dict[str, Any]]:
@@ -117,15 +77,3 @@ def _number(key: str, value: str, text: str) -> float:
         return float(value)
     except ValueError:
         raise InputError(f"fault {text!r}: {key} must be a number, got {value!r}") from None
-
-
-def _make(kind: type[Fault], given: dict[str, Any], origin: object) -> Fault:
-    allowed = {field.name: field for field in fields(kind)}
-    for name in given:
-        if name not in allowed:
-            raise UnknownNameError(f"setting in the fault {origin!r}", name, allowed)
-    required = [name for name, one in allowed.items() if one.default is MISSING]
-    missing = [name for name in required if name not in given]
-    if missing:
-        raise InputError(f"fault {origin!r}: needs {' and '.join(missing)}")
-    return kind(**given)

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
-from helisim.sim.faults import check_time
+from helisim.sim.faults.flight import check_time
 
 _FEWEST = 2
 """Samples that a record needs."""
@@ -43,7 +43,7 @@ class SensorDropout:
         if self.reads not in ("held", "zero"):
             raise UnknownNameError("reading of a dropout", self.reads, ("held", "zero"))
 
-    def spoil(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
+    def apply(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
         """Return the record as it is with this fault."""
         del rng
         values = record.values.copy()
@@ -77,7 +77,7 @@ class SensorSpikes:
         if not 0.0 < self.per_minute < math.inf:
             raise InputError(f"SensorSpikes: per_minute must be positive, got {self.per_minute}")
 
-    def spoil(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
+    def apply(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
         """Return the record as it is with this fault."""
         values = record.values.copy()
         chance = self.per_minute / 60.0 * record.duration / (len(record) - 1)
@@ -106,7 +106,7 @@ class SampleLoss:
         if self.burst != int(self.burst) or self.burst < 1:
             raise InputError(f"SampleLoss: burst must be 1 or more samples, got {self.burst}")
 
-    def spoil(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
+    def apply(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
         """Return the record as it is with this fault."""
         burst = int(self.burst)
         # bursts may overlap: a sample stays if none of the `burst` places before it starts one
@@ -129,7 +129,7 @@ class RecordGap:
     def __post_init__(self) -> None:
         check_time(self, "at", "lasts")
 
-    def spoil(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
+    def apply(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
         """Return the record as it is with this fault."""
         del rng
         return _without(record, (record.time >= self.at) & (record.time < self.at + self.lasts))
@@ -157,7 +157,7 @@ class ClockDrift:
                 f"ClockDrift: ppm must be other than 0 and at most 1e5 either way, got {self.ppm}"
             )
 
-    def spoil(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
+    def apply(self, record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
         """Return the record as it is with this fault."""
         del rng
         fast, start = 1.0 + 1e-6 * self.ppm, record.time[0]

@@ -1,0 +1,180 @@
+"""Value objects of a flight as plain data and TOML, and back, each value checked by its type."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from helisim.errors import InputError, UnknownNameError
+
+T = TypeVar("T")
+
+OFF = "off"
+"""In TOML, which knows no null: a setting that is None though its default is not."""
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def to_plain(value: Any) -> Any:
+    """Return a value object's settings as JSON would give them back: tuples become lists."""
+    if is_dataclass(value):
+        return {name: to_plain(getattr(value, name)) for name in setting_names(value)}
+    if isinstance(value, Mapping):
+        return {str(key): to_plain(one) for key, one in value.items()}
+    if isinstance(value, tuple | list):
+        return [to_plain(one) for one in value]
+    return value
+
+
+def from_plain(kind: type[T], table: Any, where: str) -> T:
+    """Return the value object whose settings a table holds; what it doesn't say is the default.
+
+    Args:
+        kind: a dataclass.
+        table: settings by name, as `to_plain` or a TOML file gives them.
+        where: the table's name, for messages.
+
+    Raises:
+        UnknownNameError: no such setting; the message lists those that exist.
+        InputError: a setting is missing, of the wrong type, or refused by the object.
+    """
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where} must be a table of settings, got {table!r}")
+    allowed = {one.name: one for one in fields(cast(Any, kind)) if one.init}
+    for name in table:
+        if name not in allowed:
+            raise UnknownNameError(f"setting of {where}", name, allowed)
+    missing = [
+        name
+        for name, one in allowed.items()
+        if one.default is MISSING and one.default_factory is MISSING and name not in table
+    ]
+    if missing:
+        raise InputError(f"{where} needs {' and '.join(missing)}")
+    hints = get_type_hints(kind)
+    given = {
+        name: _from_plain(hints[name], value, f"{where}.{name}") for name, value in table.items()
+    }
+    try:
+        return kind(**given)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def check_type(where: str, hint: Any, value: Any) -> None:
+    """Raise InputError unless a plain value is of a type, such as `float | None`."""
+    if not _fits(hint, value):
+        raise InputError(f"{where} must be {_words(hint)}, got {value!r}")
+
+
+def value_object(hint: Any) -> Any:
+    """Return the dataclass of a field that may hold one, None if it can't."""
+    return next((one for one in (hint, *get_args(hint)) if is_dataclass(one)), None)
+
+
+def setting_names(value: Any) -> tuple[str, ...]:
+    """Return the names of a dataclass's settings, in their order."""
+    return tuple(one.name for one in fields(value) if one.init)
+
+
+def toml_settings(value: Any) -> dict[str, Any]:
+    """Return a value object's settings for a TOML file, where None is `OFF` or left out."""
+    defaults = {one.name: one.default for one in fields(value)}
+    settings: dict[str, Any] = {}
+    for name in setting_names(value):
+        one = getattr(value, name)
+        if is_dataclass(one):
+            settings[name] = toml_settings(one)
+        elif one is not None:
+            settings[name] = to_plain(one)
+        elif defaults[name] is not None:
+            settings[name] = OFF
+    return settings
+
+
+def toml_text(tables: Mapping[str, Any], prefix: str = "") -> str:
+    """Return tables as TOML: plain values first, then a section for each table in them."""
+    inner = {key: value for key, value in tables.items() if _is_section(value)}
+    lines = [f"{_key(key)} = {_literal(tables[key])}" for key in tables if key not in inner]
+    text = "".join(f"{line}\n" for line in lines)
+    for key, value in inner.items():
+        name = f"{prefix}{_key(key)}"
+        for heading, table in (
+            [(f"[{name}]", value)]
+            if isinstance(value, Mapping)
+            else [(f"[[{name}]]", one) for one in value]
+        ):
+            text += f"\n{heading}\n{toml_text(table, f'{name}.')}"
+    return text if prefix else text.removeprefix("\n")
+
+
+def _is_section(value: Any) -> bool:
+    if isinstance(value, list):
+        return bool(value) and isinstance(value[0], Mapping)
+    return isinstance(value, Mapping)
+
+
+def _key(name: str) -> str:
+    return name if _BARE_KEY.fullmatch(name) else json.dumps(name)
+
+
+def _literal(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_literal, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+
+
+def _from_plain(hint: Any, value: Any, where: str) -> Any:
+    inner = value_object(hint)
+    if inner is not None and isinstance(value, Mapping):
+        return from_plain(inner, value, where)
+    if value == OFF and not _fits(hint, value) and NoneType in get_args(hint):
+        return None
+    value = tuple(value) if isinstance(value, list) else value
+    check_type(where, hint, value)
+    return value
+
+
+def _fits(hint: Any, value: Any) -> bool:
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return any(_fits(part, value) for part in parts)
+    if origin is Literal:
+        return value in parts
+    if origin is tuple:
+        if not isinstance(value, tuple):
+            return False
+        each = parts[:1] * len(value) if Ellipsis in parts else parts
+        return len(value) == len(each) and all(map(_fits, each, value))
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return isinstance(value, Mapping) and all(_fits(parts[1], one) for one in value.values())
+    if isinstance(origin, type) and issubclass(origin, Sequence):
+        return isinstance(value, tuple) and all(_fits(parts[0], one) for one in value)
+    if hint is Any:
+        return True
+    if hint is float:
+        return isinstance(value, (int, float)) and not isinstance(value, bool)
+    if hint is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(hint, type) and isinstance(value, hint)
+
+
+def _words(hint: Any) -> str:
+    """Return a type in the words of a TOML file."""
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return " or ".join(_words(part) for part in parts if part is not NoneType)
+    if origin is Literal:
+        return " or ".join(map(repr, parts))
+    if origin is tuple:
+        return f"a list of {len(parts)} numbers" if Ellipsis not in parts else "a list of numbers"
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return "a table of numbers"
+    if isinstance(origin, type) and issubclass(origin, Sequence):
+        return "a list of names"
+    words = {float: "a number", int: "an integer", bool: "true or false", str: "text"}
+    return words.get(hint, str(hint))

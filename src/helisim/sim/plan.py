@@ -1,0 +1,265 @@
+"""The flight plan: all that a flight is flown with, as one value.
+
+A plan file is TOML; every key but the excitation is optional:
+
+    [excitation]
+    kind = "Sweep"
+    axis = "lat"
+    duration = 90.0
+
+    [weather]
+    wind = 4.0
+    turbulence = "light"
+
+    [envelope]
+    tilt = 0.8
+    descent = "off"
+
+    [[faults]]
+    kind = "ServoWeak"
+    servo = "servo_tail"
+    at = 30.0
+    rate_limit = 1.0
+
+Faults may stand as on the command line too: `faults = ["servo_tail:weak@30,rate_limit=1"]`.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
+from functools import cached_property
+from os import PathLike
+from typing import Any
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.records.files import atomic_write, read_toml
+from helisim.records.record import FlightRecord
+from helisim.sim.envelope import FlightEnvelope
+from helisim.sim.excitation import EXCITATIONS, Excitation
+from helisim.sim.faults import FAULTS, Fault, FlightFault, check_faults, parse_fault
+from helisim.sim.pilot import Pilot
+from helisim.sim.plain import from_plain, to_plain, toml_settings, toml_text
+from helisim.sim.recorder import Recorder
+from helisim.sim.weather import Weather
+from helisim.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightPlan:
+    """All that a flight is flown with, beside the vehicle and the seed.
+
+    Plans are values: equal plans are one in a set, and have one `digest`.
+
+    Attributes:
+        excitation: what is flown on purpose, such as a `Sweep`.
+        pilot: who flies.
+        recorder: the flight computer; the vehicle's own if None.
+        weather: that is flown through; each flight has its own turbulence.
+        faults: of servos, gyro and recorder, in each flight; a recorder's, in this order.
+        envelope: limits beyond which a flight is terminated early.
+
+    Raises:
+        InputError: a part is of another kind, or a fault can't be in this flight.
+    """
+
+    excitation: Excitation
+    pilot: Pilot = field(default_factory=Pilot)
+    recorder: Recorder | None = None
+    weather: Weather = field(default_factory=Weather)
+    faults: tuple[Fault, ...] = ()
+    envelope: FlightEnvelope = field(default_factory=FlightEnvelope)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.excitation, Excitation):
+            raise InputError(
+                "a flight plan needs an excitation such as Sweep(axis='lat'), got "
+                f"{self.excitation!r}"
+            )
+        for name, kind in _PARTS.items():
+            part = getattr(self, name)
+            if not isinstance(part, kind) and not (name == "recorder" and part is None):
+                raise InputError(f"{name} must be a {kind.__name__}, got {part!r}")
+        object.__setattr__(self, "faults", tuple(self.faults))
+        check_faults(self.faults, self.excitation.duration)
+
+    @property
+    def flight_faults(self) -> tuple[FlightFault, ...]:
+        """The faults of servos and gyro, without the recorder's."""
+        return tuple(fault for fault in self.faults if isinstance(fault, FlightFault))
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of every setting: equal plans have one, and hardly two others the same."""
+        text = json.dumps(_as_floats(self.to_dict()), sort_keys=True)
+        return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+    def on(self, vehicle: Vehicle) -> "FlightPlan":
+        """Return the plan with what is left open filled in by a vehicle's own parameters."""
+        recorder = Recorder.of(vehicle) if self.recorder is None else self.recorder.on(vehicle)
+        return replace(self, excitation=self.excitation.on(vehicle.parameters), recorder=recorder)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as JSON data, of which `from_dict` makes an equal plan."""
+        return {
+            "excitation": _with_kind(self.excitation),
+            **{name: to_plain(getattr(self, name)) for name in _PARTS},
+            "faults": [_with_kind(fault) for fault in self.faults],
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "FlightPlan":
+        """Return the plan that plain data describe, of `to_dict` or a plan file.
+
+        Raises:
+            InputError: there is no excitation, or something isn't known or can't be.
+        """
+        for name in data:
+            if name not in _KEYS:
+                raise UnknownNameError("key of a flight plan", name, _KEYS)
+        if "excitation" not in data:
+            raise InputError(
+                'a flight plan needs an excitation, such as excitation = {kind = "Sweep", '
+                'axis = "lat"}'
+            )
+        given: dict[str, Any] = {
+            name: from_plain(kind, data[name], name)
+            for name, kind in _PARTS.items()
+            if data.get(name) is not None
+        }
+        recorder = data.get("recorder")
+        if recorder is not None and "latency" not in recorder:
+            given["recorder"] = replace(given["recorder"], latency=None)
+        faults = data.get("faults", ())
+        if isinstance(faults, str) or not isinstance(faults, list | tuple):
+            raise InputError(f"faults must be a list, got {faults!r}")
+        return cls(
+            excitation=_of_kind(data["excitation"], EXCITATIONS, "excitation"),
+            faults=tuple(
+                parse_fault(one) if isinstance(one, str) else _of_kind(one, FAULTS, "fault")
+                for one in faults
+            ),
+            **given,
+        )
+
+    @classmethod
+    def of_record(cls, record: FlightRecord) -> "FlightPlan":
+        """Return the plan that a record was flown by, as its provenance has it.
+
+        Raises:
+            InputError: it wasn't flown by helisim, or its plan can't be flown any more.
+        """
+        kept = dict(record.provenance)
+        if "excitation" not in kept:
+            raise InputError("the record's provenance has no flight plan: helisim didn't fly it")
+        if "watch" in kept:  # of records that name no plan_digest
+            kept["envelope"] = kept.pop("watch")
+        plan = {name: kept[name] for name in _KEYS if name in kept}
+        if "weather" in plan:
+            plan["weather"] = {k: v for k, v in plan["weather"].items() if k != "dryden"}
+        return cls.from_dict(plan)
+
+    def to_toml(self) -> str:
+        """Return the plan as the text of a plan file."""
+        tables: dict[str, Any] = {"excitation": _with_kind(self.excitation, toml_settings)}
+        for name in _PARTS:
+            part = getattr(self, name)
+            if part is not None:
+                tables[name] = toml_settings(part)
+        if self.faults:
+            tables["faults"] = [_with_kind(fault, toml_settings) for fault in self.faults]
+        return toml_text(tables)
+
+    def __str__(self) -> str:
+        parts = {
+            "excitation": _in_words(self.excitation),
+            **{name: _in_words(getattr(self, name)) for name in _PARTS},
+            "faults": "; ".join(map(_in_words, self.faults)) or "none",
+        }
+        lines = [f"  {name:<12}{words}" for name, words in parts.items()]
+        return "\n".join([f"flight plan {self.digest[:8]}", *lines])
+
+
+_PARTS: dict[str, type] = {
+    "pilot": Pilot,
+    "recorder": Recorder,
+    "weather": Weather,
+    "envelope": FlightEnvelope,
+}
+_KEYS = ("excitation", *_PARTS, "faults")
+
+
+def as_plan(flown: FlightPlan | Excitation) -> FlightPlan:
+    """Return a plan as it is, and a bare excitation as a plan with all else default."""
+    return flown if isinstance(flown, FlightPlan) else FlightPlan(excitation=flown)
+
+
+def read_plan(path: str | PathLike[str]) -> FlightPlan:
+    """Read a plan file (TOML); see `helisim.sim.plan` for one.
+
+    Raises:
+        StorageError: the file can't be read, or isn't TOML.
+        InputError: something in it isn't known or can't be; the message names the file.
+    """
+    content = read_toml(path)
+    try:
+        return FlightPlan.from_dict(content)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def write_plan(plan: FlightPlan, path: str | PathLike[str]) -> None:
+    """Write a plan as TOML, from which `read_plan` reads an equal one. Raises StorageError."""
+    with atomic_write(path) as temporary:
+        temporary.write_text(plan.to_toml(), encoding="utf-8")
+
+
+def _with_kind(value: Any, settings: Callable[[Any], dict[str, Any]] = to_plain) -> dict[str, Any]:
+    return {"kind": type(value).__name__, **settings(value)}
+
+
+def _of_kind(table: Any, kinds: Mapping[str, type], what: str) -> Any:
+    """Return the value object of the kind that a table names."""
+    names = ", ".join(kinds)
+    if not isinstance(table, Mapping) or "kind" not in table:
+        raise InputError(f"{what} must be a table with a kind, one of {names}; got {table!r}")
+    kind = table["kind"]
+    if kind not in kinds:
+        raise UnknownNameError(f"kind of {what}", kind, kinds)
+    settings = {name: value for name, value in table.items() if name != "kind"}
+    return from_plain(kinds[kind], settings, f"{what} {kind}")
+
+
+def _in_words(part: Any) -> str:
+    """Return the settings of a part that aren't its defaults, in one line."""
+    if part is None:
+        return "the vehicle's own"
+    changed = [
+        f"{one.name} {_value_in_words(to_plain(getattr(part, one.name)))}"
+        for one in fields(part)
+        if getattr(part, one.name) != _default(one)
+    ]
+    kind = "" if type(part) in _PARTS.values() else type(part).__name__
+    return ": ".join(filter(None, (kind, ", ".join(changed)))) or "as by default"
+
+
+def _default(one: Field[Any]) -> Any:
+    return one.default if one.default_factory is MISSING else one.default_factory()
+
+
+def _value_in_words(value: Any) -> str:
+    if isinstance(value, dict):
+        inner = ", ".join(f"{key} {_value_in_words(one)}" for key, one in value.items())
+        return f"({inner})"
+    if isinstance(value, list):
+        return f"({', '.join(map(_value_in_words, value))})"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _as_floats(data: Any) -> Any:
+    """Return data whose numbers are all floats, as equal numbers have to look alike."""
+    if isinstance(data, dict):
+        return {key: _as_floats(value) for key, value in data.items()}
+    if isinstance(data, list):
+        return list(map(_as_floats, data))
+    return float(data) if isinstance(data, int) and not isinstance(data, bool) else data
