@@ -44,7 +44,6 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.ident.archive import response_to_dict
     from helisim.records.files import check_destination, write_json
     from helisim.records.provenance import made_by
 
@@ -59,7 +58,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json is not None:
         data = {
             "format": FORMAT,
-            "response": response_to_dict(frf),
+            "response": frf.to_dict(),
             "logs": reports(logs),
             "provenance": provenance,
         }

@@ -8,7 +8,7 @@ from helisim.ident.conditioning import CrossControlWarning
 from helisim.ident.fit import identify
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.frf import ClosedLoopWarning, frequency_response
-from helisim.ident.integrity import DamagedRecordWarning
+from helisim.ident.record_checks import RecordQualityWarning
 from helisim.ident.reduction import Reduction, reduce
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit, load_fit
@@ -18,11 +18,11 @@ from helisim.ident.verify import Verification, verify
 __all__ = [
     "ClosedLoopWarning",
     "CrossControlWarning",
-    "DamagedRecordWarning",
     "Fit",
     "FittedParameter",
     "FrequencyResponse",
     "Parameter",
+    "RecordQualityWarning",
     "Reduction",
     "Structure",
     "Verification",

@@ -94,7 +94,7 @@ class FlightRecord:
 
     @property
     def ended(self) -> str:
-        """Why and when the flight was over before its time, "" if it wasn't.
+        """Why and when the flight was terminated early, "" if it wasn't.
 
         A simulation says so in the provenance's `ended`, with `at` (s), `why` and `state`.
         """

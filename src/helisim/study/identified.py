@@ -12,7 +12,6 @@ import numpy as np
 
 from helisim import ident
 from helisim.errors import InputError
-from helisim.ident.archive import response_from_dict, response_to_dict
 from helisim.ident.verify import Trace
 from helisim.records.files import read_json, write_json
 from helisim.records.provenance import made_by
@@ -77,7 +76,7 @@ def _to_dict(item: Evidence) -> dict[str, Any]:
         "name": item.name,
         "note": item.note,
         "fit": item.fit.to_dict(),
-        "exact": None if item.exact is None else response_to_dict(item.exact),
+        "exact": None if item.exact is None else item.exact.to_dict(),
         "verification": None if item.verification is None else _checked(item.verification),
         "verified_on": list(item.verified_on),
     }
@@ -87,7 +86,7 @@ def _from_dict(data: Mapping[str, Any]) -> Evidence:
     return Evidence(
         name=str(data["name"]),
         fit=ident.Fit.from_dict(data["fit"]),
-        exact=None if data["exact"] is None else response_from_dict(data["exact"]),
+        exact=None if data["exact"] is None else ident.FrequencyResponse.from_dict(data["exact"]),
         note=str(data["note"]),
         verification=None if data["verification"] is None else _verification(data["verification"]),
         verified_on=tuple(data["verified_on"]),

@@ -81,7 +81,7 @@ def test_a_dead_sensor_is_cut_out_on_request():
     record = made(p=rate, lat=stick)
     noted = screen(record)
     assert kinds(noted) == ["frozen"]
-    assert "stands still for 1.5 s, in one stretch from row 2000" in noted.report.findings[0].text
+    assert "is frozen for 1.5 s, in one run from row 2000" in noted.report.findings[0].text
     cut = screen(record, repair="frozen")
     assert kinds(cut) == ["frozen", "gap"]
     before, after = cut.records

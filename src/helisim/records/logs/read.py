@@ -29,7 +29,7 @@ from helisim.records.storage import read_record
 
 REPAIRS: dict[str, str] = {
     "duplicates": "average rows that have the same stamp",
-    "frozen": "leave out stretches in which measured motion stands still, and split the log there "
+    "frozen": "leave out stretches in which measured motion is frozen, and split the log there "
     "as at gaps",
     "gaps": "split the log at its gaps",
     "missing": "interpolate cells without a number",
@@ -113,7 +113,7 @@ def screen(
 
     Args:
         record: to look through; it stays as it is.
-        channels: to look at for spikes and stretches that stand still; all if None.
+        channels: to look at for spikes and frozen runs; all if None.
         resample_hz: as for `read_log`, and so are all others.
         repair: see `REPAIRS`.
         max_gap: s.
@@ -188,7 +188,7 @@ def _is_ours(data: bytes) -> bool:
 
 
 def _ended(path: Path) -> dict[str, Any]:
-    """Return the mark of a helisim record whose flight was over before its time, or nothing."""
+    """Return the mark of a helisim record whose flight was terminated early, or nothing."""
     try:
         provenance = read_record(path).provenance
     except (StorageError, RecordError):

@@ -14,7 +14,7 @@ from helisim.records.logs.kinematics import clock_findings
 from helisim.records.logs.parts import Cut
 from helisim.records.logs.report import Finding
 from helisim.records.logs.timing import GAP, Samples
-from helisim.records.quality import spikes, still
+from helisim.records.quality import frozen_runs, spikes
 
 _TELLS_CLOCKS = 20.0
 """s, of a part whose clocks are looked at."""
@@ -45,7 +45,7 @@ def screened(
             continue
         known = np.flatnonzero(np.isfinite(values[:, k]))
         if channel.kind == "OUT":
-            _leave_out_still(samples, known, values[:, k], k, repair, findings)
+            _leave_out_frozen(samples, known, values[:, k], k, repair, findings)
             known = np.flatnonzero(np.isfinite(values[:, k]))
         _leave_out_spikes(samples, known, values[:, k], k, repair, findings)
     return replace(samples, values=values)
@@ -74,7 +74,7 @@ def _leave_out_spikes(
         column[out] = np.nan
 
 
-def _leave_out_still(
+def _leave_out_frozen(
     samples: Samples,
     known: NDArray[np.intp],
     column: NDArray[np.float64],
@@ -82,16 +82,16 @@ def _leave_out_still(
     repair: Collection[str],
     findings: list[Finding],
 ) -> None:
-    stretches = still(column[known])
-    if not stretches:
+    runs = frozen_runs(column[known])
+    if not runs:
         return
-    first = np.array([known[one.first] for one in stretches])
-    last = np.array([known[one.last] for one in stretches])
+    first = np.array([known[run.first] for run in runs])
+    last = np.array([known[run.last] for run in runs])
     lost = float(np.sum(samples.time[last] - samples.time[first]))
     rows = tuple(samples.rows[first].tolist())
     told = (
-        f"column {samples.columns[k]!r}: stands still for {lost:.4g} s, "
-        f"{'in one stretch' if first.size == 1 else f'in {first.size} stretches, the first'} from "
+        f"column {samples.columns[k]!r}: is frozen for {lost:.4g} s, "
+        f"{'in one run' if first.size == 1 else f'in {first.size} runs, the first'} from "
         f"{samples.counts} {rows[0]}, {samples.time[first[0]]:.6g} s after the start"
     )
     asked = "frozen" in repair

@@ -1,9 +1,9 @@
-"""Estimates from damaged records say so."""
+"""Estimates from records with spikes, frozen runs or inputs at their stops say so."""
 
 import numpy as np
 import pytest
 
-from helisim.ident import DamagedRecordWarning, frequency_response
+from helisim.ident import RecordQualityWarning, frequency_response
 from helisim.records.channels import channel
 from helisim.records.logs import screen
 from helisim.records.record import FlightRecord
@@ -41,11 +41,11 @@ def test_sound_records_raise_no_flag():
 
 def test_spikes_and_dead_sensors_are_flagged():
     """Which record, which channel, from when, and what to do; and it is warned of."""
-    with pytest.warns(DamagedRecordWarning, match="helisim.screen"):
+    with pytest.warns(RecordQualityWarning, match="helisim.screen"):
         frf = estimate(flown(0), flown(1, spike=True), flown(2, dead=True))
     assert len(frf.flags) == 2
     assert "record 2: 'p' has 1 samples that are spikes, the first at 30 s" in frf.flags[0]
-    assert "record 3: 'p' stands still, in 1 places, first from 40 to 40.99 s" in frf.flags[1]
+    assert "record 3: 'p' is frozen, in 1 places, first from 40 to 40.99 s" in frf.flags[1]
 
 
 @pytest.mark.parametrize("stop", [0.9, 4.0])
