@@ -53,7 +53,7 @@ def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) 
 
     Args:
         cost: the fit's cost.
-        x: the free parameters.
+        x: (n_free,) the free parameters.
         standardised: the fit minimised standardised residuals instead of J.
     """
     jacobian = cost.log_jacobian(x)
@@ -103,12 +103,22 @@ def _stated(cost: Cost, x: NDArray[np.float64], standardised: bool) -> NDArray[n
 
 
 def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Hessian of J = sum r^2 without the residuals' curvature."""
+    """Return the Hessian of J = sum r^2 without the residuals' curvature, (n_free, n_free).
+
+    Args:
+        jacobian: (n_residual, n_free) of the residuals r.
+    """
     return 2.0 * jacobian.T @ jacobian
 
 
 def exact_hessian(cost: Cost, x: NDArray[np.float64], step: float = 1e-5) -> NDArray[np.float64]:
-    """Return the full Hessian of J by central differences of its exact gradient."""
+    """Return the full Hessian of J, (n_free, n_free), by differences of its exact gradient.
+
+    Args:
+        cost: of the fit.
+        x: (n_free,) the free parameters.
+        step: of the central differences, as a fraction of each parameter.
+    """
     columns = []
     for k in range(x.size):
         shift = np.zeros_like(x)

@@ -66,7 +66,13 @@ class Conditioned:
 def coherence(
     gxx: NDArray[np.float64], gyy: NDArray[np.float64], gxy: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """Return |Gxy|^2 / (Gxx Gyy), kept within [0, 1]."""
+    """Return |Gxy|^2 / (Gxx Gyy), kept within [0, 1].
+
+    Args:
+        gxx: power of the input, of any shape, such as (n_out, n_in, n_freq).
+        gyy: power of the output, of the same shape.
+        gxy: their cross spectrum, of the same shape.
+    """
     return np.clip(np.abs(gxy) ** 2 / (gxx * gyy), 0.0, 1.0)
 
 
@@ -76,6 +82,10 @@ def random_error(
     """Return the normalised random error of the response, sqrt(1 - g2) / (|g| sqrt(2 n_e)).
 
     n_e = n_d / C_eps^2 is the equivalent number of independent windows.
+
+    Args:
+        coherence: of any shape, such as (n_out, n_in, n_freq).
+        averages: n_e, one number or one for each coherence.
     """
     bounded = np.clip(coherence, 1e-12, 1.0)
     return np.sqrt((1.0 - bounded) / (bounded * 2.0 * averages))
@@ -139,6 +149,11 @@ def gate(
     cross: NDArray[np.float64], inputs: Sequence[str], frequency: NDArray[np.float64]
 ) -> tuple[str, ...]:
     """Judge the coherence between inputs; return the warnings that were raised.
+
+    Args:
+        cross: (n_in, n_in, n_freq) coherence between the inputs.
+        inputs: their names.
+        frequency: (n_freq,) rad/s.
 
     Raises:
         IdentificationError: two inputs moved as one.

@@ -12,7 +12,8 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.ident.scatter import Scatter
 from helisim.ident.seen import FlightSpan
 
-_USABLE_COHERENCE = 0.6
+USABLE_COHERENCE = 0.6
+"""Partial coherence from which a point of a response can be used (Tischler and Remple)."""
 
 _IN_MEMORY = {"stored": False}
 """Marks fields that are estimated from the records again, not written to files."""
@@ -100,7 +101,16 @@ class FrequencyResponse:
         input_units: Sequence[str] | None = None,
         output_units: Sequence[str] | None = None,
     ) -> "FrequencyResponse":
-        """Return a response known without error, for example a model's: coherence is 1."""
+        """Return a response known without error, for example a model's: coherence is 1.
+
+        Args:
+            frequency: (n_freq,) rad/s, increasing.
+            response: (n_out, n_in, n_freq) output over input.
+            inputs: names.
+            outputs: names.
+            input_units: SI; unknown by default.
+            output_units: SI; unknown by default.
+        """
         response = np.asarray(response)
         n_out, n_in, n_freq = len(outputs), len(inputs), np.size(frequency)
         return cls(
@@ -178,7 +188,7 @@ class FrequencyResponse:
             raise UnknownNameError("input", input_, self.inputs)
         return self.outputs.index(output), self.inputs.index(input_)
 
-    def usable(self, limit: float = _USABLE_COHERENCE) -> NDArray[np.bool_]:
+    def usable(self, limit: float = USABLE_COHERENCE) -> NDArray[np.bool_]:
         """Return where the partial coherence reaches `limit`, (n_out, n_in, n_freq)."""
         return self.coherence >= limit
 

@@ -188,7 +188,7 @@ class Fit:
         return dict(zip(self.structure.outputs, numbers.output_delays.tolist()))
 
     def response(self, frequency: ArrayLike) -> FrequencyResponse:
-        """Return the model's frequency response, delays included, at frequencies in rad/s."""
+        """Return the model's frequency response, delays included, at (n_freq,) rad/s or one."""
         grid = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
         return FrequencyResponse.exact(
             grid,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.errors import UnknownNameError
-from helisim.ident import Fit
+from helisim.ident import USABLE_COHERENCE, Fit
 from helisim.output import html
 from helisim.output.drawings import run_drawings
 from helisim.output.plots import Drawing
@@ -200,9 +200,9 @@ def _given(results: Mapping[str, Any], name: str) -> str:
 def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     blocks = []
     lead = html.paragraph(
-        "Dots: estimated from the flights, hollow where the coherence is below 0.6, in a band "
-        "of one random error. Solid: the identified model. Dashed: the truth. Grey ground: "
-        "not used by the fit.",
+        "Dots: estimated from the flights, hollow where the coherence is below "
+        f"{USABLE_COHERENCE}, in a band of one random error. Solid: the identified model. Dashed: "
+        "the truth. Grey ground: not used by the fit.",
         "note",
     )
     for item in run.evidence:

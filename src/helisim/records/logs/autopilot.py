@@ -106,7 +106,7 @@ class TopicLog:
         return values
 
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:
-        """Return seconds since the log's first stamp of all topics, that, and the column."""
+        """Return seconds (n_time,) since the log's first stamp, that stamp, and the column."""
         if time is not None:
             raise InputError(f"{self.path}: {self.format} has its own clock; leave out [time]")
         first = min(float(stamps[0]) for stamps in self._clocks.values() if stamps.size)

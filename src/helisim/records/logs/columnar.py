@@ -14,8 +14,6 @@ from helisim.records.logs.text import time_column
 from helisim.records.logs.units import DATES, TIME_UNITS, is_unit
 from helisim.records.parquet import read_table
 
-MAGIC = b"PAR1"
-
 _WIDEST = 9e18
 """Differences of whole numbers up to this are exact in 64 bits."""
 
@@ -57,7 +55,7 @@ class ParquetLog:
         return np.arange(self._table.num_rows)
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """Return a column, NaN where it is null.
+        """Return a column, (n_time,), NaN where it is null.
 
         Raises:
             StorageError: the column doesn't hold numbers.
@@ -77,7 +75,7 @@ class ParquetLog:
         return values
 
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:
-        """Return seconds since the first stamp, that stamp, and the column."""
+        """Return seconds since the first stamp (n_time,), that stamp, and the column."""
         count = self._table.num_rows
         if time is not None and time.rate is not None:
             return np.arange(count) / time.rate, "0", f"{time.rate:g} Hz"

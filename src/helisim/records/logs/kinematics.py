@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.signal import detrend
 
 from helisim.records.logs.report import Finding
 
@@ -56,6 +54,8 @@ def clocks(time: NDArray[np.float64], channels: Mapping[str, NDArray[np.float64]
         time: (n_time,) s.
         channels: p, q, r in rad/s and phi, theta, psi in rad, (n_time,) each.
     """
+    from scipy.interpolate import CubicSpline  # slow to import, and most commands read no log
+
     p, q, r, phi, theta, psi = (channels[name] for name in _NEEDED)
     turning = q * np.sin(phi) + r * np.cos(phi)
     rates = {
@@ -87,6 +87,8 @@ def clocks(time: NDArray[np.float64], channels: Mapping[str, NDArray[np.float64]
 def _transforms(
     signal: NDArray[np.float64], starts: NDArray[np.intp], length: int
 ) -> NDArray[np.complex128]:
+    from scipy.signal import detrend  # slow to import
+
     segments = np.stack([signal[start : start + length] for start in starts])
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
     return np.fft.rfft(detrend(segments, axis=1) * window, axis=1)

@@ -16,8 +16,6 @@ from helisim.records.logs.autopilot import (
     read_dataflash,
     read_ulog,
 )
-from helisim.records.logs.columnar import MAGIC as PARQUET_MAGIC
-from helisim.records.logs.columnar import ParquetLog
 from helisim.records.logs.log import Log
 from helisim.records.logs.mapping import Clock, Column, Map, find_column, split_heading
 from helisim.records.logs.parts import Options
@@ -41,6 +39,7 @@ REPAIRS: dict[str, str] = {
 """What may be done to a log, each only on request."""
 
 _OURS_CSV = b"# helisim flight record"
+_PARQUET_MAGIC = b"PAR1"
 
 
 def read_log(
@@ -184,7 +183,7 @@ def _as_map(
 def _is_ours(data: bytes) -> bool:
     if data.removeprefix(b"\xef\xbb\xbf").startswith(_OURS_CSV):
         return True
-    return data.startswith(PARQUET_MAGIC) and b"helisim" in data[-(1 << 16) :] and _has_key(data)
+    return data.startswith(_PARQUET_MAGIC) and b"helisim" in data[-(1 << 16) :] and _has_key(data)
 
 
 def _ended(path: Path) -> dict[str, Any]:
@@ -197,6 +196,8 @@ def _ended(path: Path) -> dict[str, Any]:
 
 
 def _has_key(data: bytes) -> bool:
+    from helisim.records.logs.columnar import ParquetLog  # pyarrow is slow to import
+
     try:
         return b"helisim" in ParquetLog(Path("."), data).metadata
     except StorageError:
@@ -204,7 +205,9 @@ def _has_key(data: bytes) -> bool:
 
 
 def _open(path: Path, data: bytes, map_: Map, cut_tail: bool) -> Source:
-    if data.startswith(PARQUET_MAGIC):
+    if data.startswith(_PARQUET_MAGIC):
+        from helisim.records.logs.columnar import ParquetLog
+
         return ParquetLog(path, data)
     if data.startswith(ULOG_MAGIC):
         return read_ulog(path, data)

@@ -52,7 +52,7 @@ def place(path: Path, counts: str, row: int, column: str | None = None) -> str:
 
 
 def check_no_infinity(path: Path, counts: str, name: str, values: NDArray[np.float64]) -> None:
-    """Raise RecordError, with the place, if a number of a column is infinite."""
+    """Raise RecordError, with the place, if a number of a column, (n_time,), is infinite."""
     infinite = np.flatnonzero(np.isinf(values))
     if infinite.size:
         where = place(path, counts, int(infinite[0]), name)

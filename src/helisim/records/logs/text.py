@@ -79,7 +79,7 @@ class TextLog:
         return np.array(self._lines, dtype=np.int64)
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """Return a column, NaN where a cell says that it has none.
+        """Return a column, (n_time,), NaN where a cell says that it has none.
 
         Raises:
             StorageError: a cell isn't a number.
@@ -92,7 +92,7 @@ class TextLog:
         return values
 
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:
-        """Return seconds since the first stamp, that stamp, and the column.
+        """Return seconds since the first stamp (n_time,), that stamp, and the column.
 
         Differences are taken exactly, so a clock that counts from 1970 loses nothing.
         """

@@ -42,7 +42,7 @@ class Samples:
     clock: str
 
     def take(self, keep: slice | NDArray) -> "Samples":
-        """Return some of the samples."""
+        """Return some of the samples: a slice, (n_kept,) positions, or (n_time,) whether to keep."""
         return Samples(
             self.path,
             self.counts,
@@ -60,6 +60,11 @@ class Samples:
 
 def within(samples: Samples, limits: NDArray[np.float64], findings: list[Finding]) -> Samples:
     """Return the samples between two instants, inclusive; a sample without a time stays.
+
+    Args:
+        samples: of one clock.
+        limits: (2,) first and last instant, s; infinite for none.
+        findings: what is left out is added.
 
     Raises:
         RecordError: there are fewer than two.
