@@ -163,18 +163,18 @@ def gate(
         for j, second in enumerate(inputs[:i]):
             mean = float(np.mean(cross[i, j]))
             worst = frequency[int(np.argmax(cross[i, j]))]
-            told = (
+            message = (
                 f"inputs {second!r} and {first!r} have a mean cross-control coherence of "
                 f"{mean:.2f} (largest at {worst:.3g} rad/s)"
             )
             advice = "add records where the other input is swept, or sweep with less off-axis input"
             if mean > CROSS_CONTROL_SINGULAR:
                 raise IdentificationError(
-                    f"{told}, so their effects can't be told apart; {advice}, "
+                    f"{message}, so their effects can't be told apart; {advice}, "
                     "or leave out the one that is known to have no effect"
                 )
             if mean > CROSS_CONTROL_LIMIT:
-                flags.append(f"{told}, expected at most {CROSS_CONTROL_LIMIT}; {advice}")
+                flags.append(f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}")
     for flag in flags:
         warnings.warn(
             flag, CrossControlWarning, stacklevel=4

@@ -175,15 +175,15 @@ def _too_incoherent(
     wanted: Mapping[str, tuple[str, str]],
     limits: Mapping[str, Band],
 ) -> str:
-    told = []
+    best_by_name = []
     for name, pair in wanted.items():
         o, i = frf.index(*pair)
         low, high = limits[name]
         inside = (frf.frequency >= low) & (frf.frequency <= high)
         best = float(np.max(frf.coherence[o, i], where=inside, initial=0.0))
-        told.append(f"{name} at most {best:.2f} at {int(inside.sum())} frequencies")
+        best_by_name.append(f"{name} at most {best:.2f} at {int(inside.sum())} frequencies")
     return (
         f"no response has {_FEWEST} points with a coherence of {USABLE_COHERENCE} in its band "
         f"(frequency response: {frf.frequency[0]:.4g} to {frf.frequency[-1]:.4g} rad/s): "
-        f"{'; '.join(told)}; widen the band, add sweeps, or raise the sweep's amplitude"
+        f"{'; '.join(best_by_name)}; widen the band, add sweeps, or raise the sweep's amplitude"
     )

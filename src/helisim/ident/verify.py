@@ -228,10 +228,10 @@ def _free_motions(fit: Fit, time: NDArray[np.float64], step: float) -> NDArray[n
     model = fit.model
     n_out, n, n_in = len(fit.structure.outputs), model.nstates, len(fit.structure.inputs)
     motions = [np.tile(np.eye(n_out)[k], (time.size, 1)) for k in range(n_out)]
-    still = np.zeros((time.size, n_in))
-    motions += [simulate(model, still, step, start=np.eye(n)[k]) for k in range(n)]
+    at_rest = np.zeros((time.size, n_in))
+    motions += [simulate(model, at_rest, step, start=np.eye(n)[k]) for k in range(n)]
     if n and np.linalg.cond(model.A) > _INTEGRATES:
-        motions += [simulate(model, still + np.eye(n_in)[k], step) for k in range(n_in)]
+        motions += [simulate(model, at_rest + np.eye(n_in)[k], step) for k in range(n_in)]
     return np.stack(motions)
 
 

@@ -103,8 +103,8 @@ def _header(path: Path, schema: pa.Schema) -> dict[str, Any]:
 def _channel(path: Path, field: pa.Field) -> Channel:
     if field.type != pa.float64():
         raise StorageError(f"{path}: column {field.name!r} holds {field.type}, expected double")
-    told = {
+    metadata = {
         key.decode("utf-8", "replace"): text.decode("utf-8", "replace")
         for key, text in (field.metadata or {}).items()
     }
-    return read_channel(path, {"name": field.name} | told)
+    return read_channel(path, {"name": field.name} | metadata)

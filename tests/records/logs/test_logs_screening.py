@@ -6,7 +6,7 @@ import pytest
 from helisim.errors import InputError, RecordError
 from helisim.records.channels import channel
 from helisim.records.logs import read_log, screen
-from helisim.records.logs.kinematics import clocks
+from helisim.records.logs.kinematics import clock_errors
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 
@@ -187,7 +187,7 @@ def turning(fast=0.0, slip=0.0, noise=1.0, seed=0):
 def test_angles_and_rates_tell_the_clocks(fast, slip):
     """How fast the clock is, and how much rates slip, within five of their standard errors."""
     with np.errstate(all="ignore"):
-        told = clocks(*turning(fast, slip))[0]
+        told = clock_errors(*turning(fast, slip))[0]
     assert told.angle == "phi"
     assert told.coherence > 0.999
     assert told.fast_error < 1e-3
@@ -200,7 +200,7 @@ def test_angles_and_rates_tell_the_clocks(fast, slip):
 def test_errors_of_the_clocks_are_honest():
     """Over forty seeds the found values scatter as their standard errors say, around none."""
     with np.errstate(all="ignore"):
-        told = [clocks(*turning(seed=seed))[0] for seed in range(40)]
+        told = [clock_errors(*turning(seed=seed))[0] for seed in range(40)]
     for value, error in (("fast", "fast_error"), ("slip", "slip_error")):
         pulls = [getattr(one, value) / getattr(one, error) for one in told]
         # 40 pulls of 14 degrees of freedom: their rms is 1.08, to 12 %; the mean to 0.17

@@ -12,8 +12,8 @@ from helisim.records.channels import Channel
 from helisim.records.logs.log import Log, made_log, passband, steps
 from helisim.records.logs.mapping import Column, Map, find_column
 from helisim.records.logs.parts import Options, cut, tidied, unwrapped
-from helisim.records.logs.report import OURS, Finding, LogReport
-from helisim.records.logs.screening import clocks_of, note_lost_samples, screened
+from helisim.records.logs.report import OURS, LogFinding, LogReport
+from helisim.records.logs.screening import check_clocks, note_lost_samples, screened
 from helisim.records.logs.source import Source, place
 from helisim.records.logs.timing import Samples, within
 from helisim.records.provenance import made_by
@@ -23,7 +23,7 @@ from helisim.records.record import FlightRecord
 def from_record(
     path: Path,
     record: FlightRecord,
-    fingerprint: str,
+    log_digest: str,
     options: Options,
     wanted: Sequence[str] | None,
 ) -> Log:
@@ -31,16 +31,16 @@ def from_record(
     samples = Samples(
         path, "row", np.arange(len(record)), record.time, record.values, record.names, "time"
     )
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     samples = within(samples, record.time[0] + np.array(options.limits), findings)
     samples = screened(samples, record.channels, options.repairs, findings, wanted=wanted)
     note_lost_samples(samples, options.rate is not None, findings)
     made = (cut((samples,), options, findings),)
-    findings += clocks_of(made, record.names)
+    findings += check_clocks(made, record.names)
     report = LogReport(
         path=str(path),
         format=OURS,
-        digest=fingerprint,
+        digest=log_digest,
         counts="row",
         samples=len(record),
         columns={channel.name: f"as recorded, in {channel.unit}" for channel in record.channels},
@@ -59,12 +59,12 @@ def from_record(
 
 
 def from_source(
-    source: Source, map_: Map, fingerprint: str, options: Options, marks: Mapping[str, Any]
+    source: Source, map_: Map, log_digest: str, options: Options, facts: Mapping[str, Any]
 ) -> Log:
     """Read anyone's log by a map whose channels are complete."""
     findings = list(source.findings)
     headings: dict[str, str] = {}
-    told: dict[str, str] = {}
+    computed: dict[str, str] = {}
     channels: dict[str, Channel] = {}
     groups: dict[str, dict[str, NDArray[np.float64]]] = {}
     for name, column in map_.channels.items():
@@ -72,7 +72,7 @@ def from_source(
         stated = source.stated_unit(heading)
         channels[name], factor = column.converts(name, stated)
         headings[name] = heading
-        told[name] = _told(column, heading, stated, channels[name])
+        computed[name] = _computation(column, heading, stated, channels[name])
         values = _converted(source, heading, column, factor)
         groups.setdefault(source.clock(heading), {})[name] = values
     samples = []
@@ -109,15 +109,15 @@ def from_source(
     for one in (one for stretch in stretches for one in stretch):
         note_lost_samples(one, options.rate is not None, findings)
     made = tuple(cut(stretch, options, findings) for stretch in stretches)
-    findings += clocks_of(made, order)
+    findings += check_clocks(made, order)
     used = {*headings.values(), *clocks}
     report = LogReport(
         path=str(source.path),
         format=source.format,
-        digest=fingerprint,
+        digest=log_digest,
         counts=source.counts,
         samples=max(one.time.size for one in samples),
-        columns=told,
+        columns=computed,
         unused=tuple(name for name in source.names if name not in used),
         origin=next(iter(clocks.values())),
         step=steps(tuple(one for stretch in stretches for one in stretch)),
@@ -126,11 +126,11 @@ def from_source(
         passband_hz=passband(made, options.rate),
         parts=tuple(part for one in made for part in one.parts),
     )
-    provenance = made_by("log reader", **marks)
+    provenance = made_by("log reader", **facts)
     return made_log(made, tuple(channels[name] for name in order), report, headings, provenance)
 
 
-def _told(column: Column, heading: str, stated: str | None, channel: Channel) -> str:
+def _computation(column: Column, heading: str, stated: str | None, channel: Channel) -> str:
     """Return how a channel is computed, for people."""
     unit = column.unit or stated
     number = f"{heading!r}" if column.trim is None else f"({heading!r} - {column.trim:g})"

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import RecordError, StorageError
 from helisim.records.logs.mapping import Clock, split_heading
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 from helisim.records.logs.source import MAX_COLUMNS, check_no_infinity, place
 from helisim.records.logs.text import time_column
 from helisim.records.logs.units import DATES, TIME_UNITS, is_unit
@@ -26,7 +26,7 @@ class ParquetLog:
 
     def __init__(self, path: Path, data: bytes) -> None:
         self.path = path
-        self.findings: list[Finding] = []
+        self.findings: list[LogFinding] = []
         self._table = read_table(path, data)
         self.names: tuple[str, ...] = tuple(self._table.column_names)
         if len(self.names) > MAX_COLUMNS:
@@ -42,8 +42,8 @@ class ParquetLog:
     def stated_unit(self, name: str) -> str | None:
         """Return the unit in the field's metadata or in the name's brackets, if it is one."""
         metadata = self._table.schema.field(self.names.index(name)).metadata or {}
-        told = metadata.get(b"unit")
-        unit = told.decode("utf-8", "replace") if told is not None else split_heading(name)[1]
+        stated = metadata.get(b"unit")
+        unit = stated.decode("utf-8", "replace") if stated is not None else split_heading(name)[1]
         return unit if unit is not None and is_unit(unit) else None
 
     def clock(self, name: str) -> str:

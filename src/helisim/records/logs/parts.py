@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from helisim.errors import RecordError
 from helisim.records.channels import Channel
 from helisim.records.logs.mapping import Column
-from helisim.records.logs.report import Finding, Part
+from helisim.records.logs.report import LogFinding, Part
 from helisim.records.logs.resample import Interpolant, interpolant, oversampling, resample
 from helisim.records.logs.timing import (
     Samples,
@@ -47,7 +47,7 @@ class Options(NamedTuple):
 
 
 def tidied(
-    samples: tuple[Samples, ...], options: Options, findings: list[Finding]
+    samples: tuple[Samples, ...], options: Options, findings: list[LogFinding]
 ) -> tuple[tuple[Samples, ...], ...]:
     """Return stretches of all clocks, in order and without duplicates."""
     for one in samples:
@@ -74,7 +74,7 @@ def tidied(
 
 
 def unwrapped(
-    samples: Samples, channels: Sequence[tuple[Column, Channel]], findings: list[Finding]
+    samples: Samples, channels: Sequence[tuple[Column, Channel]], findings: list[LogFinding]
 ) -> Samples:
     """Return the samples with angles that went around made continuous."""
     values = samples.values.copy()
@@ -91,7 +91,7 @@ def unwrapped(
             f"column {samples.columns[k]!r}: goes around {turns.size} times, the first in "
             f"{samples.counts} {rows[0]}; made continuous"
         )
-        findings.append(Finding("angle wraps", text, turns.size, rows, True))
+        findings.append(LogFinding("angle wraps", text, turns.size, rows, True))
     return replace(samples, values=values)
 
 
@@ -102,11 +102,11 @@ class Cut:
     time: list[NDArray[np.float64]]
     values: list[NDArray[np.float64]]
     parts: list[Part]
-    left_out: list[Finding]
+    left_out: list[LogFinding]
     factor: int
 
 
-def cut(stretch: tuple[Samples, ...], options: Options, findings: list[Finding]) -> Cut:
+def cut(stretch: tuple[Samples, ...], options: Options, findings: list[LogFinding]) -> Cut:
     """Cut a stretch at its gaps, fill what is missing, and resample where asked for."""
     first = stretch[0]
     spans = []
@@ -146,7 +146,7 @@ def cut(stretch: tuple[Samples, ...], options: Options, findings: list[Finding])
                 f"{first.counts}s {row[0]} to {row[1]}: {time.size} samples, {span:.4g} s, left "
                 "out as too short"
             )
-            made.left_out.append(Finding("short part", text, 1, tuple(row), True))
+            made.left_out.append(LogFinding("short part", text, 1, tuple(row), True))
             continue
         made.time.append(time)
         made.values.append(values)

@@ -92,9 +92,9 @@ def read_log(
         map_ = map_.with_channels(_by_name(source, wanted, map_.channels))
     elif not map_.channels:
         map_ = map_.with_channels(_stated(source))
-    told = _ended(path) if mapped and _is_ours(data) else {}
+    ended = _ended(path) if mapped and _is_ours(data) else {}
     try:
-        return from_source(source, map_, digest(data), options, told)
+        return from_source(source, map_, digest(data), options, ended)
     except InputError as error:
         raise _named(path, error) from None
 
@@ -123,9 +123,9 @@ def screen(
         InputError: an option doesn't exist.
     """
     options = _options(resample_hz, repair, max_gap, min_duration, (None, None))
-    fingerprint = digest(record.time.tobytes() + record.values.tobytes())
+    content = digest(record.time.tobytes() + record.values.tobytes())
     wanted = (channels,) if isinstance(channels, str) else channels
-    return from_record(Path("record"), record, fingerprint, options, wanted)
+    return from_record(Path("record"), record, content, options, wanted)
 
 
 def _named(path: Path, error: HelisimError) -> HelisimError:

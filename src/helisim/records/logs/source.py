@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from helisim.errors import RecordError, StorageError
 from helisim.records.files import read_bytes
 from helisim.records.logs.mapping import Clock
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 
 MAX_COLUMNS = 20_000
 
@@ -22,7 +22,7 @@ class Source(Protocol):
     format: str
     counts: str
     names: tuple[str, ...]
-    findings: list[Finding]
+    findings: list[LogFinding]
 
     def stated_unit(self, name: str) -> str | None:
         """Return the unit that the log states for a column, if it is one."""

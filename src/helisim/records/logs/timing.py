@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import RecordError
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 from helisim.records.logs.source import place
 
 GAP = 4.5
@@ -42,7 +42,7 @@ class Samples:
     clock: str
 
     def take(self, keep: slice | NDArray) -> "Samples":
-        """Return some of the samples: a slice, (n_kept,) positions, or (n_time,) whether to keep."""
+        """Return the samples at a slice, at positions (n_kept,), or where (n_time,) is true."""
         return Samples(
             self.path,
             self.counts,
@@ -58,7 +58,7 @@ class Samples:
         return place(self.path, self.counts, int(self.rows[k]), column)
 
 
-def within(samples: Samples, limits: NDArray[np.float64], findings: list[Finding]) -> Samples:
+def within(samples: Samples, limits: NDArray[np.float64], findings: list[LogFinding]) -> Samples:
     """Return the samples between two instants, inclusive; a sample without a time stays.
 
     Args:
@@ -84,7 +84,7 @@ def within(samples: Samples, limits: NDArray[np.float64], findings: list[Finding
         f"{samples.counts}s {found.rows[0]} to {found.rows[-1]} are used, {kept} of {count} "
         f"samples: {_limits(low, high)}"
     )
-    findings.append(Finding("limits", text, count - kept, (), True))
+    findings.append(LogFinding("limits", text, count - kept, (), True))
     return found
 
 
@@ -106,7 +106,7 @@ def _empty(samples: Samples, column: str) -> RecordError:
 
 
 def in_order(
-    samples: Samples, repair: Collection[str], findings: list[Finding]
+    samples: Samples, repair: Collection[str], findings: list[LogFinding]
 ) -> tuple[Samples, ...]:
     """Return stretches in which time doesn't fall: one, or more where a clock was reset.
 
@@ -123,28 +123,28 @@ def in_order(
     if not back.size:
         return (samples,)
     k = int(back[0])
-    told = (
+    what = (
         f"time goes back from {samples.time[k - 1]:.9g} to {samples.time[k]:.9g} s after the "
         f"start ({back.size} times in all)"
     )
     rows = tuple(samples.rows[back].tolist())
     if "resets" in repair:
-        text = f"{samples.counts} {rows[0]}: {told}; split there"
-        findings.append(Finding("reset", text, back.size, rows, True))
+        text = f"{samples.counts} {rows[0]}: {what}; split there"
+        findings.append(LogFinding("reset", text, back.size, rows, True))
         edges = [0, *back.tolist(), samples.time.size]
         return tuple(samples.take(slice(a, b)) for a, b in pairwise(edges))
     if "order" in repair:
-        text = f"{samples.counts} {rows[0]}: {told}; sorted by time"
-        findings.append(Finding("order", text, back.size, rows, True))
+        text = f"{samples.counts} {rows[0]}: {what}; sorted by time"
+        findings.append(LogFinding("order", text, back.size, rows, True))
         return (samples.take(np.argsort(samples.time, kind="stable")),)
     raise RecordError(
-        f"{samples.at(k, samples.clock)}: {told}; if the clock was reset, split the log there with "
+        f"{samples.at(k, samples.clock)}: {what}; if the clock was reset, split the log there with "
         "the repair 'resets', if rows are out of order, sort them with 'order' (--repair)"
     )
 
 
 def without_duplicates(
-    samples: Samples, repair: Collection[str], findings: list[Finding]
+    samples: Samples, repair: Collection[str], findings: list[LogFinding]
 ) -> Samples:
     """Return the samples with rows of one stamp averaged.
 
@@ -155,11 +155,11 @@ def without_duplicates(
     if not same.size:
         return samples
     k = int(same[0])
-    told = f"the same time as the {samples.counts} before, {samples.time[k]:.9g} s after the start"
+    what = f"the same time as the {samples.counts} before, {samples.time[k]:.9g} s after the start"
     rows = tuple(samples.rows[same].tolist())
     if "duplicates" not in repair:
         raise RecordError(
-            f"{samples.at(k, samples.clock)}: {told} ({same.size} times in all); average such "
+            f"{samples.at(k, samples.clock)}: {what} ({same.size} times in all); average such "
             "rows with the repair 'duplicates' (--repair), or use a finer clock"
         )
     first = np.flatnonzero(np.diff(samples.time, prepend=-np.inf) != 0.0)
@@ -168,8 +168,8 @@ def without_duplicates(
     count = np.add.reduceat(known.astype(np.int64), first, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / count
-    text = f"{samples.counts} {rows[0]}: {told}; {same.size} such rows averaged"
-    findings.append(Finding("duplicate stamp", text, same.size, rows, True))
+    text = f"{samples.counts} {rows[0]}: {what}; {same.size} such rows averaged"
+    findings.append(LogFinding("duplicate stamp", text, same.size, rows, True))
     merged = samples.take(first)
     return Samples(
         merged.path,
@@ -182,26 +182,26 @@ def without_duplicates(
     )
 
 
-def check_missing(samples: Samples, repair: Collection[str], findings: list[Finding]) -> None:
+def check_missing(samples: Samples, repair: Collection[str], findings: list[LogFinding]) -> None:
     """Report the cells without a number. Raises RecordError unless they are to be filled."""
     for column, values in zip(samples.columns, samples.values.T):
         holes = np.flatnonzero(np.isnan(values))
         if not holes.size:
             continue
-        told = f"{holes.size} of {values.size} numbers are missing"
+        what = f"{holes.size} of {values.size} numbers are missing"
         where = samples.at(int(holes[0]), column)
         if "missing" not in repair:
             raise RecordError(
-                f"{where}: no number ({told}); interpolate with the repair 'missing' (--repair), "
+                f"{where}: no number ({what}); interpolate with the repair 'missing' (--repair), "
                 "or cut the log"
             )
         text = (
-            f"column {column!r}: {told}, the first in {samples.counts} {samples.rows[holes[0]]}; "
+            f"column {column!r}: {what}, the first in {samples.counts} {samples.rows[holes[0]]}; "
             "interpolated"
         )
         rows = tuple(samples.rows[holes].tolist())
         if not any(finding.text == text for finding in findings):
-            findings.append(Finding("missing number", text, holes.size, rows, True))
+            findings.append(LogFinding("missing number", text, holes.size, rows, True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,7 @@ def pieces(
     repair: Collection[str],
     max_gap: float | None,
     strict: bool,
-    findings: list[Finding],
+    findings: list[LogFinding],
 ) -> tuple[Piece, ...]:
     """Return the intervals in which every channel has numbers close enough together.
 
@@ -289,7 +289,7 @@ def _report_gaps(
     stops: NDArray[np.float64],
     repair: Collection[str],
     strict: bool,
-    findings: list[Finding],
+    findings: list[LogFinding],
 ) -> None:
     start = np.clip(starts, samples.time[0], None)
     stop = np.clip(stops, None, samples.time[-1])
@@ -299,18 +299,18 @@ def _report_gaps(
     span = float(samples.time[-1] - samples.time[0])
     k = int(after[0])
     share = f"{100.0 * lost / span:.2g} %" if span > 0.0 else "all"
-    told = (
+    what = (
         f"a gap of {stop[0] - start[0]:.4g} s from {start[0]:.6g} s after the start "
         f"({starts.size} gaps, {lost:.4g} s, {share} of the log)"
     )
     rows = tuple(samples.rows[after].tolist())
     if "gaps" in repair:
-        text = f"{samples.counts} {rows[0]}: {told}; split there"
-        findings.append(Finding("gap", text, starts.size, rows, True))
+        text = f"{samples.counts} {rows[0]}: {what}; split there"
+        findings.append(LogFinding("gap", text, starts.size, rows, True))
         return
     if strict:
         raise RecordError(
-            f"{samples.at(k, samples.clock)}: {told}; split the log at its gaps with the repair "
+            f"{samples.at(k, samples.clock)}: {what}; split the log at its gaps with the repair "
             "'gaps' (--repair), or allow longer ones (--max-gap S)"
         )
-    findings.append(Finding("gap", f"{samples.counts} {rows[0]}: {told}", starts.size, rows))
+    findings.append(LogFinding("gap", f"{samples.counts} {rows[0]}: {what}", starts.size, rows))
