@@ -111,28 +111,6 @@ def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
     return 2.0 * jacobian.T @ jacobian
 
 
-def exact_hessian(cost: Cost, x: NDArray[np.float64], step: float = 1e-5) -> NDArray[np.float64]:
-    """Return the full Hessian of J, (n_free, n_free), by differences of its exact gradient.
-
-    Args:
-        cost: of the fit.
-        x: (n_free,) the free parameters.
-        step: of the central differences, as a fraction of each parameter.
-    """
-    columns = []
-    for k in range(x.size):
-        shift = np.zeros_like(x)
-        shift[k] = step * max(abs(x[k]), 1e-3)
-        upper, lower = _gradient(cost, x + shift), _gradient(cost, x - shift)
-        columns.append((upper - lower) / (2.0 * shift[k]))
-    hessian = np.stack(columns, axis=1)
-    return 0.5 * (hessian + hessian.T)
-
-
-def _gradient(cost: Cost, x: NDArray[np.float64]) -> NDArray[np.float64]:
-    return 2.0 * cost.log_jacobian(x).T @ cost.log(x, unwrap=False)
-
-
 def _inverse(
     hessian: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
