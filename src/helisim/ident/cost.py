@@ -49,7 +49,11 @@ class Cost:
         return {**self._fixed, **dict(zip(self._names, x.tolist()))}
 
     def ratio(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray]:
-        """Return model over measured response, (n_point,), and its slope, (n_free, n_point)."""
+        """Return model over measured response at x, (n_free,), and its slope.
+
+        Returns:
+            (n_point,) and (n_free, n_point).
+        """
         key = x.tobytes()
         if self._held is None or key != self._key:
             at = self.points
@@ -60,7 +64,7 @@ class Cost:
         return self._held
 
     def log(self, x: NDArray[np.float64], *, unwrap: bool = True) -> NDArray[np.float64]:
-        """Return the residuals whose squares sum to J, (2 n_point,)."""
+        """Return the residuals of x, (n_free,), whose squares sum to J, (2 n_point,)."""
         z, _ = self.ratio(x)
         if not np.all(np.isfinite(z)) or np.any(z == 0.0):
             return np.full(2 * z.size, _HOPELESS)
@@ -70,7 +74,7 @@ class Cost:
         return np.concatenate([root * DB_PER_NEPER * np.log(np.abs(z)), root * degrees])
 
     def log_jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives of `log`, (2 n_point, n_free)."""
+        """Return the derivatives of `log` by x, (n_free,): (2 n_point, n_free)."""
         z, slope = self.ratio(x)
         with np.errstate(all="ignore"):
             step = slope / z
@@ -83,7 +87,7 @@ class Cost:
         ).T
 
     def relative(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the relative complex errors in dB of a small error, (2 n_point,)."""
+        """Return the relative errors of x, (n_free,), in dB of a small one, (2 n_point,)."""
         z, _ = self.ratio(x)
         if not np.all(np.isfinite(z)):
             return np.full(2 * z.size, _HOPELESS)
@@ -91,7 +95,7 @@ class Cost:
         return np.concatenate([scaled.real, scaled.imag])
 
     def relative_jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives of `relative`, (2 n_point, n_free)."""
+        """Return the derivatives of `relative` by x, (n_free,): (2 n_point, n_free)."""
         _, slope = self.ratio(x)
         if not np.all(np.isfinite(slope)):
             return np.zeros((2 * self.points.weight.size, len(self._names)))
@@ -108,7 +112,7 @@ class Cost:
         return self._spread
 
     def standardised(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the relative complex errors over their standard deviations, (2 n_point,)."""
+        """Return the relative errors of x, (n_free,), over their deviations, (2 n_point,)."""
         z, _ = self.ratio(x)
         if not np.all(np.isfinite(z)):
             return np.full(2 * z.size, _HOPELESS)
@@ -116,7 +120,7 @@ class Cost:
         return np.concatenate([scaled.real, scaled.imag])
 
     def standardised_jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives of `standardised`, (2 n_point, n_free)."""
+        """Return the derivatives of `standardised` by x, (n_free,): (2 n_point, n_free)."""
         _, slope = self.ratio(x)
         if not np.all(np.isfinite(slope)):
             return np.zeros((2 * self.points.weight.size, len(self._names)))
@@ -131,7 +135,7 @@ class Cost:
         )
 
     def per_response(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return J of each response, with phase errors within half a turn, (n_pair,)."""
+        """Return J of each response for x, (n_free,), its phase within half a turn, (n_pair,)."""
         residual = self.log(x, unwrap=False) ** 2
         half = self.points.weight.size
         each = residual[:half] + residual[half:]

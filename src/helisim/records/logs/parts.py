@@ -20,9 +20,7 @@ from helisim.records.logs.timing import (
     pieces,
     without_duplicates,
 )
-
-UNIFORM = 1e-6
-"""A step may differ from the mean by this fraction, as `FlightRecord.sample_time` has it."""
+from helisim.records.record import UNIFORM
 
 _WRAP = 1.5 * np.pi
 """rad: an angle that jumps by more between two samples went around."""
@@ -119,19 +117,18 @@ def cut(stretch: tuple[Samples, ...], options: Options, findings: list[LogFindin
         factor = max((oversampling(step, options.rate) for step in steps), default=1)
     made = Cut([], [], [], [], factor)
     for start, stop in _shared(spans):
-        lines = [_lines(one, start, stop) for one in stretch]
-        through = [line for group in lines for line in group]
         inside = np.flatnonzero((first.time >= start) & (first.time <= stop))
         if options.rate is None:
             time = first.time[inside]
             values = first.values[inside].copy()
-            for k, line in enumerate(through):
+            for k in range(values.shape[1]):
                 holes = np.isnan(values[:, k])
-                values[holes, k] = line(time[holes])
+                if holes.any():
+                    values[holes, k] = _line(first, k, start, stop)(time[holes])
         else:
             count = int(min(np.floor((stop - start) * options.rate + 1e-6), 1e12)) + 1
             values = resample(
-                through,
+                [_line(one, k, start, stop) for one in stretch for k in range(len(one.columns))],
                 start,
                 count,
                 rate=options.rate,
@@ -166,20 +163,17 @@ def _uneven(samples: Samples, inside: NDArray[np.intp]) -> str:
     return f"{where}: {steps[worst]:.6g} s after the {samples.counts} before, on average {mean:.6g}"
 
 
-def _lines(samples: Samples, start: float, stop: float) -> list[Interpolant]:
-    """Return a function of time for each channel between two instants.
+def _line(samples: Samples, k: int, start: float, stop: float) -> Interpolant:
+    """Return a function of time for a column between two instants.
 
-    Samples beyond are used only where a channel has none at the instant itself.
+    Samples beyond are used only where it has none at the instant itself.
     """
-    found = []
-    for values in samples.values.T:
-        known = np.flatnonzero(np.isfinite(values))
-        time = samples.time[known]
-        low = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
-        high = min(int(np.searchsorted(time, stop, side="left")), time.size - 1)
-        keep = known[low : high + 1]
-        found.append(interpolant(samples.time[keep], values[keep]))
-    return found
+    known = np.flatnonzero(np.isfinite(samples.values[:, k]))
+    time = samples.time[known]
+    low = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
+    high = min(int(np.searchsorted(time, stop, side="left")), time.size - 1)
+    keep = known[low : high + 1]
+    return interpolant(samples.time[keep], samples.values[keep, k])
 
 
 def _shared(spans: Sequence[Sequence[tuple[float, float]]]) -> list[tuple[float, float]]:

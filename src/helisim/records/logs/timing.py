@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from helisim.errors import RecordError
 from helisim.records.logs.report import LogFinding
 from helisim.records.logs.source import place
+from helisim.records.quality import Run
 
 GAP = 4.5
 """A step longer than so many median steps is a gap."""
@@ -204,21 +205,13 @@ def check_missing(samples: Samples, repair: Collection[str], findings: list[LogF
             findings.append(LogFinding("missing number", text, holes.size, rows, True))
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """An interval without a gap: from sample `first` to sample `last`, inclusive."""
-
-    first: int
-    last: int
-
-
 def pieces(
     samples: Samples,
     repair: Collection[str],
     max_gap: float | None,
     strict: bool,
     findings: list[LogFinding],
-) -> tuple[Piece, ...]:
+) -> tuple[Run, ...]:
     """Return the intervals in which every channel has numbers close enough together.
 
     Args:
@@ -250,17 +243,17 @@ def pieces(
             if known[-1] < time.size - 1:
                 cuts.append((float(time[known[-1]]), np.inf))
     if not cuts:
-        return (Piece(0, time.size - 1),)
+        return (Run(0, time.size - 1),)
     starts, stops = (np.array(edge) for edge in zip(*sorted(set(cuts))))
     _report_gaps(samples, starts, stops, repair, strict or holed, findings)
     if "gaps" not in repair:
-        return (Piece(0, time.size - 1),)
+        return (Run(0, time.size - 1),)
     return _between(time, starts, stops)
 
 
 def _between(
     time: NDArray[np.float64], starts: NDArray[np.float64], stops: NDArray[np.float64]
-) -> tuple[Piece, ...]:
+) -> tuple[Run, ...]:
     """Return the runs of samples that no open interval (start, stop) holds or separates."""
     n = time.size
     inside = np.zeros(n + 1, dtype=np.int64)
@@ -275,7 +268,7 @@ def _between(
     found = []
     for label in np.unique(run[keep]):
         members = np.flatnonzero((run == label) & keep)
-        found.append(Piece(int(members[0]), int(members[-1])))
+        found.append(Run(int(members[0]), int(members[-1])))
     return tuple(found)
 
 
