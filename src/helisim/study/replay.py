@@ -26,8 +26,9 @@ _ARGUMENTS: dict[str, tuple[type, ...]] = {
 }
 """What a run says of how it was called, by name and type."""
 
-_TOLD = ("versions", "made_by", "model_digest")
-"""Compared apart: they may differ where no number does."""
+_TOLD = ("versions", "made_by", "model_digest", "marks", "spans")
+"""Left out of the numbers: versions are compared apart, marks and spans only say which records a
+fit has seen."""
 
 _SHOWN = 10
 """Differences that are printed; the count says how many there are."""
