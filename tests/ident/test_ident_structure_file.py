@@ -203,8 +203,8 @@ def test_whatever_is_written_ends_in_a_structure_or_an_input_error(data):
     try:
         structure = Structure.from_dict(plain)
     except InputError as error:
-        told = str(error)
+        message = str(error)
     else:
         assert Structure.from_dict(structure.to_dict()).to_dict() == structure.to_dict()
         return
-    assert told
+    assert message

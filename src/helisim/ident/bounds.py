@@ -1,4 +1,4 @@
-"""How well a fit determines its parameters: Cramér-Rao bounds and insensitivities.
+"""Computes how well a fit determines its parameters: Cramér-Rao bounds, insensitivities, errors.
 
 With H the Hessian of the summed cost J (second derivatives, so 2 J_r^T J_r for residuals r):
 

@@ -1,4 +1,4 @@
-"""Which measured points a fit uses: some log-spaced ones of each coherent response."""
+"""Selects the measured points of a fit: some log-spaced ones of each coherent response."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""How the errors of a frequency response hang together, so that a fit can state its own.
+"""The random errors of a frequency response and their correlations, for a fit to state its own.
 
 An estimate is linear in the disturbance e = y - H u that the records hold beside the response:
 

@@ -1,4 +1,4 @@
-"""Where the searches begin: scattered starts, with the input gains solved from the data."""
+"""Chooses where the searches begin: scattered starts, with the input gains solved from the data."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Structures as plain data and as TOML text: what a user writes, checked entry by entry."""
+"""Reads and writes structures as TOML and plain data, checked entry by entry."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Records as Parquet.
+"""Reads and writes records as Parquet.
 
 A column `time` (s) and one column a channel, with `unit`, `kind` and `meaning` as field
 metadata; the schema metadata has one key, `helisim`, a JSON object with `format`, `version`

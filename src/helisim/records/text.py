@@ -1,4 +1,4 @@
-"""Records as CSV.
+"""Reads and writes records as CSV.
 
 Comment lines, then a header of `name [unit]` and one row a sample::
 

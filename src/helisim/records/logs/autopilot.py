@@ -1,4 +1,4 @@
-"""Logs of PX4 (ULog) and ArduPilot (DataFlash), by their projects' own readers.
+"""Reads logs of PX4 (ULog) and ArduPilot (DataFlash), by their projects' own readers.
 
 A column is called `topic.field`, such as `vehicle_angular_velocity.xyz[0]` or `RATE.R`; a
 second instance is `topic[1].field`. Each topic has its own clock, which counts microseconds.
@@ -33,7 +33,7 @@ _READS_A_BYTE = 4
 
 
 class _Finite(io.BytesIO):
-    """Bytes that are not read for ever: a damaged log sends pyulog back to where it was."""
+    """Bytes with a limit of reads: a corrupt log sends pyulog back to where it was."""
 
     def __init__(self, data: bytes) -> None:
         super().__init__(data)

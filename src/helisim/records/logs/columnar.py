@@ -1,4 +1,4 @@
-"""Parquet by any program."""
+"""Reads Parquet files of any program."""
 
 from pathlib import Path
 

@@ -136,7 +136,7 @@ def _errors_by(
 def clock_findings(
     parts: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]], names: Sequence[str]
 ) -> list[LogFinding]:
-    """Return what the angles of each part of a log say of its clocks, if they say it surely.
+    """Return the errors of a log's clocks that its angles show surely, part by part.
 
     Args:
         parts: time and values, (n_time,) and (n_time, n_channel), uniform.

@@ -71,14 +71,14 @@ def passband(made: Sequence[Cut], rate: float | None) -> float | None:
     return PASSBAND * rate / 2.0
 
 
-def made_log(
+def assemble_log(
     made: Sequence[Cut],
     channels: tuple[Channel, ...],
     report: LogReport,
     headings: Mapping[str, str],
     provenance: Mapping[str, Any],
 ) -> Log:
-    """Return the log, each of its records with the report in its provenance.
+    """Make the log of what its stretches became, the report in each record's provenance.
 
     Raises RecordError.
     """

@@ -1,4 +1,4 @@
-"""From samples as a log has them to the parts that become records."""
+"""Cuts a log's samples into the parts that become records, and resamples them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

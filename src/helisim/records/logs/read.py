@@ -108,10 +108,10 @@ def screen(
     max_gap: float | None = None,
     min_duration: float = 0.0,
 ) -> Log:
-    """Look a record in memory through as `read_log` does one in a file, and repair it.
+    """Screen and repair a record in memory, as `read_log` does one in a file.
 
     Args:
-        record: to look through; it stays as it is.
+        record: to screen; it stays as it is.
         channels: to look at for spikes and frozen runs; all if None.
         resample_hz: as for `read_log`, and so are all others.
         repair: see `REPAIRS`.

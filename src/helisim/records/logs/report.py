@@ -1,4 +1,4 @@
-"""What was found in a log and what was done about it."""
+"""The report of a log that was read: what was found, and what was repaired."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _ROWS_KEPT = 20
 
 @dataclass(frozen=True)
 class LogFinding:
-    """One thing about a log that a careful reader would want to know.
+    """One fault or oddity of a log, and whether it was repaired.
 
     Attributes:
         kind: such as "gap", "duplicate stamp" or "missing number".

@@ -1,4 +1,4 @@
-"""What a log's channels and stamps say of its recorder: spikes, dead sensors, lost samples.
+"""Screens a log for faults of its recorder: spikes, frozen sensors, lost samples, wrong clocks.
 
 Each is noted, and left out where that was asked for.
 """
@@ -17,7 +17,7 @@ from helisim.records.logs.report import LogFinding
 from helisim.records.logs.timing import GAP, Samples
 from helisim.records.quality import frozen_runs, spikes
 
-_TELLS_CLOCKS = 20.0
+_LONG_ENOUGH = 20.0
 """s, of a part whose clocks are looked at."""
 _REGULAR = 0.01
 """Share of the median step by which a step of a steady recorder is off at most."""
@@ -31,7 +31,7 @@ def screened(
     *,
     wanted: Collection[str] | None = None,
 ) -> Samples:
-    """Return the samples without what no sensor saw, as far as that was asked for.
+    """Look for spikes and frozen runs; return the samples without those that were to be repaired.
 
     Args:
         samples: in order, without duplicates.
@@ -123,12 +123,12 @@ def _where(samples: Samples, k: int) -> str:
 
 
 def check_clocks(made: Sequence[Cut], names: Sequence[str]) -> list[LogFinding]:
-    """Return what uniform parts that are long enough say of their clocks."""
+    """Return the errors of the clocks, of uniform parts that are long enough to show them."""
     parts = [
         (time, values)
         for one in made
         for time, values, part in zip(one.time, one.values, one.parts)
-        if not part.uneven and part.duration >= _TELLS_CLOCKS
+        if not part.uneven and part.duration >= _LONG_ENOUGH
     ]
     return clock_findings(parts, names)
 

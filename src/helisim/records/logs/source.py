@@ -1,4 +1,4 @@
-"""What every kind of log offers to the reader: columns of numbers, and when they were taken."""
+"""The interface of every kind of log: columns of numbers, and when they were taken."""
 
 import hashlib
 from pathlib import Path

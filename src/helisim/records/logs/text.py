@@ -1,4 +1,4 @@
-"""CSV by any program: delimiter, encoding and header are found out, every cell is checked."""
+"""Reads CSV files of any program: finds delimiter, encoding and header, checks every cell."""
 
 import csv
 from collections import Counter
