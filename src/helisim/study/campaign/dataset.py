@@ -64,7 +64,8 @@ class Dataset:
     @cached_property
     def provenance(self) -> dict[str, Any]:
         """The plan and the versions that compute its numbers."""
-        return plain(made_by("campaign", campaign=self.campaign.to_dict()))
+        truth = {"truth": "mean over the air met"} if self.campaign.turbulent else {}
+        return plain(made_by("campaign", campaign=self.campaign.to_dict(), **truth))
 
     def prepare(self) -> None:
         """Make the folder. Raises StorageError."""

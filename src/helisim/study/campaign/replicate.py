@@ -16,6 +16,7 @@ from helisim.study.flights import Flights
 from helisim.study.identification import GroundTests, compare, identify_model
 from helisim.study.models import Model
 from helisim.study.results import ComparisonTable
+from helisim.study.truth import air_met
 from helisim.vehicle import Vehicle
 
 T = TypeVar("T")
@@ -62,8 +63,7 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
         vehicle = one.settings.load()
         plans = {axis: one.settings.plan(axis, vehicle) for axis in campaign.axes}
         recorder = one.settings.recorder(vehicle)
-        # the truth is of the hover in the steady wind
-        steady = one.settings.weather().trimmed(vehicle)
+        air = air_met(vehicle, one.settings.weather())  # the truth is of the hover in it
     except HelisimError as error:
         return [row for item in _tasks(campaign) for row in _failed(*item, str(error))]
     flown = {axis: _flights(campaign, one, vehicle, plan) for axis, plan in plans.items()}
@@ -77,7 +77,7 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
             estimated = by_method(model, method)
             tested = _done(ground) if _needs_ground(model) else {}
             fit = _identified(estimated, flights, before, tested)
-            table = compare(steady, estimated, fit, recorder)
+            table = compare(vehicle, estimated, fit, recorder, air=air)
         except HelisimError as error:
             rows += _failed(count, method, model, str(error))
             continue

@@ -1,8 +1,8 @@
 """Test helisim with the oldest and the newest versions that its pyproject.toml admits.
 
     pip install uv                               # resolves the lower bounds, makes the environments
-    python scripts/version_matrix.py             # every Python from 3.11 up that is found here
-    python scripts/version_matrix.py --python 3.12 --which oldest --tests tests
+    python scripts/proof/version_matrix.py       # every Python from 3.11 up that is found here
+    python scripts/proof/version_matrix.py --python 3.12 --which oldest --tests tests
 
 For each Python and each end of the bounds: an environment of its own in a temporary folder, with
 wheels only; a wheel of this checkout in it; the tests. Where a dependency has no wheel for a Python
@@ -20,7 +20,7 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 OLDEST_PYTHON, LAST_PYTHON = 11, 20
 RESOLUTION = {"oldest": "lowest-direct", "newest": "highest"}
 EXTRAS = ("logs", "dask")

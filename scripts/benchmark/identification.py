@@ -16,7 +16,7 @@ processor time from records to model: mean and standard deviation over the seeds
 Peers (`pip install helisim[benchmark]`) get the four records joined, which is fair as each begins
 and ends in trim, decimated to 25 Hz, and the true order: 4.
 
-    python scripts/benchmark_identification.py [SEEDS]
+    python scripts/benchmark/identification.py [SEEDS]
 """
 
 import sys
@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import decimate
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recovery"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "recovery"))
 from plants import ROLLPITCH_IN1, fly, fly_closed_loop
 
 from helisim.ident import frequency_response, identify, structures

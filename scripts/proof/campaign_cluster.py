@@ -4,7 +4,7 @@ The cluster is two worker processes of this machine, which listen on 127.0.0.1 o
 after the first replicate. Printed are the datasets' fingerprints, which must be equal.
 
     pip install helisim[dask]
-    python scripts/campaign_cluster.py
+    python scripts/proof/campaign_cluster.py
 """
 
 import hashlib

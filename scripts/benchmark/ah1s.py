@@ -3,7 +3,7 @@
 `pip install helisim[benchmark]`; the AH-1S and its script are in JSBSim's wheel. Its rotor has no
 states of its own: thrust, torque and flapping follow from the body's motion at once.
 
-    python scripts/benchmark_jsbsim.py
+    python scripts/benchmark/ah1s.py
 """
 
 import contextlib

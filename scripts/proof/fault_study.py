@@ -6,7 +6,7 @@ base model's parameter that moves most differs from that of the same flights wit
 from the records as they are, and as screened; and the fit's average cost, of which 100 is the
 most that the guidelines accept.
 
-    python scripts/fault_study.py [FAULT...]
+    python scripts/proof/fault_study.py [FAULT...]
 """
 
 import sys

@@ -2,10 +2,10 @@
 
 Speeds are CPU time, the best of several rounds that alternate; only the scaling over threads is
 wall time, which means something on an idle machine alone: the machine's load is printed first. The
-whole experiment has a benchmark of its own, `benchmark_experiment.py`. Peers come with
+whole experiment has a benchmark of its own, `experiment.py`. Peers come with
 `pip install helisim[benchmark]`; rows of those that aren't installed say so.
 
-    OPENBLAS_NUM_THREADS=1 python scripts/benchmark.py
+    OPENBLAS_NUM_THREADS=1 python scripts/benchmark/ratios.py
 """
 
 import os
@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-import benchmark_identification as identification
-import benchmark_memory as memory
-import benchmark_step as step
 import helisim as hs
+import identification
+import memory
+import step
 from helisim.sim import simulate
 from helisim.vehicle import Vehicle, load
 

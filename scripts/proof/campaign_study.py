@@ -6,7 +6,7 @@ and fall with the length of the records; and the shortest flight time that keeps
 within the paper's bounds of the truth. Conditions are the values of what the campaign varied.
 
     helisim campaign scripts/campaigns/study.toml --out study
-    python scripts/campaign_study.py study
+    python scripts/proof/campaign_study.py study
 """
 
 import sys
