@@ -1,6 +1,7 @@
 """The scripts that a user copies: each runs, and says what it is for."""
 
 import runpy
+import subprocess
 import sys
 
 import pytest
@@ -30,6 +31,22 @@ def test_five_scripts_are_for_users():
         "run_campaign.py",
         "write_report.py",
     ]
+
+
+def test_proofs_and_benchmarks_find_what_they_import():
+    """Each is loaded, beside its neighbours as when it is run; none does anything yet."""
+    paths = sorted(str(path) for path in SCRIPTS.glob("*/*.py"))
+    assert len(paths) > 10
+    code = (
+        "import runpy, sys\n"
+        "for path in sys.argv[1:]:\n"
+        "    sys.path[0] = path.rpartition('/')[0]\n"
+        "    runpy.run_path(path, run_name='loaded')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *paths], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
 
 
 def test_flights_are_identified_and_verified(run):

@@ -79,9 +79,9 @@ def main() -> None:
     """Print steps per CPU second."""
     simulation = hovering()
     for read in (False, True):
-        told = "outputs read" if read else "nothing read"
+        how = "outputs read" if read else "nothing read"
         best = min(cost(simulation, read=read) for _ in range(ROUNDS))
-        print(f"JSBSim ah1s, {told}  {1e-3 / best:7.1f} thousand steps/s")
+        print(f"JSBSim ah1s, {how}  {1e-3 / best:7.1f} thousand steps/s")
 
 
 if __name__ == "__main__":

@@ -142,8 +142,8 @@ def missing(what: str, package: str) -> Row:
 def main() -> None:
     """Print the table, row by row."""
     busy = os.getloadavg()[0]
-    told = "" if busy < IDLE else f", above {IDLE}: wall times are those of a busy machine"
-    print(f"load of the machine {busy:.1f}{told}")
+    note = "" if busy < IDLE else f", above {IDLE}: wall times are those of a busy machine"
+    print(f"load of the machine {busy:.1f}{note}")
     vehicle = load("jr700")
     print(f"{'helisim beside ...':<42}{'helisim':>10}{'beside':>12}{'ratio':>8}  wanted")
     for rows in (steps(), threads(vehicle), memories(), identifications()):

@@ -34,7 +34,7 @@ PATIENCE = 60.0
 NOTICES = 8.0
 """s until the viewer's notices have faded."""
 TITLE_BAR = 36
-"""px at the top of the viewer, which tell of this computer and not of the recording."""
+"""px at the top of the viewer, which are about this computer and not the recording."""
 
 
 def main() -> None:

@@ -86,9 +86,9 @@ def resolved(python: str, which: str, folder: Path) -> Path:
     return pinned
 
 
-def reason(told: str) -> str:
+def reason(message: str) -> str:
     """Return the line of uv's that says why."""
-    lines = [line.strip() for line in told.splitlines() if line.strip()]
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
     return next((line for line in lines if line.startswith("error:")), lines[-1])
 
 
@@ -118,8 +118,8 @@ def tested(python: str, which: str, wheel: Path, tests: list[str]) -> bool | Non
         try:
             pinned = resolved(python, which, folder)
             interpreter = made(python, pinned, wheel, folder)
-        except NotToBeHad as told:
-            print(f"Python {python} {which}: not to be had: {told}", flush=True)
+        except NotToBeHad as message:
+            print(f"Python {python} {which}: not to be had: {message}", flush=True)
             return None
         done = run(interpreter, "-m", "pytest", "-p", "no:cacheprovider", *tests, check=False)
         said = done.stdout.strip().splitlines()
