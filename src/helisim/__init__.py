@@ -20,10 +20,29 @@ The house, from the ground up; each room imports only from those above it in thi
     cli             each command parses, calls the library once, prints, exits
 """
 
-from lazy_loader import attach_stub
+import ast
+from importlib import import_module
+from pathlib import Path
 
 __version__ = "0.1.0"
 
-# The public names are those of __init__.pyi. Each is loaded on its first use, so that identifying
-# a log needs no simulator.
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)
+_STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+_HOMES = {
+    alias.name: str(node.module)
+    for node in ast.parse(_STUB).body
+    if isinstance(node, ast.ImportFrom)
+    for alias in node.names
+}
+"""Public name -> module. Loaded on first use, so that identifying a log needs no simulator."""
+
+__all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]  (it reads the stub)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'helisim' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])
