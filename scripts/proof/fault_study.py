@@ -6,7 +6,7 @@ base model's parameter that moves most differs from that of the same flights wit
 from the records as they are, and as screened; and the fit's average cost, of which 100 is the
 most that the guidelines accept.
 
-    python scripts/fault_study.py [FAULT...]
+    python scripts/proof/fault_study.py [FAULT...]
 """
 
 import sys
@@ -87,10 +87,10 @@ def study(vehicle: hs.Vehicle, text: str, good: hs.Fit) -> str:
     noted: Counter[str] = Counter()
     for log in logs:
         noted.update({one.kind: one.count for one in log.report.findings})
-    told = ", ".join(f"{count} {kind}" for kind, count in noted.items()) or "nothing"
+    notes = ", ".join(f"{count} {kind}" for kind, count in noted.items()) or "nothing"
     parts = [record for log in logs for record in log.records]
     columns = "".join(f"{shift(one, good):<29}" for one in (flights, parts))
-    return f"{text:<40}{tilt:6.2f}{rate:7.2f}  {columns}{told}"
+    return f"{text:<40}{tilt:6.2f}{rate:7.2f}  {columns}{notes}"
 
 
 def main(faults: Sequence[str]) -> None:

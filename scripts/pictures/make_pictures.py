@@ -1,6 +1,6 @@
 """Make the READMEs' pictures: the models, a Bode figure, a screenshot of a Rerun recording.
 
-    python scripts/make_pictures.py [DIR]
+    python scripts/pictures/make_pictures.py [DIR]
 
 DIR is the folder of a run; without it one is flown. Off-screen pictures need a graphics stack
 (Debian: apt-get install libegl1 libgl1 mesa-vulkan-drivers).
@@ -28,13 +28,13 @@ from helisim.output.rerun_log import write_recording
 from helisim.study.run import Run, read_run
 from helisim.vehicle.assembly import model_folder, vehicle_names
 
-PICTURES = Path(__file__).parent / "pictures"
+PICTURES = Path(__file__).parent
 PATIENCE = 60.0
 """s to wait for the viewer."""
 NOTICES = 8.0
 """s until the viewer's notices have faded."""
 TITLE_BAR = 36
-"""px at the top of the viewer, which tell of this computer and not of the recording."""
+"""px at the top of the viewer, which are about this computer and not the recording."""
 
 
 def main() -> None:
@@ -45,7 +45,6 @@ def main() -> None:
         else:
             run_folder = Path(folder)
             hs.reproduce(out=run_folder)
-        PICTURES.mkdir(exist_ok=True)
         write_models()
         write_bode(read_run(run_folder), PICTURES / "bode.png")
         sweep = fly_sweep()

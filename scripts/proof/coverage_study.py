@@ -5,13 +5,13 @@ each is identified by the joint method, by the joint method with CIFER's weights
 direct method. Wanted of the joint method: no bias beyond 3 % or half the scatter, and 95 %
 intervals that hold the truth in 90 to 98 % of the replicates.
 
-    python scripts/coverage_study.py [REPLICATES] [CASE]
+    python scripts/proof/coverage_study.py [REPLICATES] [CASE]
 """
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recovery"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "recovery"))
 from monte_carlo import CASES, Replicates, replicate
 
 METHODS = ("joint", "joint by coherence", "direct")

@@ -4,7 +4,7 @@ The cases, what stands in for a turning earth, and where the digits come from:
 tests/verification/nesc.py and nesc_sim04.csv. Cases 4 and up need atmospheres, winds and earths
 that helisim does not have.
 
-    python scripts/check_cases.py
+    python scripts/proof/check_cases.py
 """
 
 import sys
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "verification"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "verification"))
 import nesc
 
 from helisim.vehicle import load

@@ -6,7 +6,7 @@ and fall with the length of the records; and the shortest flight time that keeps
 within the paper's bounds of the truth. Conditions are the values of what the campaign varied.
 
     helisim campaign scripts/campaigns/study.toml --out study
-    python scripts/campaign_study.py study
+    python scripts/proof/campaign_study.py study
 """
 
 import sys
@@ -61,7 +61,7 @@ def select(rows: Sequence[Row], condition: Row) -> list[Row]:
     return [row for row in rows if all(row[name] == value for name, value in condition.items())]
 
 
-def told(condition: Row) -> str:
+def in_words(condition: Row) -> str:
     """Return a condition in words."""
     return ", ".join(f"{name.split('.')[-1]} {value:g}" for name, value in condition.items())
 
@@ -87,7 +87,7 @@ def against(rows: Sequence[Row], column: str, condition: Row) -> None:
     values = levels(kept, column)
     number = len({row["replicate"] for row in kept}) // (1 if column == "flights" else len(values))
     print(f"\nbias +- scatter, %, against {column}")
-    print(f"({told(condition)}; {number} replicates each)")
+    print(f"({in_words(condition)}; {number} replicates each)")
     print(f"{'':<24}" + "".join(f"{value:>18g}" for value in values))
     for name, line in by_level(kept, column, scattered).items():
         print(f"{name:<24}{line}")
@@ -179,7 +179,7 @@ def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
         condition = dict(zip(others, values))
         here = select(rows, condition)
         cells = "".join(f"{need(here, key, limit):>18}" for key, limit in bounds.items())
-        print(f"{told(condition):<24}{cells}")
+        print(f"{in_words(condition):<24}{cells}")
 
 
 def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
@@ -217,7 +217,7 @@ def main(path: str) -> None:
     most = {"flights": max(levels(rows, "flights"))}
     calm = mildest(rows, columns)
     print(f"{replicates} replicates, {len(rows)} estimates; varied: {', '.join(columns)}")
-    print(f"\nall conditions together, {told(most)} on each axis\n")
+    print(f"\nall conditions together, {in_words(most)} on each axis\n")
     print(render(summarise(pa.Table.from_pylist(select(rows, most)))))
     apart(select(rows, most), columns, tended_to(provenance["campaign"]))
     coverage(select(rows, most), columns)

@@ -4,7 +4,7 @@ Each number is flown in a process of its own, 90 s a flight, by `helisim.fly_to`
 peak, and the most that is held after a flight. The C library gives large blocks back at once here;
 left alone it keeps holes of a few flights' size, which come and go.
 
-    python scripts/benchmark_memory.py [FLIGHTS ...]
+    python scripts/benchmark/memory.py [FLIGHTS ...]
 """
 
 import os

@@ -5,7 +5,7 @@ same replicates, in percent of the truth, beside their scatter over the replicat
 
     helisim campaign scripts/campaigns/rk4.toml --out rk4
     helisim campaign scripts/campaigns/euler.toml --out euler
-    python scripts/campaign_compare.py rk4 euler
+    python scripts/proof/campaign_compare.py rk4 euler
 """
 
 import sys

@@ -6,7 +6,7 @@ MuJoCo steps the same model with the same options and sensors, without callbacks
 and with its profiling timers at rest, as they are while helisim's callbacks are installed.
 JSBSim's AH-1S hovers, and what helisim's sensors write too is read after each step, or nothing is.
 
-    python scripts/benchmark_step.py [ROUNDS]
+    python scripts/benchmark/step.py [ROUNDS]
 """
 
 import sys
@@ -16,7 +16,7 @@ from collections.abc import Callable
 import mujoco
 from numba import cfunc, types
 
-import benchmark_jsbsim as jsbsim
+import ah1s
 import helisim as hs
 from helisim.physics.native import installed
 from helisim.sim.simulation import prepare
@@ -41,12 +41,12 @@ def step_costs(rounds: int = ROUNDS) -> dict[str, float]:
     for integrator in INTEGRATORS:
         rivals |= _of_ours(integrator)
     try:
-        helicopter = jsbsim.hovering()
+        helicopter = ah1s.hovering()
     except ImportError:
         pass
     else:
-        rivals[READ] = lambda: jsbsim.cost(helicopter, read=True)
-        rivals[UNREAD] = lambda: jsbsim.cost(helicopter, read=False)
+        rivals[READ] = lambda: ah1s.cost(helicopter, read=True)
+        rivals[UNREAD] = lambda: ah1s.cost(helicopter, read=False)
     seconds: dict[str, list[float]] = {name: [] for name in rivals}
     for _ in range(rounds):
         for name, rival in rivals.items():

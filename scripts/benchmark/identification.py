@@ -16,7 +16,7 @@ processor time from records to model: mean and standard deviation over the seeds
 Peers (`pip install helisim[benchmark]`) get the four records joined, which is fair as each begins
 and ends in trim, decimated to 25 Hz, and the true order: 4.
 
-    python scripts/benchmark_identification.py [SEEDS]
+    python scripts/benchmark/identification.py [SEEDS]
 """
 
 import sys
@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import decimate
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recovery"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "recovery"))
 from plants import ROLLPITCH_IN1, fly, fly_closed_loop
 
 from helisim.ident import frequency_response, identify, structures
@@ -43,7 +43,7 @@ TRUE_RESPONSE = response(structures.rollpitch, ROLLPITCH_IN1, GRID)
 TRUE_POLES = state_space(structures.rollpitch, ROLLPITCH_IN1).poles()
 PEER_RATE = 25.0
 
-Estimate = tuple[NDArray[np.complex128], NDArray[np.complex128]]
+Responses = tuple[NDArray[np.complex128], NDArray[np.complex128]]
 """Poles in 1/s, and response over GRID."""
 
 
@@ -80,7 +80,7 @@ def flights(case: str, seed: int) -> list[FlightRecord]:
     return records
 
 
-def ours(records: Sequence[FlightRecord], reference: Sequence[str] | None) -> Estimate:
+def ours(records: Sequence[FlightRecord], reference: Sequence[str] | None) -> Responses:
     """Identify by frequency response: the direct method, or the joint one with references."""
     frf = frequency_response(
         records, inputs=INPUTS, outputs=OUTPUTS, band=BAND, reference=reference
@@ -89,7 +89,7 @@ def ours(records: Sequence[FlightRecord], reference: Sequence[str] | None) -> Es
     return fit.model.poles(), fit.response(GRID).response
 
 
-def peer(records: Sequence[FlightRecord], method: str) -> Estimate:
+def peer(records: Sequence[FlightRecord], method: str) -> Responses:
     """Identify by a subspace method of sippy-unipi."""
     from sippy_unipi import system_identification
 
@@ -115,7 +115,7 @@ def cost(found: NDArray[np.complex128]) -> float:
     return 20.0 * float(np.mean(decibel**2 + 0.01745 * degree**2))
 
 
-def measure(method: Callable[[int], Estimate], seeds: int) -> NDArray[np.float64]:
+def measure(method: Callable[[int], Responses], seeds: int) -> NDArray[np.float64]:
     """Return pole error (%), J and processor seconds of a method, (seeds, 3)."""
     rows = []
     for seed in range(seeds):
@@ -126,7 +126,7 @@ def measure(method: Callable[[int], Estimate], seeds: int) -> NDArray[np.float64
     return np.array(rows)
 
 
-def row(name: str, method: Callable[[int], Estimate], seeds: int) -> None:
+def row(name: str, method: Callable[[int], Responses], seeds: int) -> None:
     """Print the accuracy and the time of a method over the seeds."""
     rows = measure(method, seeds)
     mean, spread = np.mean(rows, axis=0), np.std(rows, axis=0)

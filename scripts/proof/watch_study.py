@@ -3,7 +3,7 @@
 Last comes what the envelope costs a flight that it finds nothing in, in processor time, and whether
 that flight is the same to the bit without it.
 
-    python scripts/watch_study.py
+    python scripts/proof/watch_study.py
 """
 
 import tempfile

@@ -1,10 +1,10 @@
 """The same campaign by local processes and on a Dask cluster that loses a worker on the way.
 
 The cluster is two worker processes of this machine, which listen on 127.0.0.1 only; one is killed
-after the first replicate. Printed are the datasets' fingerprints, which must be equal.
+after the first replicate. Printed are the datasets' digests, which must be equal.
 
     pip install helisim[dask]
-    python scripts/campaign_cluster.py
+    python scripts/proof/campaign_cluster.py
 """
 
 import hashlib
@@ -24,7 +24,7 @@ CAMPAIGN = {
 }
 
 
-def fingerprint(path: Path) -> str:
+def digest(path: Path) -> str:
     """Return the SHA-256 of a file, shortened."""
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
@@ -57,9 +57,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         here = run_campaign(campaign, folder / "local", executor=local(2))
-        print(f"local, 2 processes    {fingerprint(here)}")
+        print(f"local, 2 processes    {digest(here)}")
         there = on_a_cluster_that_loses_a_worker(folder / "dask")
-        print(f"Dask, 2 workers       {fingerprint(there)}")
+        print(f"Dask, 2 workers       {digest(there)}")
         same = here.read_bytes() == there.read_bytes()
     print("identical datasets" if same else "the datasets differ")
     raise SystemExit(not same)

@@ -6,7 +6,7 @@ an undisturbed run holds, and whatever was reported as saved must be there. A fl
 is then gone on with in the same folder, a reproduction begins anew in another. In the end all
 must be there, to the byte.
 
-    python scripts/kill_study.py [KILLS] [COMMAND...]
+    python scripts/proof/kill_study.py [KILLS] [COMMAND...]
 """
 
 import json

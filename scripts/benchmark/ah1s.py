@@ -3,7 +3,7 @@
 `pip install helisim[benchmark]`; the AH-1S and its script are in JSBSim's wheel. Its rotor has no
 states of its own: thrust, torque and flapping follow from the body's motion at once.
 
-    python scripts/benchmark_jsbsim.py
+    python scripts/benchmark/ah1s.py
 """
 
 import contextlib
@@ -79,9 +79,9 @@ def main() -> None:
     """Print steps per CPU second."""
     simulation = hovering()
     for read in (False, True):
-        told = "outputs read" if read else "nothing read"
+        how = "outputs read" if read else "nothing read"
         best = min(cost(simulation, read=read) for _ in range(ROUNDS))
-        print(f"JSBSim ah1s, {told}  {1e-3 / best:7.1f} thousand steps/s")
+        print(f"JSBSim ah1s, {how}  {1e-3 / best:7.1f} thousand steps/s")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Test helisim with the oldest and the newest versions that its pyproject.toml admits.
 
     pip install uv                               # resolves the lower bounds, makes the environments
-    python scripts/version_matrix.py             # every Python from 3.11 up that is found here
-    python scripts/version_matrix.py --python 3.12 --which oldest --tests tests
+    python scripts/proof/version_matrix.py       # every Python from 3.11 up that is found here
+    python scripts/proof/version_matrix.py --python 3.12 --which oldest --tests tests
 
 For each Python and each end of the bounds: an environment of its own in a temporary folder, with
 wheels only; a wheel of this checkout in it; the tests. Where a dependency has no wheel for a Python
@@ -20,7 +20,7 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 OLDEST_PYTHON, LAST_PYTHON = 11, 20
 RESOLUTION = {"oldest": "lowest-direct", "newest": "highest"}
 EXTRAS = ("logs", "dask")
@@ -86,9 +86,9 @@ def resolved(python: str, which: str, folder: Path) -> Path:
     return pinned
 
 
-def reason(told: str) -> str:
+def reason(message: str) -> str:
     """Return the line of uv's that says why."""
-    lines = [line.strip() for line in told.splitlines() if line.strip()]
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
     return next((line for line in lines if line.startswith("error:")), lines[-1])
 
 
@@ -118,8 +118,8 @@ def tested(python: str, which: str, wheel: Path, tests: list[str]) -> bool | Non
         try:
             pinned = resolved(python, which, folder)
             interpreter = made(python, pinned, wheel, folder)
-        except NotToBeHad as told:
-            print(f"Python {python} {which}: not to be had: {told}", flush=True)
+        except NotToBeHad as message:
+            print(f"Python {python} {which}: not to be had: {message}", flush=True)
             return None
         done = run(interpreter, "-m", "pytest", "-p", "no:cacheprovider", *tests, check=False)
         said = done.stdout.strip().splitlines()

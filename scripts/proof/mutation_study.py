@@ -1,8 +1,8 @@
 """Mutation testing of `ident` and `physics`: the share of small faults that the tests notice.
 
     pip install cosmic-ray coverage
-    python scripts/mutation_study.py physics --count 120 --seed 1
-    python scripts/mutation_study.py ident --count 120 --seed 1 --only spectra,cost
+    python scripts/proof/mutation_study.py physics --count 120 --seed 1
+    python scripts/proof/mutation_study.py ident --count 120 --seed 1 --only spectra,cost
 
 cosmic-ray's operators make the mutants. A seeded sample of places in the sources is drawn, each
 with one of the mutants possible there that is still Python; annotations and decorators are left
@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 TESTS = {
     "physics": (
         "tests/physics",

@@ -2,10 +2,10 @@
 
 Speeds are CPU time, the best of several rounds that alternate; only the scaling over threads is
 wall time, which means something on an idle machine alone: the machine's load is printed first. The
-whole experiment has a benchmark of its own, `benchmark_experiment.py`. Peers come with
+whole experiment has a benchmark of its own, `experiment.py`. Peers come with
 `pip install helisim[benchmark]`; rows of those that aren't installed say so.
 
-    OPENBLAS_NUM_THREADS=1 python scripts/benchmark.py
+    OPENBLAS_NUM_THREADS=1 python scripts/benchmark/ratios.py
 """
 
 import os
@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-import benchmark_identification as identification
-import benchmark_memory as memory
-import benchmark_step as step
 import helisim as hs
+import identification
+import memory
+import step
 from helisim.sim import simulate
 from helisim.vehicle import Vehicle, load
 
@@ -142,8 +142,8 @@ def missing(what: str, package: str) -> Row:
 def main() -> None:
     """Print the table, row by row."""
     busy = os.getloadavg()[0]
-    told = "" if busy < IDLE else f", above {IDLE}: wall times are those of a busy machine"
-    print(f"load of the machine {busy:.1f}{told}")
+    note = "" if busy < IDLE else f", above {IDLE}: wall times are those of a busy machine"
+    print(f"load of the machine {busy:.1f}{note}")
     vehicle = load("jr700")
     print(f"{'helisim beside ...':<42}{'helisim':>10}{'beside':>12}{'ratio':>8}  wanted")
     for rows in (steps(), threads(vehicle), memories(), identifications()):

@@ -1,6 +1,6 @@
 """Measure what a Rerun recording of one flight costs, with everything in it.
 
-    python scripts/benchmark_recording.py
+    python scripts/benchmark/recording.py
 
 The flight is a lateral sweep of 90 s recorded at 100 Hz with the rotor's true tilt and loads; the
 recording has it in 3D. Loading and flying are not counted. Times are the best of five: the others

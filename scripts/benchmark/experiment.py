@@ -4,7 +4,7 @@ Nothing compiled before is used, and nothing is left behind. Printed are wall an
 of each part, the load of the machine before, and apart from them the identification of all models
 from the flights. With other programs at work only the processor seconds mean something.
 
-    OPENBLAS_NUM_THREADS=1 python scripts/benchmark_experiment.py [FLIGHTS]
+    OPENBLAS_NUM_THREADS=1 python scripts/benchmark/experiment.py [FLIGHTS]
 """
 
 import os
