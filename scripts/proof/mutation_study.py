@@ -217,7 +217,7 @@ class Baseline:
         )
         watching.start()
         watch = Watch(watching)
-        status = pytest.main(["-q", "-m", "not slow", *tests], plugins=[watch])
+        status = pytest.main(["-q", "-n0", "-m", "not slow", *tests], plugins=[watch])
         watching.stop()
         data = watching.get_data()
         lines = {
@@ -264,7 +264,7 @@ def tried(root: Path, mutant: Mutant, baseline: Baseline, budget: float) -> tupl
         import pytest
 
         sys.dont_write_bytecode = True
-        return int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *tests]))
+        return int(pytest.main(["-x", "-q", "-n0", "-p", "no:cacheprovider", *tests]))
 
     try:
         path.write_text(mutated, encoding="utf-8")
