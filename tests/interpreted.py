@@ -45,7 +45,7 @@ def install() -> None:
         id(memory.doubles_at): _pointer(ctypes.c_double),
         id(memory._ints_at): _pointer(ctypes.c_int32),
         id(memory._longs_at): _pointer(ctypes.c_int64),
-        id(memory.room): lambda count: [0.0] * count,
+        id(memory.buffer): lambda count: [0.0] * count,
     }
     physics = [one for name, one in sys.modules.items() if name.startswith("helisim.physics.")]
     for module in physics:

@@ -1,13 +1,37 @@
 """How a body moves through space, and a wrench that acts on it."""
 
+from typing import NamedTuple
+
 from helisim.physics import frames
 from helisim.physics.kernel import kernel
 from helisim.physics.memory import doubles, doubles_from, ints
 
 
+class Velocities(NamedTuple):
+    """A velocity (m/s) and a rotation (rad/s), body axes: forward, right, down."""
+
+    u: float
+    v: float
+    w: float
+    p: float
+    q: float
+    r: float
+
+
+class Wrench(NamedTuple):
+    """A force (N) and a moment (N m) at the body's origin, body axes."""
+
+    fx: float
+    fy: float
+    fz: float
+    mx: float
+    my: float
+    mz: float
+
+
 @kernel()
 def rotation(d, offsets, body):
-    """Return the nine numbers of a body's rotation to the world."""
+    """Return a body's rotation to the world, MuJoCo's axes, row-major, (9,)."""
     return doubles_from(d, offsets.xmat, 9 * body)
 
 
@@ -46,11 +70,11 @@ def velocity(m, d, offsets, body):
 
 
 @kernel()
-def apply_wrench(m, d, offsets, body, fx, fy, fz, mx, my, mz):
+def apply_wrench(m, d, offsets, body, wrench):
     """Add a wrench at the body's origin, body axes, to the passive forces of its joints."""
     matrix = rotation(d, offsets, body)
-    fx, fy, fz = frames.to_world(matrix, fx, fy, fz)
-    mx, my, mz = frames.to_world(matrix, mx, my, mz)
+    fx, fy, fz = frames.to_world(matrix, wrench.fx, wrench.fy, wrench.fz)
+    mx, my, mz = frames.to_world(matrix, wrench.mx, wrench.my, wrench.mz)
     x, y, z = arm(m, d, offsets, body)
     mx += y * fz - z * fy
     my += z * fx - x * fz

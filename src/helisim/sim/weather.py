@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.physics import weather as law
+from helisim.physics import air as law
 from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
 

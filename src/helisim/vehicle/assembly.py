@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError, UnknownNameError
-from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, STATE
+from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, SENSORS, STATE
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.parameters import Parameters
 
@@ -18,18 +18,6 @@ Integrator = Literal["RK4", "Euler"]
 _INTEGRATORS = {
     name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }
-
-USER_SENSORS = (
-    "gyro_rate",
-    "stick",
-    "servo_command",
-    "servo_position",
-    "flapping",
-    "rotor",
-    "air",
-    "clock",
-)
-"""The vehicle's own sensors, consecutive, after what the gyro sees and before the clock."""
 
 _LONGEST = 10.0
 """s, of the gyro's period and latencies: MuJoCo keeps what happened in all that time."""
@@ -234,7 +222,12 @@ def check_interface(model: mujoco.MjModel, root: str) -> None:
     actuators = [model.actuator(k).name for k in range(model.nactuator)]
     sensors = [model.sensor(k).name for k in range(model.nsensor)]
     _require_run(actuators, ACTUATORS, "actuators")
-    _require_run(sensors, USER_SENSORS, "user sensors")
+    _require_run(sensors, SENSORS, "sensors")
+    for name, numbers in SENSORS.items():
+        if model.sensor(name).dim[0] != numbers:
+            raise ModelError(
+                f"sensor {name!r} must have {numbers} numbers, it has {model.sensor(name).dim[0]}"
+            )
     rotor = model.actuator("rotor").id
     states = int(np.sum(model.actuator_actnum[rotor - ROTOR : rotor + 1]))
     if states != len(STATE):

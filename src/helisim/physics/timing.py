@@ -1,0 +1,128 @@
+"""Time in the step: the gyro's ticks, what is held between them, and how integrators use rates.
+
+The gyro acts at its ticks, once in each of its periods, and what it sees and says is held in
+between.
+
+Runge-Kutta asks for derivatives, four times a step. The other integrators ask once and hold the
+answer for the step: v += h dv/dt, then x += h v, and act += h d(act)/dt. To be of second order with
+one evaluation, they are given what the step's mean is, by a staggered (leapfrog) scheme:
+velocities belong to the steps, positions and the tip-path plane's tilt to halfway between
+them. The tilt kept at a step is half a step old; moved on by a step with the rates at its
+middle, it acts on the body half a step ahead. Servos and gyro are driven by what is held, so
+they take a Runge-Kutta step of their own.
+"""
+
+import math
+
+import mujoco
+
+from helisim.physics.kernel import kernel
+from helisim.physics.layout import PARAM, SENSOR
+from helisim.physics.memory import double, doubles, integer, ints
+
+TICK_TOLERANCE = 1e-6
+"""Of a period: a tick, or a whole number of steps, counts so much early, as times are rounded."""
+TIME_TOLERANCE = 1e-9
+"""s, by which two times that are equal may differ: rounding of some hours in double precision."""
+
+_RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
+
+
+@kernel()
+def held_for(m, offsets):
+    """Return for how long (s) the integrator holds an evaluation; 0 if it wants derivatives."""
+    if integer(m, offsets.integrator) == _RUNGE_KUTTA:
+        return 0.0
+    return double(m, offsets.timestep)
+
+
+@kernel()
+def position_ahead(par, act, position, ahead):
+    """Return a servo's position a time `ahead` (s) from now; its rate stands behind it."""
+    limit = par[PARAM.servo_rate_limit]
+    return act[position] + ahead * min(limit, max(-limit, act[position + 1]))
+
+
+@kernel()
+def clock(d, offsets, sensors):
+    """Return the time at which this step started, s."""
+    return doubles(d, offsets.sensordata)[sensors + SENSOR.clock]
+
+
+@kernel()
+def tick_number(par, time):
+    """Return how many times the gyro has acted from time 0 to a time (s)."""
+    return math.floor(time / par[PARAM.gyro_period] + TICK_TOLERANCE)
+
+
+@kernel()
+def is_tick(m, d, offsets, par, sensors):
+    """Tell whether the gyro acts now: at a step's start, once in each of its periods.
+
+    MuJoCo computes sensors at the start of a step only, so the clock tells the start from the
+    later stages of the integrator.
+    """
+    time = double(d, offsets.time)
+    if time != clock(d, offsets, sensors):
+        return False
+    return tick_number(par, time) != tick_number(par, time - double(m, offsets.timestep))
+
+
+@kernel()
+def last_tick(d, offsets, par, sensors):
+    """Return the time at which the gyro last acted, s; 0 where there is no clock."""
+    if sensors < 0:
+        return 0.0
+    return par[PARAM.gyro_period] * tick_number(par, clock(d, offsets, sensors))
+
+
+@kernel()
+def delayed_control(m, d, offsets, actuator, present, now, period):
+    """Return an actuator's control as it was one delay before `now`, linear between ticks.
+
+    Args:
+        m: address of mjModel.
+        d: address of mjData.
+        offsets: of the fields.
+        actuator: its id.
+        present: its control now, which is returned if the actuator has no delay.
+        now: s.
+        period: s, for which the control is held; whatever the time step, it is read at ticks.
+    """
+    history = ints(m, offsets.actuator_historyadr)[actuator]
+    delay = doubles(m, offsets.actuator_delay)[actuator]
+    if history < 0 or delay <= 0.0:
+        return present
+    wanted = now - delay
+    tick = period * math.floor(wanted / period + TICK_TOLERANCE)
+    ahead = max(0.0, (wanted - tick) / period)
+    before, after = past_controls(m, d, offsets, actuator, tick, tick + period)
+    return before + ahead * (after - before)
+
+
+@kernel()
+def past_controls(m, d, offsets, actuator, earlier, later):
+    """Return an actuator's control at two past times: each its newest sample not after it.
+
+    Args:
+        m: address of mjModel.
+        d: address of mjData.
+        offsets: of the fields.
+        actuator: its id; it has a delay.
+        earlier: s.
+        later: s.
+    """
+    first = ints(m, offsets.actuator_historyadr)[actuator]
+    count = ints(m, offsets.actuator_history)[2 * actuator]
+    history = doubles(d, offsets.history)
+    times, values = first + 2, first + 2 + count
+    k = int(history[first + 1])
+    left = count - 1
+    while left > 0 and history[times + k] > later + TIME_TOLERANCE:
+        k = k - 1 if k > 0 else count - 1
+        left -= 1
+    value_later = history[values + k]
+    while left > 0 and history[times + k] > earlier + TIME_TOLERANCE:
+        k = k - 1 if k > 0 else count - 1
+        left -= 1
+    return history[values + k], value_later
