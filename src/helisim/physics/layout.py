@@ -313,11 +313,13 @@ class ParamIndex(NamedTuple):
 
 PARAM = ParamIndex(*range(len(ParamIndex._fields)))
 
-NO_EXCITATION = 0
 SWEEP = 1
 DOUBLET = 2
+"""What `PARAM.excitation` says; 0 is no excitation."""
 
 READS_ZERO = 1
 READS_HELD = 2
+"""How a rate that dropped out reads: what `PARAM.dropout_p` and the like say; 0 is as ever."""
+
 NEVER = 1e9
 """s, of a fault that does not come; also a limit that none reaches."""

@@ -23,7 +23,7 @@ from helisim.physics.memory import double, doubles, integer, ints
 TICK_TOLERANCE = 1e-6
 """Of a period: a tick, or a whole number of steps, counts so much early, as times are rounded."""
 TIME_TOLERANCE = 1e-9
-"""s, by which two times that are equal may differ: rounding of some hours in double precision."""
+"""s, by which equal times may differ: far above their rounding, far below any time step."""
 
 _RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 

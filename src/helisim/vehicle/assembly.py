@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError, UnknownNameError
 from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, SENSORS, STATE
+from helisim.physics.timing import TICK_TOLERANCE
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.parameters import Parameters
 
@@ -112,8 +113,8 @@ def assemble(
         spec.compiler.fusestatic = not visual
         model = spec.compile()
     except (ValueError, KeyError) as error:
-        told = " ".join(str(error).split())  # MuJoCo's run over several lines
-        raise ModelError(f"{path}: {told}{_advice(told)}") from None
+        reason = " ".join(str(error).split())  # MuJoCo's run over several lines
+        raise ModelError(f"{path}: {reason}{_advice(reason)}") from None
     check_interface(model, name)
     return model
 
@@ -133,7 +134,7 @@ def _set_gyro_rate(spec: mujoco.MjSpec, period: float, latency: float, sampled: 
         sensor.interval, sensor.delay, sensor.nsample = [0.0, 0.0], 0.0, 0
         return
     steps = period / spec.option.timestep
-    if abs(steps - round(steps)) > 1e-6 or steps < 0.5:
+    if abs(steps - round(steps)) > TICK_TOLERANCE or steps < 0.5:
         raise ModelError(
             f"gyro.period must be a whole number of time steps of {spec.option.timestep:g} s, "
             f"got {period:g} s"

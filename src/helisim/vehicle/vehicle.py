@@ -22,9 +22,8 @@ from helisim.vehicle.assembly import Integrator, assemble, model_folder
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.parameters import Parameters, read_parameters, untuned
+from helisim.vehicle.parameters import GyroSettings, Parameters, read_parameters, untuned
 from helisim.vehicle.sampled import SampledGyro, close, sampled_gyro
-from helisim.vehicle.settings import GyroSettings
 from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
 
 _SETTABLE = ("gyro", "gyro_tuned", "recorder_latency")
