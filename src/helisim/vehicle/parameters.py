@@ -191,8 +191,8 @@ class GyroSettings:
 
     The paper (Wu and Chen, section 2) names them and gives no meaning. The CGY750's manual has
     "Swash AFR (rate)" among the basic settings of the swashplate: travel of aileron, elevator and
-    pitch, as share of the whole. Its flight modes are F3C, sports and 3D; that they count 1, 2, 3 in this order, and
-    what they do inside, is chosen here.
+    pitch, as share of the whole. Its flight modes are F3C, sports and 3D; that they count 1, 2, 3
+    in this order, and what they do inside, is chosen here.
 
     Attributes:
         flight_mode: how firmly roll and pitch attitude are kept. The cyclic integral is
