@@ -14,16 +14,7 @@ from helisim.physics import frames, rotor
 from helisim.physics.body import Velocities, rates, rotation, velocity
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.memory import (
-    body_of,
-    buffer,
-    double,
-    doubles,
-    doubles_at,
-    sensors_of,
-    state_rates_of,
-    states_of,
-)
+from helisim.physics.memory import buffer, double, doubles, doubles_at, from_element
 from helisim.physics.pilot import hashed_noise
 from helisim.physics.timing import clock, tick_number
 
@@ -36,21 +27,20 @@ _CORE = 0.625
 
 
 @kernel()
-def motion(m, d, offsets, rotor_id, par, body):
-    """Return how the air itself moves at a body."""
-    matrix = rotation(d, offsets, body)
-    wind = doubles_at(m + offsets.wind)
+def motion(view):
+    """Return how the air itself moves at a vehicle, `Velocities` in its body axes."""
+    par, matrix = view.par, rotation(view)
+    wind = doubles_at(view.m + view.offsets.wind)
     x, y, z = wind[0], wind[1], wind[2]
     p, q, r = 0.0, 0.0, 0.0
     if par[PARAM.gust_rise] > 0.0:
-        since = double(d, offsets.time) - par[PARAM.gust_start]
+        since = double(view.d, view.offsets.time) - par[PARAM.gust_start]
         share = one_minus_cosine(since, par[PARAM.gust_rise], par[PARAM.gust_hold])
         x += share * par[PARAM.gust_north]
         y -= share * par[PARAM.gust_east]
         z -= share * par[PARAM.gust_down]
     if par[PARAM.turbulence_on] != 0.0:
-        state = states_of(m, d, offsets, rotor_id, STATE.air_u)
-        blown = turbulence(state, par[PARAM.turbulence_span])
+        blown = turbulence(from_element(view.act, STATE.air_u), par[PARAM.turbulence_span])
         dx, dy, dz = along_path(par, blown.u, blown.v, blown.w)
         x, y, z = x + dx, y + dy, z + dz
         p, q, r = frames.to_body(matrix, *along_path(par, blown.p, blown.q, blown.r))
@@ -66,36 +56,36 @@ def along_path(par, x, y, z):
 
 
 @kernel()
-def relative_motion(m, d, offsets, body, air):
-    """Return a body's velocities through air that moves with velocities of its own."""
-    u, v, w = frames.to_body(rotation(d, offsets, body), *velocity(m, d, offsets, body))
-    p, q, r = rates(d, offsets, body)
+def relative_motion(view, air):
+    """Return a vehicle's `Velocities` through air that moves with velocities of its own."""
+    u, v, w = frames.to_body(rotation(view), *velocity(view))
+    p, q, r = rates(view)
     return Velocities(u - air.u, v - air.v, w - air.w, p - air.p, q - air.q, r - air.r)
 
 
 @kernel()
-def ground_nearness(d, offsets, par, body):
+def ground_nearness(view):
     """Return (R / 4z)^2 of the hub above the ground (z = 0), kept finite at any height."""
+    par = view.par
     if par[PARAM.ground_effect] == 0.0:
         return 0.0
-    matrix = rotation(d, offsets, body)
-    _, _, rise = frames.to_world(matrix, par[PARAM.hub_x], 0.0, par[PARAM.hub_z])
-    height = doubles(d, offsets.xpos)[3 * body + 2] + rise
+    _, _, rise = frames.to_world(rotation(view), par[PARAM.hub_x], 0.0, par[PARAM.hub_z])
+    height = doubles(view.d, view.offsets.xpos)[3 * view.body + 2] + rise
     ratio = par[PARAM.main_radius] / (4.0 * height)
     return rotor.soft_limit(par[PARAM.ground_effect] * ratio**2, _DEEPEST, _CORE)
 
 
 @kernel()
-def write_turbulence_rates(m, d, offsets, rotor_id, par, step):
+def write_turbulence_rates(view, step):
     """Write the derivatives of the turbulence's states; the noise is that of the last tick.
 
     Over a `step` (s) that an evaluation is held for, their mean: the Taylor series of the
     exponential to fourth order, as Runge-Kutta's. At 0 the derivatives now.
     """
-    sensors = sensors_of(m, offsets, body_of(m, offsets, rotor_id))
-    if par[PARAM.turbulence_on] == 0.0 or sensors < 0:
+    par = view.par
+    if par[PARAM.turbulence_on] == 0.0 or view.sensors < 0:
         return
-    tick = tick_number(par, clock(d, offsets, sensors))
+    tick = tick_number(par, clock(view))
     noise, stage = buffer(4), buffer(_TURBULENCE_STATES)
     for channel in range(4):
         level, lag = par[PARAM.turbulence_u + channel], par[PARAM.turbulence_lag_u + channel]
@@ -108,8 +98,7 @@ def write_turbulence_rates(m, d, offsets, rotor_id, par, step):
         par[PARAM.turbulence_lag_w],
         par[PARAM.turbulence_lag_p],
     )
-    state = states_of(m, d, offsets, rotor_id, STATE.air_u)
-    rate = state_rates_of(m, d, offsets, rotor_id, STATE.air_u)
+    state, rate = from_element(view.act, STATE.air_u), from_element(view.rate, STATE.air_u)
     turbulence_rates(state, noise, lags, rate)
     if step > 0.0:
         for divisor in (4.0, 3.0, 2.0):

@@ -2,7 +2,6 @@
 
 Each function takes the addresses of mjModel and mjData and the tuple of field offsets. They
 read and write nothing but those two, so any number of threads and vehicles can share them.
-`helisim.physics.memory` says what `m`, `d`, `par`, `act` and the like are.
 """
 
 from typing import NamedTuple
@@ -25,18 +24,7 @@ from helisim.physics.gyro import (
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
 from helisim.physics.loads import flow, tail_rotor, wrench
-from helisim.physics.memory import (
-    body_of,
-    buffer,
-    controls_of,
-    doubles_from,
-    is_rotor,
-    parameters_of,
-    sensors_of,
-    state_rates_of,
-    states_of,
-    vehicles,
-)
+from helisim.physics.memory import buffer, is_rotor, sensor_numbers, vehicles, view_of
 from helisim.physics.pilot import fly
 from helisim.physics.servo import mix, write_servo_rates
 from helisim.physics.timing import held_for, is_tick, last_tick, position_ahead
@@ -49,18 +37,15 @@ _DRIVEN = STATE.tail_rate + 1
 @kernel()
 def passive(m, d, offsets):
     """Add the aerodynamic forces of every vehicle: what mjcb_passive does."""
-    for rotor_id in vehicles(m, offsets):
-        par = parameters_of(m, offsets, rotor_id)
-        act = states_of(m, d, offsets, rotor_id)
-        step = held_for(m, offsets)
-        past = flow(m, d, offsets, rotor_id, par, act, 0.5 * step)
-        a, b = act[STATE.flap_a], act[STATE.flap_b]
+    for view in vehicles(m, d, offsets):
+        step = held_for(view)
+        past = flow(view, 0.5 * step)
+        a, b = view.act[STATE.flap_a], view.act[STATE.flap_b]
         if step > 0.0:
-            a_rate, b_rate = tilt_rates(par, act, past, step)
+            a_rate, b_rate = tilt_rates(view, past, step)
             a, b = a + step * a_rate, b + step * b_rate
-        pedal = position_ahead(par, act, STATE.tail_position, 0.5 * step)
-        force = wrench(par, pedal, a, b, past.motion, past.speed_ratio, past.main)
-        apply_wrench(m, d, offsets, body_of(m, offsets, rotor_id), force)
+        pedal = position_ahead(view, STATE.tail_position, 0.5 * step)
+        apply_wrench(view, wrench(view.par, pedal, a, b, past.motion, past.speed, past.main))
 
 
 @kernel()
@@ -69,33 +54,28 @@ def control(m, d, offsets):
 
     Both act at the gyro's ticks; in between, sticks and servo commands are held.
     """
-    for rotor_id in vehicles(m, offsets):
-        par = parameters_of(m, offsets, rotor_id)
-        body = body_of(m, offsets, rotor_id)
-        sensors = sensors_of(m, offsets, body)
-        if sensors < 0 or not is_tick(m, d, offsets, par, sensors):
+    for view in vehicles(m, d, offsets):
+        if view.sensors < 0 or not is_tick(view):
             continue
-        if par[PARAM.pilot_on] != 0.0:
-            fly(m, d, offsets, par, body, controls_of(m, d, offsets, rotor_id))
-        if par[PARAM.gyro_on] != 0.0:
-            command_servos(m, d, offsets, rotor_id, par, sensors)
+        if view.par[PARAM.pilot_on] != 0.0:
+            fly(view)
+        if view.par[PARAM.gyro_on] != 0.0:
+            command_servos(view)
 
 
 @kernel()
-def command_servos(m, d, offsets, rotor_id, par, sensors):
+def command_servos(view):
     """Write the gyro's commands to the four servos; a gyro that restarts has none of its own."""
-    controls = controls_of(m, d, offsets, rotor_id)
-    act = states_of(m, d, offsets, rotor_id)
-    if faults.restarts(d, offsets, par, sensors):
-        faults.reset_gyro(act)
+    par, controls = view.par, view.controls
+    if faults.restarts(view):
+        faults.reset_gyro(view.act)
         if par[PARAM.restart_neutral] != 0.0:
             for k in range(CONTROL.servo_front, CONTROL.servo_tail + 1):
                 controls[k] = 0.0
         return
-    sensed = sensed_rates(d, offsets, par, act, sensors)
-    sticks = stick_positions(m, d, offsets, rotor_id, par, sensors)
-    ped = yaw_law(par, act, sensed.r, sticks.ped).command
-    cyclic = cyclic_law(par, act, sticks.lat, sticks.lon)
+    sensed, sticks = sensed_rates(view), stick_positions(view)
+    ped = yaw_law(par, view.act, sensed.r, sticks.ped).command
+    cyclic = cyclic_law(par, view.act, sticks.lat, sticks.lon)
     lat = min(0.5, max(-0.5, cyclic.lat))
     lon = min(0.5, max(-0.5, cyclic.lon))
     col = par[PARAM.gyro_collective] * controls[CONTROL.col]
@@ -114,20 +94,18 @@ def activation_rates(m, d, offsets, actuator):
     """
     if not is_rotor(m, offsets, actuator):
         return 0.0
-    par = parameters_of(m, offsets, actuator)
-    act = states_of(m, d, offsets, actuator)
-    rate = state_rates_of(m, d, offsets, actuator)
-    held = held_inputs(m, d, offsets, actuator, par, act)
+    view = view_of(m, d, offsets, actuator)
+    held = held_inputs(view)
     if not held.gyro_works:
-        faults.reset_gyro(rate)
-    step = held_for(m, offsets)
+        faults.reset_gyro(view.rate)
+    step = held_for(view)
     if step > 0.0:
-        write_mean_driven_rates(par, held, act, rate, step)
+        write_mean_driven_rates(view.par, held, view.act, view.rate, step)
     else:
-        write_driven_rates(par, held, act, rate)
-    past = flow(m, d, offsets, actuator, par, act, 0.5 * step)
-    rate[STATE.flap_a], rate[STATE.flap_b] = tilt_rates(par, act, past, step)
-    write_turbulence_rates(m, d, offsets, actuator, par, step)
+        write_driven_rates(view.par, held, view.act, view.rate)
+    past = flow(view, 0.5 * step)
+    view.rate[STATE.flap_a], view.rate[STATE.flap_b] = tilt_rates(view, past, step)
+    write_turbulence_rates(view, step)
     return 0.0
 
 
@@ -152,9 +130,9 @@ class HeldInputs(NamedTuple):
 
 
 @kernel()
-def held_inputs(m, d, offsets, rotor_id, par, act):
+def held_inputs(view):
     """Return what drives a vehicle's gyro and servos."""
-    controls = controls_of(m, d, offsets, rotor_id)
+    par, controls = view.par, view.controls
     commands = (
         controls[CONTROL.servo_front],
         controls[CONTROL.servo_left],
@@ -163,16 +141,12 @@ def held_inputs(m, d, offsets, rotor_id, par, act):
     )
     limit = par[PARAM.servo_rate_limit]
     limits = (limit, limit, limit, limit)
-    sensors = sensors_of(m, offsets, body_of(m, offsets, rotor_id))
     if par[PARAM.faults] != 0.0:
-        time = last_tick(d, offsets, par, sensors)
-        commands, limits = faults.servos_left(par, time, commands, limits)
-    if par[PARAM.gyro_on] == 0.0 or sensors < 0 or faults.restarts(d, offsets, par, sensors):
+        commands, limits = faults.servos_left(par, last_tick(view), commands, limits)
+    if par[PARAM.gyro_on] == 0.0 or view.sensors < 0 or faults.restarts(view):
         nothing = Rates(0.0, 0.0, 0.0)
         return HeldInputs(False, nothing, Sticks(0.0, 0.0, 0.0), commands, limits)
-    sensed = sensed_rates(d, offsets, par, act, sensors)
-    sticks = stick_positions(m, d, offsets, rotor_id, par, sensors)
-    return HeldInputs(True, sensed, sticks, commands, limits)
+    return HeldInputs(True, sensed_rates(view), stick_positions(view), commands, limits)
 
 
 @kernel()
@@ -217,32 +191,30 @@ def sensor(m, d, offsets, stage):
     """Write what the recorder needs beside MuJoCo's own sensors. What mjcb_sensor does."""
     if stage != _ACCELERATION_STAGE:
         return
-    for rotor_id in vehicles(m, offsets):
-        sensors = sensors_of(m, offsets, body_of(m, offsets, rotor_id))
-        if sensors >= 0:
-            report(m, d, offsets, rotor_id, sensors)
+    for view in vehicles(m, d, offsets):
+        if view.sensors >= 0:
+            report(view)
 
 
 @kernel()
-def report(m, d, offsets, rotor_id, sensors):
+def report(view):
     """Write the numbers of a vehicle's own sensors."""
-    par = parameters_of(m, offsets, rotor_id)
-    act = states_of(m, d, offsets, rotor_id)
-    rate = state_rates_of(m, d, offsets, rotor_id)
-    controls = controls_of(m, d, offsets, rotor_id)
-    out = doubles_from(d, offsets.sensordata, sensors)
+    act, rate, out = view.act, view.rate, sensor_numbers(view)
     for k in range(CONTROL.rotor):
-        out[SENSOR.stick_col + k] = controls[k]
+        out[SENSOR.stick_col + k] = view.controls[k]
     for k in range(4):
         out[SENSOR.position_front + k] = act[STATE.front_position + 2 * k]
-    since = 0.5 * held_for(m, offsets)  # by which the tilt is kept early
+    since = 0.5 * held_for(view)  # by which the tilt is kept early
     out[SENSOR.flap_a] = act[STATE.flap_a] + since * rate[STATE.flap_a]
     out[SENSOR.flap_b] = act[STATE.flap_b] + since * rate[STATE.flap_b]
-    past = flow(m, d, offsets, rotor_id, par, act, 0.0)
-    out[SENSOR.thrust] = past.main.thrust
-    out[SENSOR.torque] = past.main.torque
-    out[SENSOR.inflow] = past.main.inflow
+    past = flow(view, 0.0)
+    main, air = past.main, past.air
+    out[SENSOR.thrust], out[SENSOR.torque], out[SENSOR.inflow] = (
+        main.thrust,
+        main.torque,
+        main.inflow,
+    )
     pedal = act[STATE.tail_position]
-    out[SENSOR.tail_thrust] = tail_rotor(par, past.motion, past.speed_ratio, pedal)
-    out[SENSOR.air_u], out[SENSOR.air_v], out[SENSOR.air_w] = past.air.u, past.air.v, past.air.w
-    out[SENSOR.air_p], out[SENSOR.air_q], out[SENSOR.air_r] = past.air.p, past.air.q, past.air.r
+    out[SENSOR.tail_thrust] = tail_rotor(view.par, past.motion, past.speed, pedal)
+    out[SENSOR.air_u], out[SENSOR.air_v], out[SENSOR.air_w] = air.u, air.v, air.w
+    out[SENSOR.air_p], out[SENSOR.air_q], out[SENSOR.air_r] = air.p, air.q, air.r

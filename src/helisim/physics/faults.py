@@ -46,11 +46,12 @@ def servo_left(par, time, fault, command, limit):
 
 
 @kernel()
-def restarts(d, offsets, par, sensors):
+def restarts(view):
     """Tell whether the gyro is restarting now."""
+    par = view.par
     if par[PARAM.faults] == 0.0:
         return False
-    time = last_tick(d, offsets, par, sensors) + TIME_TOLERANCE
+    time = last_tick(view) + TIME_TOLERANCE
     return par[PARAM.restart_at] <= time < par[PARAM.restart_until]
 
 
@@ -62,18 +63,17 @@ def reset_gyro(numbers):
 
 
 @kernel()
-def rates_left(par, act, time, p, q, r):
+def rates_left(view, p, q, r):
     """Return the rates that the gyro reads, rad/s: a dropped one is 0, or what its filter holds.
 
     Args:
-        par: parameters.
-        act: states of the vehicle.
-        time: of the gyro's last tick, s.
+        view: of the vehicle.
         p: sensed roll rate, rad/s.
         q: sensed pitch rate, rad/s.
         r: sensed yaw rate, rad/s.
     """
-    if not par[PARAM.dropout_at] <= time + TIME_TOLERANCE < par[PARAM.dropout_until]:
+    par, act, time = view.par, view.act, last_tick(view) + TIME_TOLERANCE
+    if not par[PARAM.dropout_at] <= time < par[PARAM.dropout_until]:
         return p, q, r
     return (
         dropped(par[PARAM.dropout_p], p, act[STATE.gyro_p_filter]),

@@ -62,28 +62,26 @@ def flapping_rates(a, b, p, q, a_target, b_target, tau_f, a_b, b_a):
 
 
 @kernel()
-def tilt_rates(par, act, flow, step):
+def tilt_rates(view, flow, step):
     """Return the mean da/dt and db/dt of the tip-path plane over a time step (s), or now at 0.
 
     Args:
-        par: parameters.
-        act: states of the vehicle.
-        flow: the `Flow` past the vehicle.
+        view: of the vehicle.
+        flow: the `Flow` past it.
         step: s.
     """
+    par, act = view.par, view.act
     motion, main, air = flow.motion, flow.main, flow.air
     _, lon, lat = unmix(
         act[STATE.front_position], act[STATE.left_position], act[STATE.right_position]
     )
     a_target = par[PARAM.a_lat] * lat + par[PARAM.a_lon] * lon
     b_target = par[PARAM.b_lat] * lat + par[PARAM.b_lon] * lon
-    if flow.speed_ratio >= STOPPED:
+    if flow.speed >= STOPPED:
         ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
         a_target += par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, ahead)
         b_target -= par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, right)
-        a_turn, b_turn = cyclic_of_turning_air(
-            air.p, air.q, flow.speed_ratio * par[PARAM.main_speed]
-        )
+        a_turn, b_turn = cyclic_of_turning_air(air.p, air.q, flow.speed * par[PARAM.main_speed])
         a_target, b_target = a_target + a_turn, b_target + b_turn
     p, q = motion.p + air.p, motion.q + air.q  # the blades' inertia knows no air
     a, b = act[STATE.flap_a], act[STATE.flap_b]

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from helisim.physics import faults, frames
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, PARAM, ROTOR, SENSOR, STATE
-from helisim.physics.memory import controls_of, doubles
+from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
+from helisim.physics.memory import sensor_numbers
 from helisim.physics.timing import delayed_control, last_tick
 
 
@@ -116,27 +116,20 @@ def hold_when_saturated(error, command, limit):
 
 
 @kernel()
-def sensed_rates(d, offsets, par, act, sensors):
-    """Return the rates as the gyro saw them last."""
-    numbers = doubles(d, offsets.sensordata)
-    p, q, r = frames.flip(
-        numbers[sensors + SENSOR.gyro_x],
-        numbers[sensors + SENSOR.gyro_y],
-        numbers[sensors + SENSOR.gyro_z],
-    )
-    if par[PARAM.faults] != 0.0:
-        p, q, r = faults.rates_left(par, act, last_tick(d, offsets, par, sensors), p, q, r)
+def sensed_rates(view):
+    """Return the `Rates` as the gyro saw them last."""
+    seen = sensor_numbers(view)
+    p, q, r = frames.flip(seen[SENSOR.gyro_x], seen[SENSOR.gyro_y], seen[SENSOR.gyro_z])
+    if view.par[PARAM.faults] != 0.0:
+        p, q, r = faults.rates_left(view, p, q, r)
     return Rates(p, q, r)
 
 
 @kernel()
-def stick_positions(m, d, offsets, rotor_id, par, sensors):
-    """Return the sticks as they reach the gyro: PED late."""
-    controls = controls_of(m, d, offsets, rotor_id)
-    pedals = rotor_id - ROTOR + CONTROL.ped
-    now = last_tick(d, offsets, par, sensors)
-    ped = delayed_control(m, d, offsets, pedals, controls[CONTROL.ped], now, par[PARAM.gyro_period])
-    return Sticks(controls[CONTROL.lon], controls[CONTROL.lat], ped)
+def stick_positions(view):
+    """Return the `Sticks` as they reach the gyro: PED late."""
+    ped = delayed_control(view, CONTROL.ped, last_tick(view))
+    return Sticks(view.controls[CONTROL.lon], view.controls[CONTROL.lat], ped)
 
 
 @kernel()

@@ -7,7 +7,7 @@ from helisim.physics import air, rotor
 from helisim.physics.body import Velocities, Wrench
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.memory import body_of, speed_ratio_of
+from helisim.physics.memory import speed_ratio
 from helisim.physics.servo import unmix
 from helisim.physics.timing import position_ahead
 
@@ -38,48 +38,46 @@ class Flow(NamedTuple):
 
     Attributes:
         motion: velocities of the body through the air.
-        speed_ratio: rotor speed over the nominal one.
+        speed: rotor speed over the nominal one.
         main: what the main rotor does.
         air: velocities of the air itself.
     """
 
     motion: Velocities
-    speed_ratio: float
+    speed: float
     main: MainRotor
     air: Velocities
 
 
 @kernel()
-def flow(m, d, offsets, rotor_id, par, act, ahead):
+def flow(view, ahead):
     """Return the `Flow` past a vehicle; the collective is that of a time `ahead` (s)."""
-    body = body_of(m, offsets, rotor_id)
-    moving = air.motion(m, d, offsets, rotor_id, par, body)
-    motion = air.relative_motion(m, d, offsets, body, moving)
-    speed_ratio = speed_ratio_of(m, d, offsets, rotor_id, par)
+    moving = air.motion(view)
+    motion = air.relative_motion(view, moving)
+    speed = speed_ratio(view)
     collective, _, _ = unmix(
-        position_ahead(par, act, STATE.front_position, ahead),
-        position_ahead(par, act, STATE.left_position, ahead),
-        position_ahead(par, act, STATE.right_position, ahead),
+        position_ahead(view, STATE.front_position, ahead),
+        position_ahead(view, STATE.left_position, ahead),
+        position_ahead(view, STATE.right_position, ahead),
     )
-    nearness = air.ground_nearness(d, offsets, par, body)
-    main = main_rotor(par, motion, speed_ratio, collective, nearness)
-    return Flow(motion, speed_ratio, main, moving)
+    nearness = air.ground_nearness(view)
+    return Flow(motion, speed, main_rotor(view.par, motion, speed, collective, nearness), moving)
 
 
 @kernel()
-def main_rotor(par, motion, speed_ratio, collective, nearness=0.0):
+def main_rotor(par, motion, speed, collective, nearness=0.0):
     """Return what the main rotor does.
 
     Args:
         par: parameters.
         motion: `Velocities` of the body through the air.
-        speed_ratio: rotor speed over the nominal one.
+        speed: rotor speed over the nominal one.
         collective: unitised.
         nearness: (R / 4z)^2 of the ground, 0 far from it.
     """
-    tip_speed = par[PARAM.main_speed] * speed_ratio * par[PARAM.main_radius]
+    tip_speed = par[PARAM.main_speed] * speed * par[PARAM.main_radius]
     pitch = par[PARAM.main_pitch_trim] + par[PARAM.main_pitch_range] * collective
-    if speed_ratio < STOPPED:
+    if speed < STOPPED:
         return MainRotor(0.0, 0.0, 0.0, tip_speed, pitch)
     hub_u = motion.u + motion.q * par[PARAM.hub_z]
     hub_v = motion.v - motion.p * par[PARAM.hub_z]
@@ -110,17 +108,17 @@ def main_rotor(par, motion, speed_ratio, collective, nearness=0.0):
 
 
 @kernel()
-def tail_rotor(par, motion, speed_ratio, pedal):
+def tail_rotor(par, motion, speed, pedal):
     """Return the tail rotor's thrust, N; it pushes the tail to the left (nose right).
 
     Args:
         par: parameters.
         motion: `Velocities` of the body through the air.
-        speed_ratio: rotor speed over the nominal one.
+        speed: rotor speed over the nominal one.
         pedal: of the tail servo, unitised.
     """
-    tip_speed = par[PARAM.tail_speed] * speed_ratio * par[PARAM.tail_radius]
-    if speed_ratio < STOPPED:
+    tip_speed = par[PARAM.tail_speed] * speed * par[PARAM.tail_radius]
+    if speed < STOPPED:
         return 0.0
     pitch = par[PARAM.tail_pitch_trim] + par[PARAM.tail_pitch_range] * pedal
     climb = -tail_v(par, motion) / tip_speed
@@ -144,7 +142,7 @@ def tail_v(par, motion):
 
 
 @kernel()
-def wrench(par, pedal, a, b, motion, speed_ratio, main):
+def wrench(par, pedal, a, b, motion, speed, main):
     """Return the aerodynamic force and moment at the body's origin, a `Wrench`.
 
     Args:
@@ -153,15 +151,15 @@ def wrench(par, pedal, a, b, motion, speed_ratio, main):
         a: rearward tilt, rad.
         b: right tilt, rad.
         motion: `Velocities` of the body through the air.
-        speed_ratio: rotor speed over the nominal one.
+        speed: rotor speed over the nominal one.
         main: what the main rotor does, a `MainRotor`.
     """
     u, v, w = motion.u, motion.v, motion.w
-    tail = tail_rotor(par, motion, speed_ratio, pedal)
+    tail = tail_rotor(par, motion, speed, pedal)
     stop = par[PARAM.flap_stop]
     a = rotor.soft_limit(a, stop, 0.7)
     b = rotor.soft_limit(b, stop, 0.7)
-    stiffness = par[PARAM.hub_stiffness] if speed_ratio >= STOPPED else 0.0
+    stiffness = par[PARAM.hub_stiffness] if speed >= STOPPED else 0.0
     # hub: thrust along the tip-path plane's normal, springs, torque (blades turn clockwise)
     hub_x = -main.thrust * math.sin(a)
     hub_y = main.thrust * math.sin(b)

@@ -1,19 +1,6 @@
-"""mjModel and mjData as compiled code reads them: fields by address, our vehicles among them.
+"""mjModel and mjData as compiled code reads them: fields by address, our vehicles among them."""
 
-What the kernels hand on, and call everywhere the same:
-
-    m, d        addresses of mjModel and mjData (int64)
-    offsets     byte offsets of their fields, `fields.Offsets`
-    rotor_id    a vehicle's rotor actuator, which stands for the vehicle
-    body        the body that the vehicle's forces act on
-    par         its parameters, by `layout.PARAM`
-    act, rate   its activations and their derivatives per second, by `layout.STATE`
-    controls    its controls, by `layout.CONTROL`
-    sensors     address of its first sensor number in `sensordata`, or negative if it has none
-
-The last six are found by the functions below. `par`, `act`, `rate` and `controls` are pointers
-into MuJoCo's own arrays: what is written there is written in mjData.
-"""
+from typing import Any, NamedTuple
 
 import mujoco
 from numba import types
@@ -85,6 +72,18 @@ def double(base, offset):
 
 
 @intrinsic
+def from_element(typingctx, array, first):
+    """Return an array of doubles from its element `first` on."""
+    del typingctx
+
+    def codegen(context, builder, signature, args):
+        del context, signature
+        return builder.gep(args[0], [args[1]])
+
+    return array(array, first), codegen
+
+
+@intrinsic
 def buffer(typingctx, count):
     """Return an uninitialised array of doubles, (count,), on the caller's own stack.
 
@@ -103,11 +102,42 @@ def buffer(typingctx, count):
     return signature, codegen
 
 
+class VehicleView(NamedTuple):
+    """One of our vehicles inside mjModel and mjData, as the kernels hand it on.
+
+    The pointers lead into MuJoCo's own arrays: what is written there is written in mjData.
+
+    Attributes:
+        m: address of mjModel.
+        d: address of mjData.
+        offsets: byte offsets of their fields, `fields.Offsets`.
+        rotor: the vehicle's rotor actuator.
+        body: the body that its forces act on.
+        sensors: where its `SENSORS` start in `sensordata`; negative if it has none.
+        par: its parameters, by `PARAM`.
+        act: its activations, by `STATE`.
+        rate: their derivatives, per second.
+        controls: its controls, by `CONTROL`.
+    """
+
+    m: int
+    d: int
+    offsets: Any
+    rotor: int
+    body: int
+    sensors: int
+    par: Any
+    act: Any
+    rate: Any
+    controls: Any
+
+
 @kernel()
-def parameters_of(m, offsets, actuator):
-    """Return the user numbers of an actuator; the rotor's are the vehicle's parameters."""
-    stride = long(m, offsets.nuser_actuator)
-    return doubles_from(m, offsets.actuator_user, actuator * stride)
+def vehicles(m, d, offsets):
+    """Yield a view of every vehicle of ours in the model."""
+    for actuator in range(ROTOR, long(m, offsets.nactuator)):
+        if is_rotor(m, offsets, actuator):
+            yield view_of(m, d, offsets, actuator)
 
 
 @kernel()
@@ -115,52 +145,44 @@ def is_rotor(m, offsets, actuator):
     """Tell whether an actuator is the rotor of one of our vehicles, all the others before it."""
     if long(m, offsets.nuser_actuator) < _PARAMETERS:
         return False
-    user = parameters_of(m, offsets, actuator)
+    user = user_numbers(m, offsets, actuator)
     if user[PARAM.magic] != MAGIC or user[PARAM.ordinal] != ROTOR or actuator < ROTOR:
         return False
-    first = parameters_of(m, offsets, actuator - ROTOR)
+    first = user_numbers(m, offsets, actuator - ROTOR)
     return first[PARAM.magic] == MAGIC and first[PARAM.ordinal] == 0.0
 
 
 @kernel()
-def vehicles(m, offsets):
-    """Yield the rotor actuator of every vehicle of ours in the model."""
-    for actuator in range(ROTOR, long(m, offsets.nactuator)):
-        if is_rotor(m, offsets, actuator):
-            yield actuator
+def user_numbers(m, offsets, actuator):
+    """Return the user numbers of an actuator; the rotor's are the vehicle's parameters."""
+    stride = long(m, offsets.nuser_actuator)
+    return doubles_from(m, offsets.actuator_user, actuator * stride)
 
 
 @kernel()
-def body_of(m, offsets, rotor_id):
-    """Return the body that a vehicle's rotor actuator acts on."""
-    joint = ints(m, offsets.actuator_trnid)[2 * rotor_id]
-    return ints(m, offsets.jnt_bodyid)[joint]
+def view_of(m, d, offsets, rotor):
+    """Return a view of the vehicle to which a rotor actuator belongs."""
+    joint = ints(m, offsets.actuator_trnid)[2 * rotor]
+    body = ints(m, offsets.jnt_bodyid)[joint]
+    state = ints(m, offsets.actuator_actadr)[rotor] - STATE.flap_a
+    control = ints(m, offsets.actuator_ctrladr)[rotor] - ROTOR
+    return VehicleView(
+        m,
+        d,
+        offsets,
+        rotor,
+        body,
+        first_sensor(m, offsets, body),
+        user_numbers(m, offsets, rotor),
+        doubles_from(d, offsets.act, state),
+        doubles_from(d, offsets.act_dot, state),
+        doubles_from(d, offsets.ctrl, control),
+    )
 
 
 @kernel()
-def states_of(m, d, offsets, rotor_id, first=0):
-    """Return a vehicle's activations, from one of `STATE` on."""
-    address = ints(m, offsets.actuator_actadr)[rotor_id] - STATE.flap_a
-    return doubles_from(d, offsets.act, address + first)
-
-
-@kernel()
-def state_rates_of(m, d, offsets, rotor_id, first=0):
-    """Return the derivatives of a vehicle's activations, from one of `STATE` on."""
-    address = ints(m, offsets.actuator_actadr)[rotor_id] - STATE.flap_a
-    return doubles_from(d, offsets.act_dot, address + first)
-
-
-@kernel()
-def controls_of(m, d, offsets, rotor_id):
-    """Return a vehicle's controls."""
-    first = ints(m, offsets.actuator_ctrladr)[rotor_id] - ROTOR
-    return doubles_from(d, offsets.ctrl, first)
-
-
-@kernel()
-def sensors_of(m, offsets, body):
-    """Return the address of a vehicle's first sensor number; negative where it has no sensors.
+def first_sensor(m, offsets, body):
+    """Return where a vehicle's `SENSORS` start in `sensordata`; negative where it has none.
 
     The sticks are the first user sensor on its body, and what the gyro sees stands before them.
     """
@@ -174,8 +196,14 @@ def sensors_of(m, offsets, body):
 
 
 @kernel()
-def speed_ratio_of(m, d, offsets, rotor_id, par):
+def sensor_numbers(view):
+    """Return the numbers of a vehicle's sensors, by `SENSOR`."""
+    return doubles_from(view.d, view.offsets.sensordata, view.sensors)
+
+
+@kernel()
+def speed_ratio(view):
     """Return the rotor's speed over its nominal one; a pilot flies with the governor on."""
-    if par[PARAM.pilot_on] != 0.0:
+    if view.par[PARAM.pilot_on] != 0.0:
         return 1.0
-    return controls_of(m, d, offsets, rotor_id)[CONTROL.rotor]
+    return view.controls[CONTROL.rotor]

@@ -12,7 +12,7 @@ from helisim.physics import frames
 from helisim.physics.body import rotation, velocity
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, DOUBLET, PARAM, SWEEP
-from helisim.physics.memory import double, doubles
+from helisim.physics.memory import double, doubles_from
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -130,11 +130,11 @@ def hold(par, matrix, north, east, down, u, v, w):
         par: parameters.
         matrix: rotation of the body to the world, MuJoCo's axes, row-major, (9,).
         north: of the body's origin, m.
-        east: likewise.
-        down: likewise.
-        u: forward velocity over the ground, m/s, body axes.
-        v: to the right.
-        w: down.
+        east: m.
+        down: m.
+        u: velocity over the ground forward, m/s, body axes.
+        v: to the right, m/s.
+        w: down, m/s.
     """
     phi, theta, psi = frames.euler_angles(matrix)
     cosine, sine = math.cos(psi), math.sin(psi)
@@ -157,15 +157,14 @@ def hold(par, matrix, north, east, down, u, v, w):
 
 
 @kernel()
-def fly(m, d, offsets, par, body, controls):
+def fly(view):
     """Write the pilot's four sticks, and keep the rotor's governor on."""
-    time = double(d, offsets.time)
-    matrix = rotation(d, offsets, body)
-    position = doubles(d, offsets.xpos)
-    north, east, down = frames.flip(
-        position[3 * body], position[3 * body + 1], position[3 * body + 2]
-    )
-    u, v, w = frames.to_body(matrix, *velocity(m, d, offsets, body))
+    par, controls = view.par, view.controls
+    time = double(view.d, view.offsets.time)
+    matrix = rotation(view)
+    position = doubles_from(view.d, view.offsets.xpos, 3 * view.body)
+    north, east, down = frames.flip(position[0], position[1], position[2])
+    u, v, w = frames.to_body(matrix, *velocity(view))
     held = hold(par, matrix, north, east, down, u, v, w)
     seed, interval = par[PARAM.pilot_seed], par[PARAM.remnant_interval]
     excited = excitation(par, time)

@@ -17,8 +17,8 @@ import math
 import mujoco
 
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, SENSOR
-from helisim.physics.memory import double, doubles, integer, ints
+from helisim.physics.layout import PARAM, ROTOR, SENSOR
+from helisim.physics.memory import double, doubles, integer, ints, sensor_numbers
 
 TICK_TOLERANCE = 1e-6
 """Of a period: a tick, or a whole number of steps, counts so much early, as times are rounded."""
@@ -29,24 +29,25 @@ _RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
 @kernel()
-def held_for(m, offsets):
+def held_for(view):
     """Return for how long (s) the integrator holds an evaluation; 0 if it wants derivatives."""
-    if integer(m, offsets.integrator) == _RUNGE_KUTTA:
+    if integer(view.m, view.offsets.integrator) == _RUNGE_KUTTA:
         return 0.0
-    return double(m, offsets.timestep)
+    return double(view.m, view.offsets.timestep)
 
 
 @kernel()
-def position_ahead(par, act, position, ahead):
+def position_ahead(view, position, ahead):
     """Return a servo's position a time `ahead` (s) from now; its rate stands behind it."""
-    limit = par[PARAM.servo_rate_limit]
-    return act[position] + ahead * min(limit, max(-limit, act[position + 1]))
+    limit = view.par[PARAM.servo_rate_limit]
+    rate = view.act[position + 1]
+    return view.act[position] + ahead * min(limit, max(-limit, rate))
 
 
 @kernel()
-def clock(d, offsets, sensors):
+def clock(view):
     """Return the time at which this step started, s."""
-    return doubles(d, offsets.sensordata)[sensors + SENSOR.clock]
+    return sensor_numbers(view)[SENSOR.clock]
 
 
 @kernel()
@@ -56,65 +57,63 @@ def tick_number(par, time):
 
 
 @kernel()
-def is_tick(m, d, offsets, par, sensors):
+def is_tick(view):
     """Tell whether the gyro acts now: at a step's start, once in each of its periods.
 
     MuJoCo computes sensors at the start of a step only, so the clock tells the start from the
     later stages of the integrator.
     """
-    time = double(d, offsets.time)
-    if time != clock(d, offsets, sensors):
+    time = double(view.d, view.offsets.time)
+    if time != clock(view):
         return False
-    return tick_number(par, time) != tick_number(par, time - double(m, offsets.timestep))
+    before = time - double(view.m, view.offsets.timestep)
+    return tick_number(view.par, time) != tick_number(view.par, before)
 
 
 @kernel()
-def last_tick(d, offsets, par, sensors):
+def last_tick(view):
     """Return the time at which the gyro last acted, s; 0 where there is no clock."""
-    if sensors < 0:
+    if view.sensors < 0:
         return 0.0
-    return par[PARAM.gyro_period] * tick_number(par, clock(d, offsets, sensors))
+    return view.par[PARAM.gyro_period] * tick_number(view.par, clock(view))
 
 
 @kernel()
-def delayed_control(m, d, offsets, actuator, present, now, period):
-    """Return an actuator's control as it was one delay before `now`, linear between ticks.
+def delayed_control(view, ordinal, now):
+    """Return a control as it was one delay of its actuator before `now`, linear between ticks.
 
     Args:
-        m: address of mjModel.
-        d: address of mjData.
-        offsets: of the fields.
-        actuator: its id.
-        present: its control now, which is returned if the actuator has no delay.
+        view: of the vehicle.
+        ordinal: of the control, one of `CONTROL`.
         now: s.
-        period: s, for which the control is held; whatever the time step, it is read at ticks.
     """
+    m, offsets = view.m, view.offsets
+    actuator = view.rotor - ROTOR + ordinal
     history = ints(m, offsets.actuator_historyadr)[actuator]
     delay = doubles(m, offsets.actuator_delay)[actuator]
     if history < 0 or delay <= 0.0:
-        return present
+        return view.controls[ordinal]
+    period = view.par[PARAM.gyro_period]  # whatever the time step, the control is read at ticks
     wanted = now - delay
     tick = period * math.floor(wanted / period + TICK_TOLERANCE)
     ahead = max(0.0, (wanted - tick) / period)
-    before, after = past_controls(m, d, offsets, actuator, tick, tick + period)
+    before, after = past_controls(view, actuator, tick, tick + period)
     return before + ahead * (after - before)
 
 
 @kernel()
-def past_controls(m, d, offsets, actuator, earlier, later):
+def past_controls(view, actuator, earlier, later):
     """Return an actuator's control at two past times: each its newest sample not after it.
 
     Args:
-        m: address of mjModel.
-        d: address of mjData.
-        offsets: of the fields.
+        view: of the vehicle.
         actuator: its id; it has a delay.
         earlier: s.
         later: s.
     """
-    first = ints(m, offsets.actuator_historyadr)[actuator]
-    count = ints(m, offsets.actuator_history)[2 * actuator]
-    history = doubles(d, offsets.history)
+    first = ints(view.m, view.offsets.actuator_historyadr)[actuator]
+    count = ints(view.m, view.offsets.actuator_history)[2 * actuator]
+    history = doubles(view.d, view.offsets.history)
     times, values = first + 2, first + 2 + count
     k = int(history[first + 1])
     left = count - 1
