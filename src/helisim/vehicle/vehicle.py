@@ -14,7 +14,7 @@ import numpy as np
 
 from helisim.errors import InputError
 from helisim.physics.frames import flip
-from helisim.physics.layout import PARAM
+from helisim.physics.layout import PARAM, SENSOR
 from helisim.physics.native import installed
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
@@ -86,7 +86,7 @@ class Vehicle:
         data = self.hovering()
         with installed():
             mujoco.mj_forward(self.model, data)
-        torque = data.sensor("rotor").data[1]
+        torque = data.sensor("rotor").data[SENSOR.torque - SENSOR.thrust]
         return float(torque * self.parameters["main_rotor.speed"])
 
     def hovering(self) -> mujoco.MjData:
