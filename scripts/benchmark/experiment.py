@@ -47,7 +47,7 @@ def main(flights: int = 10) -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/compiled"
         from helisim.output.report import write_report
-        from helisim.output.rerun_log import write_recording
+        from helisim.output.rerun.recording import write_recording
         from helisim.physics import native
         from helisim.study.flights import named_records
         from helisim.study.identification import identify_model

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import helisim as hs
-from helisim.output.rerun_log import write_recording
+from helisim.output.rerun.recording import write_recording
 
 TIMES = 5
 

@@ -24,7 +24,7 @@ from rerun.experimental import ViewerClient
 
 import helisim as hs
 from helisim.output.drawings import bode_drawings
-from helisim.output.rerun_log import write_recording
+from helisim.output.rerun.recording import write_recording
 from helisim.study.run import Run, read_run
 from helisim.vehicle.assembly import model_folder, vehicle_names
 

@@ -18,7 +18,7 @@ import numpy as np
 from helisim.records.channels import channel
 from helisim.errors import StorageError
 from helisim.ident import structures
-from helisim.output.rerun_log import write_recording
+from helisim.output.rerun.recording import write_recording
 from helisim.records.record import FlightRecord
 from helisim.records.files import write_json
 from helisim.records.storage import write_record

@@ -9,7 +9,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from helisim.errors import InputError, StorageError
-from helisim.output.rerun_log import GROUPS, write_recording
+from helisim.output.rerun.recording import GROUPS, write_recording
 from helisim.records.channels import CHANNELS, IN2, POSITIONS, RATES, Channel, channel
 from helisim.records.record import FlightRecord
 

@@ -8,7 +8,7 @@ import pytest
 from test_rerun_log import SINGLE, read
 
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN
-from helisim.output.rerun_log import write_recording
+from helisim.output.rerun.recording import write_recording
 from helisim.records.channels import CHANNELS, POSITIONS, ROTOR
 from helisim.sim import FlightPlan, Recorder, Sweep, fly
 from helisim.study.run import read_run

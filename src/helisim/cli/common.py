@@ -144,7 +144,7 @@ def write_recording(
     path: Path, records: Any, *, vehicle: str = "jr700", run: Any = None, quiet: bool = False
 ) -> None:
     """Write a Rerun recording of flights, and of what a run found from them, and say so."""
-    from helisim.output.rerun_log import write_recording
+    from helisim.output.rerun.recording import write_recording
     from helisim.vehicle import load
 
     write_recording(path, records, model=load(vehicle).visual_model(), run=run)

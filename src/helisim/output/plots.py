@@ -19,9 +19,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
-from numpy.typing import NDArray
 
 from helisim.ident import USABLE_COHERENCE, FrequencyResponse, Verification
+from helisim.output.bode import (
+    decibels,
+    middle,
+    on_turn,
+    phase_degrees,
+    ratio_unit,
+)
 from helisim.records.channels import ATTITUDES, IN1, RATES
 from helisim.records.files import atomic_write
 from helisim.records.record import FlightRecord
@@ -131,18 +137,17 @@ def draw_bode(
             if response is None:
                 continue
             line = response.response[response.index(output, input_)]
-            degrees = _phase(line)
+            angle = phase_degrees(line)
             if data is None and response is identified:
-                turns = _mean(degrees)
-            degrees += 360.0 * np.round((turns - _mean(degrees)) / 360.0)
+                turns = middle(angle)
             width = 2.0 if label == "identified" else 1.2  # the truth is seen on top of it
             style = {"color": colour, "dashes": dashes, "linewidth": width, "zorder": 3}
-            magnitude.semilogx(response.frequency, _decibels(line), label=label, **style)
-            phase.semilogx(response.frequency, degrees, **style)
+            magnitude.semilogx(response.frequency, decibels(line), label=label, **style)
+            phase.semilogx(response.frequency, on_turn(angle, turns), **style)
         for ax in axes:
             _shade_unused(ax, used)
         magnitude.set_title(title)
-        magnitude.set_ylabel(f"magnitude, dB\n({_ratio_unit(data, output, input_)})")
+        magnitude.set_ylabel(f"magnitude, dB\n({ratio_unit(data, output, input_)})")
         phase.set_ylabel("phase, deg")
         low, high = phase.get_ylim()
         phase.yaxis.set_major_locator(MultipleLocator(45.0 if high - low < 270.0 else 90.0))
@@ -165,23 +170,21 @@ def _draw_data(
     """Draw the estimate and return its mean phase, degrees."""
     o, i = data.index(output, input_)
     omega, line, error = data.frequency, data.response[o, i], data.random_error[o, i]
-    decibels, degrees = _decibels(line), _phase(line)
+    gain, angle = decibels(line), phase_degrees(line)
     good = data.usable()[o, i]
     spread = decibel(1.0 + error)
-    for ax, middle, half in (
-        (magnitude, decibels, spread),
-        (phase, degrees, np.rad2deg(np.minimum(error, np.pi))),
+    for ax, line, half in (
+        (magnitude, gain, spread),
+        (phase, angle, np.rad2deg(np.minimum(error, np.pi))),
     ):
-        ax.fill_between(
-            omega, middle - half, middle + half, where=good, color="#dedede", linewidth=0.0
-        )
+        ax.fill_between(omega, line - half, line + half, where=good, color="#dedede", linewidth=0.0)
         label = "flight data" if ax is magnitude else None
         dots = {"linestyle": "none", "marker": "o", "markersize": 2.6, "zorder": 2}
-        ax.semilogx(omega[good], middle[good], color=DATA, label=label, **dots)
+        ax.semilogx(omega[good], line[good], color=DATA, label=label, **dots)
         if not good.all():
             label = f"coherence below {USABLE_COHERENCE}" if ax is magnitude else None
             hollow = {"markerfacecolor": "none", "markeredgewidth": 0.5, "color": DATA}
-            ax.semilogx(omega[~good], middle[~good], label=label, **(dots | hollow))
+            ax.semilogx(omega[~good], line[~good], label=label, **(dots | hollow))
     coherence.semilogx(omega, data.coherence[o, i], color=IDENTIFIED, label="partial")
     coherence.semilogx(
         omega, data.multiple_coherence[o], color="#8c8c8c", dashes=(4.0, 1.5), label="multiple"
@@ -190,7 +193,7 @@ def _draw_data(
     coherence.set_ylim(0.0, 1.04)
     coherence.set_ylabel("coherence")
     coherence.legend(loc="lower center", ncols=2)
-    return _mean(degrees)
+    return middle(angle)
 
 
 def draw_verification(
@@ -304,23 +307,3 @@ def _shade_unused(ax: Axes, used: tuple[float, float] | None) -> None:
         if stop > start:
             ax.axvspan(start, stop, color="#f3f3f3", linewidth=0.0, zorder=0)
     ax.set_xlim(low, high)
-
-
-def _ratio_unit(data: FrequencyResponse | None, output: str, input_: str) -> str:
-    if data is None:
-        return "SI"
-    o, i = data.index(output, input_)
-    over, under = data.output_units[o] or "1", data.input_units[i] or "1"
-    return over if under == "1" else f"{over} / {under}"
-
-
-def _decibels(line: NDArray[np.complex128]) -> NDArray[np.float64]:
-    return decibel(np.maximum(np.abs(line), 1e-12))
-
-
-def _phase(line: NDArray[np.complex128]) -> NDArray[np.float64]:
-    return np.rad2deg(np.unwrap(np.angle(line)))
-
-
-def _mean(degrees: NDArray[np.float64]) -> float:
-    return float(np.median(degrees))

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN, drawn_tilt, drawn_turn
-from helisim.output.shapes import Shapes
-from helisim.output.timelines import time_column
+from helisim.output.rerun.shapes import Shapes
+from helisim.output.rerun.timelines import time_column
 from helisim.records.channels import ATTITUDES, POSITIONS, ROTOR
 from helisim.records.record import FlightRecord
 

@@ -17,8 +17,9 @@ Each flight has its own root, named after it, and its own time from its first sa
 A whole run has its models beside the flights::
 
     models/<model>/table         paper, truth, identified
-    models/<model>/<output>_<input>/figure, numbers
-    models/<model>/time_<k>      verification: figure
+    models/<model>/<output>_<input>/bode/...     plot; pointed at, it tells its values
+    models/<model>/<output>_<input>/numbers
+    models/<model>/time_<k>/inputs, <output>     a flight that verified it: measured, predicted
     models/log                   the experiment's steps, on the timeline `step`
 """
 
@@ -34,11 +35,12 @@ import rerun as rr
 from rerun.blueprint import Blueprint
 
 from helisim.errors import InputError
-from helisim.output.blueprint import FlightViews, blueprint
-from helisim.output.rerun_findings import figure_entities, log_findings
-from helisim.output.rerun_scene import is_posed, knows_rotor, log_space
-from helisim.output.shapes import Shapes, box_shapes, model_shapes
-from helisim.output.timelines import time_column
+from helisim.output.rerun.findings import log_findings, model_views
+from helisim.output.rerun.layout import FlightViews, blueprint
+from helisim.output.rerun.scene import is_posed, knows_rotor, log_space
+from helisim.output.rerun.series import log_series
+from helisim.output.rerun.shapes import Shapes, box_shapes, model_shapes
+from helisim.output.rerun.timelines import time_column
 from helisim.records.channels import (
     ACCELERATIONS,
     ATTITUDES,
@@ -70,10 +72,6 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "loads": ROTOR[2:],
 }
 """Entity to channels. Channels in no group go to the entity `other`."""
-
-_INKS = ((31, 119, 200), (230, 110, 20), (60, 160, 70), (150, 90, 180), (120, 120, 120))
-_ENVELOPE = rr.components.AggregationPolicy.MinMax
-"""What a pixel shows of many samples; their mean would make a fast sweep look as if it faded."""
 
 
 def write_recording(
@@ -108,7 +106,7 @@ def write_recording(
     shapes = box_shapes() if model is None else model_shapes(model)
     layout = blueprint(
         [_views(name, record) for name, record in flights.items()],
-        figure_entities(run) if run else {},
+        model_views(run) if run else (),
     )
     recorded = _recorded(flights, run, shapes, layout)
     with atomic_write(path) as temporary:
@@ -179,17 +177,9 @@ def _log_flight(
     recording.send_property(
         name, rr.AnyValues(provenance=json.dumps(dict(record.provenance), sort_keys=True))
     )
-    index = time_column(record.time)
     for group, names in _groups(record).items():
         labels = [f"{channel} [{record.unit(channel)}]" for channel in names]
-        colours = [_INKS[k % len(_INKS)] for k in range(len(names))]
-        lines = rr.SeriesLines(names=labels, colors=colours, aggregation_policy=_ENVELOPE)
-        recording.log(f"{root}/{group}", lines, static=True)
-        recording.send_columns(
-            f"{root}/{group}",
-            indexes=[index],
-            columns=rr.Scalars.columns(scalars=record.select(names)),
-        )
+        log_series(recording, f"{root}/{group}", record.time, record.select(names), labels)
     _log_events(recording, root, record)
     if is_posed(record):
         log_space(recording, f"{root}/world", record, shapes)

@@ -7,7 +7,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
-from helisim.output.timelines import STEP, TIMELINE
+from helisim.output.rerun.bode import bode_size
+from helisim.output.rerun.timelines import STEP, TIMELINE
 
 _MOTION = ("sticks", "rates", "attitudes", "velocities", "tilt")
 """Groups beside the helicopter; the others are a tab behind."""
@@ -16,6 +17,8 @@ _EYE = (-1.9, -1.35, -0.75)
 _TRAIL_SECONDS = 15.0
 _LEGEND_ROOM = 0.12
 """Of the flight, after its end: where the legends hide nothing."""
+_DARK = (13, 16, 17)
+"""Behind a Bode plot: as behind the viewer's own plots."""
 _TABS = 8
 """More flights than this are gathered by the part of their name before the last `_`."""
 
@@ -55,18 +58,49 @@ class FlightViews:
     legend: bool
 
 
-def blueprint(
-    flights: Sequence[FlightViews], figures: Mapping[str, Sequence[str]]
-) -> rrb.Blueprint:
+@dataclass(frozen=True)
+class CheckViews:
+    """What a flight that verified a model has to be looked at.
+
+    Attributes:
+        title: of the flight.
+        root: its entity.
+        plots: below the root, one above the other.
+        start, stop: s.
+    """
+
+    title: str
+    root: str
+    plots: tuple[str, ...]
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True)
+class ModelViews:
+    """What an identified model has to be looked at.
+
+    Attributes:
+        name: of the model.
+        pairs: title to the entity of a Bode plot.
+        checks: flights that verified it.
+    """
+
+    name: str
+    pairs: Mapping[str, str]
+    checks: tuple[CheckViews, ...]
+
+
+def blueprint(flights: Sequence[FlightViews], models: Sequence[ModelViews] = ()) -> rrb.Blueprint:
     """Return the layout of a recording.
 
     Args:
         flights: one tab each.
-        figures: entities of each model's pictures; empty for flights alone.
+        models: one tab each, before the flights.
     """
     tabs: list[rrb.Container | rrb.View] = []
-    if figures:
-        tabs.append(_findings(figures))
+    if models:
+        tabs.append(_findings(models))
     made = [(flight.name, _flight(flight)) for flight in flights]
     if len(made) <= _TABS:
         tabs += [tab for _, tab in made]
@@ -83,26 +117,49 @@ def blueprint(
     )
 
 
-def _findings(figures: Mapping[str, Sequence[str]]) -> rrb.Container:
-    models = [
-        rrb.Grid(
-            *(
-                rrb.Spatial2DView(origin=entity, name="/".join(entity.split("/")[2:-1]))
-                for entity in entities
-            ),
-            name=model,
-        )
-        for model, entities in figures.items()
-    ]
+def _findings(models: Sequence[ModelViews]) -> rrb.Container:
     return rrb.Horizontal(
         rrb.Vertical(
             rrb.TextDocumentView(origin="models/table", name="paper, truth, identified"),
             _log("models/log", "steps", STEP),
             row_shares=[3, 1],
         ),
-        rrb.Tabs(*models),
+        rrb.Tabs(*(_model(model) for model in models), active_tab=0),
         column_shares=[2, 3],
         name="results",
+    )
+
+
+def _model(model: ModelViews) -> rrb.Container:
+    """Return a model's tab: its Bode plots, and behind them what it predicted, if anything."""
+    size = bode_size(len(model.pairs))
+    plots = [_bode(title, entity, size) for title, entity in model.pairs.items()]
+    if not model.checks:
+        return rrb.Grid(*plots, name=model.name)
+    checks = [
+        rrb.Vertical(
+            *(
+                _plot(f"{check.root}/{plot}", f"{check.title}: {plot}", check.start, check.stop)
+                for plot in check.plots
+            ),
+            name=check.title,
+        )
+        for check in model.checks
+    ]
+    return rrb.Tabs(
+        rrb.Grid(*plots, name="frequency responses"),
+        rrb.Horizontal(*checks, name="flights predicted"),
+        active_tab=0,
+        name=model.name,
+    )
+
+
+def _bode(title: str, entity: str, size: tuple[float, float]) -> rrb.View:
+    return rrb.Spatial2DView(
+        origin=entity,
+        name=title,
+        background=rrb.Background(color=_DARK),
+        visual_bounds=rrb.VisualBounds2D(x_range=[0.0, size[0]], y_range=[0.0, size[1]]),
     )
 
 
@@ -134,13 +191,19 @@ def _log(entity: str, name: str, timeline: str) -> rrb.View:
 
 
 def _signals(flight: FlightViews, group: str) -> rrb.View:
-    end = flight.stop + _LEGEND_ROOM * (flight.stop - flight.start)
+    name = _MEANINGS.get(group, group)
+    return _plot(f"{flight.root}/{group}", name, flight.start, flight.stop)
+
+
+def _plot(entity: str, name: str, start: float, stop: float) -> rrb.View:
+    """Return a plot over a whole flight, start to stop in s, with room for its legend."""
+    end = stop + _LEGEND_ROOM * (stop - start)
     return rrb.TimeSeriesView(
-        origin=f"{flight.root}/{group}",
-        name=_MEANINGS.get(group, group),
+        origin=entity,
+        name=name,
         axis_x=rrb.TimeAxis(
             view_range=rr.TimeRange(
-                start=rr.TimeRangeBoundary.absolute(seconds=flight.start),
+                start=rr.TimeRangeBoundary.absolute(seconds=start),
                 end=rr.TimeRangeBoundary.absolute(seconds=end),
             )
         ),

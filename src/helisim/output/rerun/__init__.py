@@ -1,0 +1,1 @@
+"""Flights, and what a run found from them, as a Rerun recording."""

@@ -1,0 +1,374 @@
+"""A Bode plot as Rerun's own shapes: it has no logarithmic axes, so the axes are drawn too.
+
+Three panels below one another, as on the page of the report: magnitude, phase, coherence. A
+point or line that is pointed at says its frequency and values. Drawn for the viewer's dark theme.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from helisim.ident import USABLE_COHERENCE, FrequencyResponse
+from helisim.output.bode import (
+    decibels,
+    middle,
+    on_turn,
+    phase_degrees,
+    ratio_unit,
+)
+from helisim.units import decibel
+
+_ALONE = (1240.0, 1110.0)
+"""Width and height of a drawing that has a tab for itself, in its own units.
+
+A viewer scales a drawing but not its letters, which are some 20 units high, as they are in
+one of four drawings of the size `_TOGETHER`.
+"""
+_TOGETHER = (640.0, 560.0)
+
+_LEFT, _RIGHT, _BELOW = 62.0, 18.0, 62.0
+"""Units around the panels: for the numbers of the axes, and the name of the frequency."""
+_BETWEEN = 53.0
+"""Units above each panel."""
+_SHARES = (0.42, 0.38, 0.20)
+"""Of the height: magnitude, phase, coherence."""
+_ABOVE = 35.0
+"""From the top of a panel up to where its name and its legend hang."""
+
+_FRAME = (92, 99, 110)
+_GRID = (43, 48, 55)
+_TEXT = (200, 206, 214)
+_DATA = (176, 184, 196)
+_WEAK = (96, 103, 114)
+_BAND = (66, 73, 84)
+_IDENTIFIED = (72, 166, 255)
+_TRUTH = (255, 152, 56)
+_PARTIAL = (94, 210, 160)
+_MULTIPLE = (150, 158, 170)
+_UNUSED = (30, 33, 38)
+
+_HATCH = 2.0
+"""Units between the lines that shade what the fit did not use."""
+_DASH = (9.0, 6.0)
+"""Units of a dash, and from one to the next."""
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """A part of the drawing with its own scale: values low to high, from bottom to top."""
+
+    top: float
+    bottom: float
+    low: float
+    high: float
+    marks: tuple[float, ...]
+
+    def height(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where values (n,) are drawn; those outside at the edge."""
+        share = (np.clip(values, self.low, self.high) - self.low) / (self.high - self.low)
+        return self.bottom - share * (self.bottom - self.top)
+
+
+@dataclass(frozen=True)
+class _Frequencies:
+    """The axis that all panels share, rad/s, logarithmic."""
+
+    low: float
+    high: float
+    left: float
+    right: float
+
+    def across(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where frequencies (n,) are drawn."""
+        share = np.log(omega / self.low) / np.log(self.high / self.low)
+        return self.left + share * (self.right - self.left)
+
+    def ticks(self) -> NDArray[np.float64]:
+        """Return 1, 2, 5, 10 ... rad/s within the axis, (n,)."""
+        decades = 10.0 ** np.arange(-4.0, 5.0)
+        marks = np.sort(np.concatenate([decades, 2.0 * decades, 5.0 * decades]))
+        return marks[(marks >= self.low * 0.999) & (marks <= self.high * 1.001)]
+
+
+def bode_size(pairs: int) -> tuple[float, float]:
+    """Return width and height of the drawing of each of a model's pairs."""
+    return _ALONE if pairs == 1 else _TOGETHER
+
+
+def log_bode(
+    recording: rr.RecordingStream,
+    entity: str,
+    output: str,
+    input_: str,
+    *,
+    data: FrequencyResponse,
+    identified: FrequencyResponse,
+    truth: FrequencyResponse | None = None,
+    used: tuple[float, float] | None = None,
+    size: tuple[float, float],
+) -> None:
+    """Draw one pair below an entity: magnitude, phase, and the coherence of the data.
+
+    Args:
+        recording: that is drawn into.
+        entity: above the drawing's parts.
+        output: of the pair, in each response that is given.
+        input_: of the pair.
+        data: estimated from flights; points below a coherence of 0.6 are dim and not in the
+            band of one random error.
+        identified: the fitted model's.
+        truth: the exact one of the vehicle that flew; None for a real one.
+        used: lowest and highest frequency of the fit, rad/s; None if the pair was left out.
+        size: width and height of the drawing.
+    """
+    drawn = _Drawing(recording, entity, output, input_, data, identified, truth, size)
+    drawn.log_axes(used)
+    drawn.log_data()
+    drawn.log_models()
+    drawn.log_coherence()
+    drawn.log_legend()
+
+
+class _Drawing:
+    """One pair on its way into a recording."""
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        entity: str,
+        output: str,
+        input_: str,
+        data: FrequencyResponse,
+        identified: FrequencyResponse,
+        truth: FrequencyResponse | None,
+        size: tuple[float, float],
+    ) -> None:
+        self.recording, self.entity = recording, entity
+        self.unit = ratio_unit(data, output, input_)
+        self.omega = data.frequency
+        o, i = data.index(output, input_)
+        self.coherence = data.coherence[o, i]
+        self.multiple = data.multiple_coherence[o]
+        self.error = data.random_error[o, i]
+        self.good = data.usable()[o, i]
+        line = data.response[o, i]
+        self.gain, self.phase = decibels(line), phase_degrees(line)
+        self.lines: list[tuple[str, FrequencyResponse, NDArray, NDArray]] = []
+        for name, response in (("identified", identified), ("truth", truth)):
+            if response is not None:
+                values = response.response[response.index(output, input_)]
+                phase = on_turn(phase_degrees(values), middle(self.phase))
+                self.lines.append((name, response, decibels(values), phase))
+        left, right = _LEFT, size[0] - _RIGHT
+        low, high = float(self.omega[0]) / 1.08, float(self.omega[-1]) * 1.08
+        self.axis = _Frequencies(low, high, left, right)
+        places = _places(size[1])
+        gains = [self.gain[self.good], *(gain for _, _, gain, _ in self.lines)]
+        phases = [self.phase[self.good], *(phase for _, _, _, phase in self.lines)]
+        self.panels = (
+            _panel(places[0], np.concatenate(gains), (1.0, 2.0, 5.0, 10.0, 20.0, 40.0)),
+            _panel(places[1], np.concatenate(phases), (15.0, 45.0, 90.0, 180.0, 360.0)),
+            _Panel(*places[2], 0.0, 1.0, (0.0, USABLE_COHERENCE, 1.0)),
+        )
+
+    def log_axes(self, used: tuple[float, float] | None) -> None:
+        """Draw frames, lines across, ticks and what is on each axis."""
+        self._shade_unused(used)
+        grid, frames, places, texts = [], [], [], []
+        marks = self.axis.ticks()
+        for panel in self.panels:
+            for x in self.axis.across(marks):
+                grid.append([[x, panel.top], [x, panel.bottom]])
+            for y, value in zip(panel.height(np.array(panel.marks)), panel.marks):
+                grid.append([[self.axis.left, y], [self.axis.right, y]])
+                places.append([self.axis.left - 24.0, y - 17.0])
+                texts.append(f"{value + 0.0:.4g}")
+            left, right = self.axis.left, self.axis.right
+            corners = ((left, panel.top), (right, panel.top))
+            below = ((right, panel.bottom), (left, panel.bottom))
+            frames.append([*corners, *below, corners[0]])
+        for x, mark in zip(self.axis.across(marks), marks):
+            places.append([x, self.panels[-1].bottom + 1.0])
+            texts.append(f"{mark:g}")
+        self._strips("axes/grid", grid, _GRID, 0.5, 1.0)
+        self._strips("axes/frame", frames, _FRAME, 0.7, 2.0)
+        self._texts("axes/ticks", places, texts)
+        names = (f"magnitude, dB ({self.unit})", "phase, deg", "coherence")
+        at = [
+            [_LEFT + 4.0 * len(name) + 6.0, p.top - _ABOVE] for name, p in zip(names, self.panels)
+        ]
+        at.append([0.5 * (self.axis.left + self.axis.right), self.panels[-1].bottom + 27.0])
+        self._texts("axes/names", at, [*names, "frequency, rad/s"])
+
+    def _shade_unused(self, used: tuple[float, float] | None) -> None:
+        if used is None:
+            return
+        ends = (self.axis.low, used[0], used[1], self.axis.high)
+        left, low, high, right = self.axis.across(np.array(ends))
+        strips = [
+            [[x, panel.top], [x, panel.bottom]]
+            for panel in self.panels
+            for start, stop in ((left, low), (high, right))
+            for x in np.arange(start + _HATCH, stop - _HATCH, _HATCH)
+        ]
+        if strips:
+            self._strips("axes/unused", strips, _UNUSED, 1.2, 0.0)
+
+    def log_data(self) -> None:
+        """Draw the estimate, and one random error around it."""
+        x = self.axis.across(self.omega)
+        spread = decibel(1.0 + self.error)
+        turn = np.rad2deg(np.minimum(self.error, np.pi))
+        bars, inside, weak, said, doubted = [], [], [], [], []
+        for panel, values, half in (
+            (self.panels[0], self.gain, spread),
+            (self.panels[1], self.phase, turn),
+        ):
+            y = panel.height(values)
+            low, high = panel.height(values - half), panel.height(values + half)
+            seen = (values >= panel.low) & (values <= panel.high)
+            for k in np.flatnonzero(seen):
+                point = [x[k], y[k]]
+                (inside if self.good[k] else weak).append(point)
+                (said if self.good[k] else doubted).append(self._value(k))
+                if self.good[k]:
+                    bars.append([[x[k], low[k]], [x[k], high[k]]])
+        self._strips("random_error", bars, _BAND, 2.2, 3.0)
+        self._points("data", inside, said, _DATA, 3.0, 5.0)
+        self._points("below_usable_coherence", weak, doubted, _WEAK, 2.2, 4.0)
+
+    def _value(self, k: int) -> str:
+        return (
+            f"{self.omega[k]:.4g} rad/s: {self.gain[k]:.2f} dB, {self.phase[k]:.1f} deg, "
+            f"coherence {self.coherence[k]:.3f}"
+        )
+
+    def log_models(self) -> None:
+        """Draw the identified model, and the truth dashed above it."""
+        for name, response, gain, phase in self.lines:
+            inside = (response.frequency >= self.axis.low) & (response.frequency <= self.axis.high)
+            x = self.axis.across(response.frequency[inside])
+            strips = []
+            for panel, values in ((self.panels[0], gain), (self.panels[1], phase)):
+                strip = np.column_stack([x, panel.height(values[inside])])
+                strips += [strip] if name == "identified" else list(_dashes(strip))
+            colour, radius, order = (
+                (_IDENTIFIED, 1.1, 6.0) if name == "identified" else (_TRUTH, 0.9, 7.0)
+            )
+            self._strips(name, strips, colour, radius, order)
+
+    def log_coherence(self) -> None:
+        """Draw partial and multiple coherence."""
+        x, panel = self.axis.across(self.omega), self.panels[2]
+        multiple = np.column_stack([x, panel.height(self.multiple)])
+        partial = np.column_stack([x, panel.height(self.coherence)])
+        self._strips("coherence/multiple", list(_dashes(multiple)), _MULTIPLE, 0.7, 5.0)
+        self._strips("coherence/partial", [partial], _PARTIAL, 1.0, 6.0)
+
+    def log_legend(self) -> None:
+        """Name what is drawn, each in its colour."""
+        top = [("flight data", _DATA)]
+        top += [(name, _IDENTIFIED if name == "identified" else _TRUTH) for name, *_ in self.lines]
+        below = [("partial", _PARTIAL), ("multiple", _MULTIPLE)]
+        if not self.good.all():
+            below.insert(0, (f"data below {USABLE_COHERENCE}", _WEAK))
+        for part, entries, y in (
+            ("models", top, self.panels[0].top - _ABOVE),
+            ("coherence", below, self.panels[2].top - _ABOVE),
+        ):
+            right = self.axis.right
+            places, colours = [], []
+            for text, colour in reversed(entries):
+                width = 8.0 * len(text)
+                places.append([right - 0.5 * width, y])
+                colours.append(colour)
+                right -= width + 22.0
+            texts = [text for text, _ in reversed(entries)]
+            self._texts(f"legend/{part}", places, texts, colours)
+
+    def _strips(
+        self,
+        part: str,
+        strips: Sequence,
+        colour: tuple[int, int, int],
+        radius: float,
+        order: float,
+    ) -> None:
+        radii = [rr.Radius.ui_points(radius)]
+        self._log(part, rr.LineStrips2D(strips, colors=[colour], radii=radii, draw_order=order))
+
+    def _points(
+        self,
+        part: str,
+        places: Sequence,
+        said: Sequence[str],
+        colour: tuple[int, int, int],
+        radius: float,
+        order: float,
+    ) -> None:
+        if places:
+            points = rr.Points2D(
+                places,
+                colors=[colour],
+                radii=[rr.Radius.ui_points(radius)],
+                labels=said,
+                show_labels=False,
+                draw_order=order,
+            )
+            self._log(part, points)
+
+    def _texts(
+        self,
+        part: str,
+        places: Sequence,
+        texts: Sequence[str],
+        colours: Sequence[tuple[int, int, int]] = (_TEXT,),
+    ) -> None:
+        self._log(
+            part,
+            rr.Points2D(
+                places,
+                labels=texts,
+                colors=list(colours),
+                radii=[rr.Radius.ui_points(0.0)],
+                show_labels=True,
+                draw_order=9.0,
+            ),
+        )
+
+    def _log(self, part: str, archetype: rr.AsComponents) -> None:
+        self.recording.log(f"{self.entity}/{part}", archetype, static=True)
+
+
+def _places(height: float) -> list[tuple[float, float]]:
+    """Return top and bottom of the three panels of a drawing; down is positive."""
+    free, top, places = height - 3.0 * _BETWEEN - _BELOW, 0.0, []
+    for share in _SHARES:
+        bottom = top + _BETWEEN + share * free
+        places.append((top + _BETWEEN, bottom))
+        top = bottom
+    return places
+
+
+def _panel(
+    place: tuple[float, float], values: NDArray[np.float64], steps: Sequence[float]
+) -> _Panel:
+    """Return a panel with room for the values and at most six lines across."""
+    low, high = float(np.min(values)), float(np.max(values))
+    step = next((one for one in steps if (high - low) / one <= 4.0), steps[-1])
+    room = max(0.08 * (high - low), 0.25 * step)
+    low, high = low - room, high + room
+    marks = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0)
+    return _Panel(*place, low, high, tuple(marks.tolist()))
+
+
+def _dashes(strip: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """Cut a line (n, 2) into dashes, each (m, 2)."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(strip, axis=0), axis=1))])
+    for start in np.arange(0.0, along[-1], sum(_DASH)):
+        stop = min(start + _DASH[0], along[-1])
+        at = np.concatenate([[start], along[(along > start) & (along < stop)], [stop]])
+        yield np.column_stack([np.interp(at, along, strip[:, k]) for k in range(2)])
