@@ -33,7 +33,7 @@ TESTS = (
     "tests/ident/test_ident_frf.py",
     "tests/ident/test_ident_result.py",
     "tests/sim/test_fly.py",
-    "tests/output/test_rerun_log.py",
+    "tests/output/test_rerun_recording.py",
     "tests/output/test_report.py",
     "tests/cli/test_cli.py",
 )

@@ -6,7 +6,8 @@ import pytest
 
 from command import fails
 from helisim.cli import main
-from helisim.records.storage import write_record
+from helisim.records.channels import CHANNELS, ROTOR
+from helisim.records.storage import read_record, write_record
 from made_run import make_flight, write_run
 
 
@@ -19,6 +20,24 @@ def test_a_log_becomes_a_recording(tmp_path, capsys):
     assert out.stat().st_size > 0
     assert main(["record", str(log), "--out", str(out), "--quiet"]) == 0
     assert capsys.readouterr().out == ""
+
+
+def test_flights_without_rotor_are_told_how_to_get_arrows(tmp_path, capsys):
+    """The option is named where a disc can't tilt, and not where it can."""
+    plain, full = tmp_path / "plain.parquet", tmp_path / "full.parquet"
+    write_record(make_flight(tuple(name for name in CHANNELS if name not in ROTOR)), plain)
+    write_record(make_flight(), full)
+    assert main(["record", str(plain), "--out", str(tmp_path / "a.rrd")]) == 0
+    assert "helisim fly --rotor" in " ".join(capsys.readouterr().out.split())
+    assert main(["record", str(full), "--out", str(tmp_path / "a.rrd")]) == 0
+    assert "--rotor" not in capsys.readouterr().out
+
+
+def test_fly_records_the_rotor_on_request(tmp_path):
+    """`fly --rotor` adds the rotor's channels to the record."""
+    out = tmp_path / "lat.parquet"
+    assert main(["fly", "--axis", "lat", "--duration", "13", "--rotor", "--out", str(out)]) == 0
+    assert set(ROTOR) <= set(read_record(out).names)
 
 
 @pytest.mark.slow

@@ -5,7 +5,8 @@ import json
 import mujoco
 import numpy as np
 import pytest
-from test_rerun_log import SINGLE, read
+from scipy.spatial.transform import Rotation
+from test_rerun_recording import SINGLE, read
 
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN
 from helisim.output.rerun.recording import write_recording
@@ -26,32 +27,28 @@ def contents(tmp_path_factory, jr700):
     return record, read(write_recording(path, {"f": record}, model=jr700.visual_model()))
 
 
-def test_the_disc_tilts_with_the_tip_path_plane(contents):
-    """The rotor turns by b about x and a about y, ten times as far, about the model's hub."""
+def test_the_rotor_tilts_with_the_tip_path_plane_and_turns(contents):
+    """Blades turn clockwise from above, slowed, in a disc tilted by b about x and a about y.
+
+    The tilt is drawn ten times as far. The rotor is at the model's hub.
+    """
     record, found = contents
     rotor = found["/f/world/helicopter/rotor"]
-    x, y, z, w = rotor["Transform3D:quaternion"].reshape(-1, 4)[-len(record) :].T
-    half = 0.5 * TILT_GAIN * np.hypot(record["a"], record["b"])
-    turn = np.sinc(half / np.pi) * 0.5 * TILT_GAIN  # sin(half) / |(a, b)|
-    sign = np.sign(w * np.cos(half))
-    np.testing.assert_allclose(x * sign, turn * record["b"], atol=SINGLE)
-    np.testing.assert_allclose(y * sign, turn * record["a"], atol=SINGLE)
-    np.testing.assert_allclose(z, 0.0, atol=SINGLE)
-    hub = rotor["Transform3D:translation"].reshape(-1, 3)[-1]
-    np.testing.assert_allclose(hub, [0.0, 0.0, -0.28], atol=1e-5)  # models/jr700/jr700.xml
+    drawn = Rotation.from_quat(rotor["Transform3D:quaternion"].reshape(-1, 4))
+    zero = np.zeros(len(record))
+    tilt = Rotation.from_rotvec(TILT_GAIN * np.column_stack([record["b"], record["a"], zero]))
+    turn = Rotation.from_rotvec(np.column_stack([zero, zero, SPEED * record.time / SLOWED]))
+    np.testing.assert_allclose((drawn.inv() * tilt * turn).magnitude(), 0.0, atol=4.0 * SINGLE)
+    hub = rotor["Transform3D:translation"].reshape(-1, 3)
+    np.testing.assert_allclose(hub, np.tile([0.0, 0.0, -0.28], (len(hub), 1)), atol=1e-5)  # MJCF
 
 
-def test_the_blades_turn(contents):
-    """The rotor's shapes turn clockwise from above, slowed; without a known speed they stand."""
-    record, found = contents
-    entity = found["/f/world/helicopter/rotor/visual_geometries"]
-    x, y, z, w = entity["Transform3D:quaternion"].reshape(-1, 4).T
-    half = 0.5 * SPEED * record.time / SLOWED
-    sign = np.sign(w * np.cos(half) + z * np.sin(half))  # both signs are the same turn
-    np.testing.assert_allclose(z * sign, np.sin(half), atol=SINGLE)
-    np.testing.assert_allclose(w * sign, np.cos(half), atol=SINGLE)
-    np.testing.assert_allclose([x, y], 0.0, atol=SINGLE)
-    assert "/f/world/helicopter/tail_rotor/visual_geometries" not in found  # its speed isn't given
+def test_without_a_known_speed_a_rotor_stands(contents):
+    """The tail rotor's speed isn't given: its place is logged once."""
+    _, found = contents
+    tail = found["/f/world/helicopter/tail_rotor"]
+    assert len(tail["Transform3D:translation"]) == 1
+    assert "time" not in tail
 
 
 def test_arrows_are_thrust_and_moment(contents):
@@ -66,19 +63,25 @@ def test_arrows_are_thrust_and_moment(contents):
 
 
 def test_the_models_own_geoms_are_drawn(contents, jr700):
-    """Blades and discs are the rotors', everything else the body's."""
+    """Blades are the rotors', everything else the fuselage's; no mesh is lost."""
     _, found = contents
-    base = "/f/world/helicopter"
-    model = jr700.visual_model()
-    blade = model.geom("blade_1").id
-    assert f"{base}/rotor/visual_geometries/mesh_{blade}" in found
-    (tail, *_) = np.flatnonzero(
-        (model.geom_bodyid == model.body("tail_rotor").id)
-        & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
-    )
-    assert f"{base}/tail_rotor/visual_geometries/mesh_{tail}" in found
-    canopy = model.geom("canopy").id
-    assert f"{base}/visual_geometries/mesh_{canopy}" in found
+    model, base = jr700.visual_model(), "/f/world/helicopter"
+    parts = (f"{base}/rotor", f"{base}/tail_rotor", "/shapes")
+    drawn = [
+        len(
+            np.reshape(
+                found[f"{part}/visual_geometries/meshes"]["Mesh3D:vertex_positions"], (-1, 3)
+            )
+        )
+        for part in parts
+    ]
+    meshes = model.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    carried = [
+        meshes & (model.geom_bodyid == model.body(one).id) for one in ("rotor", "tail_rotor")
+    ]
+    of_rotors = [int(model.mesh_vertnum[model.geom_dataid[which]].sum()) for which in carried]
+    rest = meshes & (model.geom_group < 3) & ~carried[0] & ~carried[1]
+    assert drawn == [*of_rotors, int(model.mesh_vertnum[model.geom_dataid[rest]].sum())]
 
 
 def test_ground_and_trail_are_there(contents):
@@ -105,7 +108,7 @@ def test_without_the_rotors_truth_there_are_no_arrows(tmp_path):
 
 
 def test_a_run_is_recorded_with_its_models(tmp_path):
-    """Pictures, numbers, table and steps stand beside the flights."""
+    """Plots, numbers, table and steps stand beside the flights."""
     write_run(tmp_path)
     run = read_run(tmp_path)
     found = read(write_recording(tmp_path / "run.rrd", {"lat_02": run.sweeps["lat"]}, run=run))
@@ -118,7 +121,16 @@ def test_a_run_is_recorded_with_its_models(tmp_path):
                 np.ravel(entity["data_real"]), item.fit.data.response[pair].real
             )
             np.testing.assert_allclose(np.ravel(entity["coherence"]), item.fit.data.coherence[pair])
-            assert f"/models/rollpitch_in1/{output}_{input_}/figure" in found
+            bode = f"/models/rollpitch_in1/{output}_{input_}/bode"
+            parts = (
+                "axes/ticks",
+                "data",
+                "identified",
+                "truth",
+                "coherence/partial",
+                "legend/models",
+            )
+            assert all(f"{bode}/{part}" in found for part in parts)
     table = found["/models/table"]["TextDocument:text"].ravel()[0]
     assert all(f"| {name} |" in table for name in item.fit.values)
     steps = [str(text) for text in found["/models/log"]["TextLog:text"].ravel()]

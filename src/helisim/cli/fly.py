@@ -115,6 +115,12 @@ def add(commands: Any) -> None:
         metavar="FAULT",
         help="of servo, gyro, sensor or recorder, see below; may be given again",
     )
+    command.add_argument(
+        "--rotor",
+        action="store_true",
+        help="record the rotor's true tilt and loads too, which a recording then shows as arrows "
+        "and a tilting disc (implied by --rerun)",
+    )
     _add_weather(command)
     command.add_argument(
         "--envelope",

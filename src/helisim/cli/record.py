@@ -1,10 +1,11 @@
 """`helisim record`: a flight log as a Rerun recording."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import add_quiet, write_recording
+from helisim.cli.common import add_quiet, wrapped, write_recording
 
 
 def add(commands: Any) -> None:
@@ -29,6 +30,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.errors import InputError
+    from helisim.output.rerun.scene import knows_rotor
     from helisim.records.files import check_destination
     from helisim.records.storage import read_record
     from helisim.study.run import FLIGHTS, read_run
@@ -50,4 +52,18 @@ def _run(options: argparse.Namespace) -> int:
             raise InputError(f"two logs are called {name!r}; rename one")
         flights[name] = read_record(path)
     write_recording(options.out, flights, run=run, quiet=options.quiet)
+    plain = [name for name, record in flights.items() if not knows_rotor(record)]
+    if plain and not options.quiet:
+        print(_without_rotor(plain, len(flights)))
     return 0
+
+
+def _without_rotor(plain: Sequence[str], count: int) -> str:
+    """Return why some flights have no arrows, and what brings them."""
+    which = "the flights have" if len(plain) == count else f"{', '.join(plain)} has"
+    if count == 1:
+        which = "the flight has"
+    return wrapped(
+        f"Without thrust arrows and disc tilt: {which} no rotor channels; fly with helisim fly "
+        "--rotor, or reproduce with --rerun, to record them."
+    )

@@ -8,6 +8,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
 from helisim.output.rerun.bode import bode_size
+from helisim.output.rerun.scene import SHAPES, world_frame
 from helisim.output.rerun.timelines import STEP, TIMELINE
 
 _MOTION = ("sticks", "rates", "attitudes", "velocities", "tilt")
@@ -220,6 +221,10 @@ def _space(flight: FlightViews) -> rrb.View:
     )
     return rrb.Spatial3DView(
         origin=f"{flight.root}/world",
+        contents=[f"/{flight.root}/world/**", f"/{SHAPES}/**"],
+        spatial_information=rrb.SpatialInformation(
+            target_frame=world_frame(f"{flight.root}/world")
+        ),
         name="space",
         background=rrb.Background(color=(150, 178, 205)),
         line_grid=rrb.LineGrid3D(visible=False),

@@ -2,11 +2,12 @@
 
 Each flight has its own root, named after it, and its own time from its first sample::
 
+    shapes/visual_geometries/... of the fuselage, shared by all flights
     <flight>/world               axes north, east, down; ground and trail
     <flight>/world/helicopter    pose of the body (forward, right, down) over time
-    <flight>/world/helicopter/visual_geometries/...
-    <flight>/world/helicopter/rotor          tilts with the tip-path plane, if the record has it
-    <flight>/world/helicopter/rotor/visual_geometries/...   turn, if the record tells the speed
+    <flight>/world/helicopter/rotor          turns, if the record tells the speed, and tilts with
+                                             the tip-path plane, if the record has it
+    <flight>/world/helicopter/rotor/visual_geometries/...
     <flight>/world/helicopter/rotor/thrust   arrow
     <flight>/world/helicopter/tail_rotor/visual_geometries/...
     <flight>/world/helicopter/tail_thrust, hub_moment       arrows
@@ -37,7 +38,7 @@ from rerun.blueprint import Blueprint
 from helisim.errors import InputError
 from helisim.output.rerun.findings import log_findings, model_views
 from helisim.output.rerun.layout import FlightViews, blueprint
-from helisim.output.rerun.scene import is_posed, knows_rotor, log_space
+from helisim.output.rerun.scene import is_posed, knows_rotor, log_fuselage, log_space
 from helisim.output.rerun.series import log_series
 from helisim.output.rerun.shapes import Shapes, box_shapes, model_shapes
 from helisim.output.rerun.timelines import time_column
@@ -72,6 +73,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "loads": ROTOR[2:],
 }
 """Entity to channels. Channels in no group go to the entity `other`."""
+
+
+_WHOLE = 100_000
+"""Samples, all flights together, that are shown one by one: a dozen sweeps, 45 MB."""
+_PLOT_HZ, _SLOW_HZ, _SPACE_HZ = 20.0, 10.0, 20.0
+"""Samples a second of longer recordings: of plots, of those that move slowly or tell least, and
+of the helicopter in space. Sweeps end at 5 Hz."""
+_SLOW = ("servos", "attitudes", "velocities", "accelerations", "positions", "loads", "other")
 
 
 def write_recording(
@@ -122,15 +131,40 @@ def _recorded(
     try:
         memory = recording.memory_recording()
         recording.send_blueprint(layout, make_active=False, make_default=True)
+        thin = sum(map(len, flights.values())) > _WHOLE
         made = json.dumps(made_by("recording"), sort_keys=True)
-        recording.send_property("helisim", rr.AnyValues(provenance=made))
+        shown = json.dumps(_shown(thin), sort_keys=True)
+        recording.send_property("helisim", rr.AnyValues(provenance=made, shown=shown))
+        if any(is_posed(record) for record in flights.values()):
+            log_fuselage(recording, shapes)
         if run is not None:
             log_findings(recording, run)
         for name, record in flights.items():
-            _log_flight(recording, name, record, shapes)
+            _log_flight(recording, name, record, shapes, thin)
         return memory.drain_as_bytes()
     finally:
         recording.disconnect()
+
+
+def _shown(thin: bool) -> dict[str, str]:
+    """Return what of the records is in a recording, for its properties."""
+    if not thin:
+        return {"samples": "all", "precision": "single"}
+    slow = ", ".join(_SLOW)
+    return {
+        "samples": f"thinned, to at least {_SPACE_HZ:g} a second in space, {_PLOT_HZ:g} in "
+        f"plots, {_SLOW_HZ:g} in plots of {slow}; the records have all",
+        "precision": "single",
+    }
+
+
+def _thinned(record: FlightRecord, rate: float) -> FlightRecord:
+    """Return the first sample of each few, as few as keep a number of samples a second."""
+    step = float(np.median(np.diff(record.time))) if len(record) > 1 else 1.0 / rate
+    every = max(1, int(1.0 / (rate * step) + 1e-6))
+    return FlightRecord(
+        record.time[::every], record.values[::every], record.channels, record.provenance
+    )
 
 
 def _content_id(flights: Mapping[str, FlightRecord], run: Run | None) -> str:
@@ -171,7 +205,7 @@ def _views(name: str, record: FlightRecord) -> FlightViews:
 
 
 def _log_flight(
-    recording: rr.RecordingStream, name: str, record: FlightRecord, shapes: Shapes
+    recording: rr.RecordingStream, name: str, record: FlightRecord, shapes: Shapes, thin: bool
 ) -> None:
     root = _root(name)
     recording.send_property(
@@ -179,10 +213,12 @@ def _log_flight(
     )
     for group, names in _groups(record).items():
         labels = [f"{channel} [{record.unit(channel)}]" for channel in names]
-        log_series(recording, f"{root}/{group}", record.time, record.select(names), labels)
+        seen = _thinned(record, _SLOW_HZ if group in _SLOW else _PLOT_HZ) if thin else record
+        log_series(recording, f"{root}/{group}", seen.time, seen.select(names), labels)
     _log_events(recording, root, record)
     if is_posed(record):
-        log_space(recording, f"{root}/world", record, shapes)
+        seen = _thinned(record, _SPACE_HZ) if thin else record
+        log_space(recording, f"{root}/world", seen, shapes)
 
 
 def _log_events(recording: rr.RecordingStream, root: str, record: FlightRecord) -> None:

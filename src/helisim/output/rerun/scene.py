@@ -1,4 +1,9 @@
-"""A flight in space for Rerun: ground, trail, and the helicopter with its rotors and loads."""
+"""A flight in space for Rerun: ground, trail, and the helicopter with its rotors and loads.
+
+All flights share the shape of one fuselage, which would be most of a recording otherwise. A
+frame of Rerun's has one parent, so the fuselage's is the root, and each flight's world hangs
+on it by the flight's own pose, read from child to parent.
+"""
 
 from collections.abc import Mapping
 
@@ -42,6 +47,24 @@ _CLEARANCE = 0.25
 """m from the centre of gravity to the ground at the lowest point of a flight."""
 
 
+SHAPES = "shapes"
+"""Entity of what flights share."""
+_FUSELAGE = "fuselage"
+"""Frame of it."""
+
+
+def log_fuselage(recording: rr.RecordingStream, shapes: Shapes) -> None:
+    """Log the shape that all flights share: what a helicopter is without its rotors."""
+    for name, archetype in shapes.body.items():
+        entity = f"{SHAPES}/visual_geometries/{name}"
+        recording.log(entity, archetype, rr.CoordinateFrame(_FUSELAGE), static=True)
+
+
+def world_frame(world: str) -> str:
+    """Return the frame of an entity."""
+    return f"tf#/{world}"
+
+
 def is_posed(record: FlightRecord) -> bool:
     """Return whether a record tells where the helicopter was, and how it was turned."""
     return _has(record, (*ATTITUDES, *POSITIONS))
@@ -62,7 +85,7 @@ def log_space(
     recording.log(world, rr.ViewCoordinates.FRD, static=True)  # north, east, down
     _log_ground(recording, f"{world}/ground", record)
     _log_trail(recording, f"{world}/trail", record)
-    _log_helicopter(recording, f"{world}/helicopter", record, shapes)
+    _log_helicopter(recording, world, record, shapes)
 
 
 def _has(record: FlightRecord, names: tuple[str, ...]) -> bool:
@@ -120,24 +143,35 @@ def _log_trail(recording: rr.RecordingStream, entity: str, record: FlightRecord)
 
 
 def _log_helicopter(
-    recording: rr.RecordingStream, entity: str, record: FlightRecord, shapes: Shapes
+    recording: rr.RecordingStream, world: str, record: FlightRecord, shapes: Shapes
 ) -> None:
+    entity = f"{world}/helicopter"
     # what the camera follows must have a shape of its own
     recording.log(entity, rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.001]), static=True)
-    _log_shapes(recording, entity, shapes.body)
+    recording.log(
+        f"{entity}/fuselage",
+        rr.Transform3D.from_fields(parent_frame=_FUSELAGE, child_frame=world_frame(entity)),
+        static=True,
+    )
+    count = len(record)
     recording.send_columns(
         entity,
         indexes=[time_column(record.time)],
+        # a transform's fields that are not in its row count as not given: frames in every row
         columns=rr.Transform3D.columns(
-            translation=record.select(POSITIONS), quaternion=_quaternions(record)
+            translation=record.select(POSITIONS),
+            quaternion=_quaternions(record),
+            relation=[rr.TransformRelation.ChildFromParent] * count,
+            parent_frame=[_FUSELAGE] * count,
+            child_frame=[world_frame(world)] * count,
         ),
     )
     _log_main_rotor(recording, entity, record, shapes)
     if shapes.tail_rotor and shapes.tail_hub is not None:
         tail = f"{entity}/tail_rotor"
-        recording.log(tail, rr.Transform3D(translation=shapes.tail_hub), static=True)
         _log_shapes(recording, tail, shapes.tail_rotor)
-        _log_turning(recording, tail, record, "tail_rotor.speed", (0.0, 1.0, 0.0))
+        turn = _turn(record, "tail_rotor.speed", (0.0, 1.0, 0.0))
+        _log_turning(recording, tail, record, shapes.tail_hub, turn)
     _log_loads(recording, entity, record, shapes)
 
 
@@ -145,28 +179,21 @@ def _log_main_rotor(
     recording: rr.RecordingStream, entity: str, record: FlightRecord, shapes: Shapes
 ) -> None:
     rotor = f"{entity}/rotor"
-    recording.log(rotor, rr.Transform3D(translation=shapes.hub), static=True)
     _log_shapes(recording, rotor, shapes.rotor)
-    _log_turning(recording, rotor, record, "main_rotor.speed", (0.0, 0.0, 1.0))
+    turn = _turn(record, "main_rotor.speed", (0.0, 0.0, 1.0))
+    if knows_rotor(record):  # ring and arrow are the same however far the blades have turned
+        tilt = drawn_tilt(record["a"], record["b"])
+        turn = tilt if turn is None else tilt * turn
+    _log_turning(recording, rotor, record, shapes.hub, turn)
     if shapes.radius is not None:
         ring = rr.LineStrips3D([_ring(shapes.radius)], colors=[(250, 250, 250)], radii=[0.006])
         recording.log(f"{rotor}/tip_path", ring, static=True)
-    if not knows_rotor(record):
-        return
-    if shapes.radius is not None:
+    if shapes.radius is not None and knows_rotor(record):
         # square to the mast: how far the disc is from it is the tilt
         ring = rr.LineStrips3D(
             [_ring(shapes.radius) + shapes.hub], colors=[(90, 220, 130)], radii=[0.004]
         )
         recording.log(f"{entity}/hub_plane", ring, static=True)
-    recording.send_columns(
-        rotor,
-        indexes=[time_column(record.time)],
-        columns=rr.Transform3D.columns(
-            translation=np.tile(shapes.hub, (len(record), 1)),
-            quaternion=drawn_tilt(record["a"], record["b"]).as_quat(),
-        ),
-    )
 
 
 def _log_shapes(
@@ -176,22 +203,31 @@ def _log_shapes(
         recording.log(f"{entity}/visual_geometries/{name}", archetype, static=True)
 
 
-def _log_turning(
-    recording: rr.RecordingStream,
-    entity: str,
-    record: FlightRecord,
-    speed: str,
-    axis: tuple[float, float, float],
-) -> None:
-    """Log the turning of a rotor's shapes, if the record tells the speed."""
+def _turn(record: FlightRecord, speed: str, axis: tuple[float, float, float]) -> Rotation | None:
+    """Return how far a rotor has turned at each sample; None if the record tells no speed."""
     turning = _parameter(record, speed)
     if turning is None:
+        return None
+    return Rotation.from_rotvec(drawn_turn(record.time, turning)[:, None] * np.array(axis))
+
+
+def _log_turning(
+    recording: rr.RecordingStream,
+    rotor: str,
+    record: FlightRecord,
+    hub: NDArray[np.float64],
+    turn: Rotation | None,
+) -> None:
+    """Log where a rotor is and how it is turned; without a turn it stands."""
+    if turn is None:
+        recording.log(rotor, rr.Transform3D(translation=hub), static=True)
         return
-    turns = drawn_turn(record.time, turning)[:, None] * np.array(axis)
     recording.send_columns(
-        f"{entity}/visual_geometries",
+        rotor,
         indexes=[time_column(record.time)],
-        columns=rr.Transform3D.columns(quaternion=Rotation.from_rotvec(turns).as_quat()),
+        columns=rr.Transform3D.columns(
+            translation=np.tile(hub, (len(record), 1)), quaternion=turn.as_quat()
+        ),
     )
 
 

@@ -164,7 +164,7 @@ def _geoms(
 
 
 def _archetypes(model: mujoco.MjModel, geoms: _Geoms) -> dict[str, rr.AsComponents]:
-    """Return one batch for each type of shape, and one entity for each mesh."""
+    """Return one batch for each type of shape."""
     shapes: dict[str, rr.AsComponents] = {}
     for name, kind, draw in (
         ("boxes", mujoco.mjtGeom.mjGEOM_BOX, _boxes),
@@ -177,15 +177,29 @@ def _archetypes(model: mujoco.MjModel, geoms: _Geoms) -> dict[str, rr.AsComponen
         if some.ids.size:
             shapes[name] = draw(some)
     meshes = geoms.of(mujoco.mjtGeom.mjGEOM_MESH)
-    for i, geom in enumerate(meshes.ids):
-        vertices, faces = _mesh(model, model.geom_dataid[geom])
-        shapes[f"mesh_{geom}"] = rr.Mesh3D(
-            vertex_positions=vertices @ meshes.matrices[i].T + meshes.centres[i],
-            triangle_indices=faces,
-            vertex_normals=_normals(vertices, faces) @ meshes.matrices[i].T,
-            albedo_factor=meshes.colours[i],
-        )
+    if meshes.ids.size:
+        shapes["meshes"] = _meshes(model, meshes)
     return shapes
+
+
+def _meshes(model: mujoco.MjModel, geoms: _Geoms) -> rr.Mesh3D:
+    """Return all meshes as one, coloured by vertex: Rerun spends 3 kB on each entity."""
+    places, normals, faces, colours, count = [], [], [], [], 0
+    for i, geom in enumerate(geoms.ids):
+        corners, triangles = _mesh(model, model.geom_dataid[geom])
+        places.append(corners @ geoms.matrices[i].T + geoms.centres[i])
+        normals.append(_normals(corners, triangles) @ geoms.matrices[i].T)
+        faces.append(triangles + count)
+        colours.append(
+            np.tile(np.rint(255.0 * geoms.colours[i]).astype(np.uint8), (len(corners), 1))
+        )
+        count += len(corners)
+    return rr.Mesh3D(
+        vertex_positions=np.concatenate(places),
+        triangle_indices=np.concatenate(faces),
+        vertex_normals=np.concatenate(normals),
+        vertex_colors=np.concatenate(colours),
+    )
 
 
 def _normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:

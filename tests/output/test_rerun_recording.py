@@ -51,12 +51,14 @@ def read(path) -> dict[str, dict[str, np.ndarray]]:
     for chunk in RrdReader(path).stream():
         batch = chunk.to_record_batch()
         for name, column in zip(batch.schema.names, batch.columns):
-            rows = (
-                column.to_numpy(zero_copy_only=False).astype("int64")
-                if name == "time"
-                else (column.to_pylist())
-            )
-            contents.setdefault(chunk.entity_path, {})[name] = np.array(rows)
+            if name == "time":
+                rows = column.to_numpy(zero_copy_only=False).astype("int64")
+            elif name == "LineStrips2D:strips":  # of different lengths
+                rows = np.empty(len(column), dtype=object)
+                rows[:] = column.to_pylist()
+            else:
+                rows = np.array(column.to_pylist())
+            contents.setdefault(chunk.entity_path, {})[name] = rows
     return contents
 
 
@@ -67,7 +69,8 @@ def test_the_signals_come_back(tmp_path):
     for root, record in zip(("/lat-1", "/ped\\ 2"), flights.values()):
         for group, names in GROUPS.items():
             entity = contents[f"{root}/{group}"]
-            np.testing.assert_array_equal(entity["Scalars:scalars"], record.select(names))
+            singles = record.select(names).astype(np.float32)
+            np.testing.assert_array_equal(entity["Scalars:scalars"], singles)
             np.testing.assert_array_equal(entity["time"], 10_000_000 * np.arange(len(record)))
             labels = [f"{name} [{record.unit(name)}]" for name in names]
             assert entity["SeriesLines:names"].ravel().tolist() == labels
@@ -121,6 +124,33 @@ def test_provenance_is_a_property(tmp_path):
     assert json.loads(text) == dict(record.provenance)
 
 
+def test_long_recordings_are_thinned_and_say_so(tmp_path):
+    """More than 100,000 samples: each kept one is a recorded one, at 20 or 10 a second."""
+    few, many = make_flight(n=200), make_flight(n=100_001)
+    said = []
+    for name, record in (("few.rrd", few), ("many.rrd", many)):
+        found = read(write_recording(tmp_path / name, {"f": record}))
+        said.append(json.loads(found["/__properties/helisim"]["shown"].ravel()[0])["samples"])
+    assert said[0] == "all"
+    assert "20 a second in space" in said[1]
+    for group, every in (("rates", 5), ("velocities", 10)):
+        kept = many.select(GROUPS[group])[::every].astype(np.float32)
+        np.testing.assert_array_equal(found[f"/f/{group}"]["Scalars:scalars"], kept)
+    pose = found["/f/world/helicopter"]["Transform3D:translation"].reshape(-1, 3)
+    np.testing.assert_array_equal(pose, many.select(POSITIONS)[::5].astype(np.float32))
+
+
+def test_flights_share_one_fuselage(tmp_path):
+    """Its shape is in the file once; each world hangs on its frame by the flight's own pose."""
+    found = read(write_recording(tmp_path / "a.rrd", {"a": make_flight(), "b c": make_flight(n=9)}))
+    shapes = [name for name in found if "visual_geometries" in name]
+    assert all(name.startswith("/shapes/") for name in shapes)
+    for root in ("a", "b\\ c"):
+        pose = found[f"/{root}/world/helicopter"]
+        assert set(pose["Transform3D:parent_frame"].ravel()) == {"fuselage"}
+        assert set(pose["Transform3D:child_frame"].ravel()) == {f"tf#/{root}/world"}
+
+
 def test_the_same_flights_are_the_same_recording(tmp_path):
     """The recording's identity is its contents: the viewer does not show them twice."""
 
@@ -160,10 +190,10 @@ def test_a_models_geoms_are_the_shape(tmp_path):
     flip = np.array([1.0, -1.0, -1.0])
 
     contents = read(write_recording(tmp_path / "m.rrd", {"f": make_flight()}, model=model))
-    base = "/f/world/helicopter/visual_geometries"
+    base = "/shapes/visual_geometries"
     shapes = {name for name in contents if name.startswith(base)}
     # neither the floor nor the collision sphere, which is in group 3
-    assert shapes == {f"{base}/boxes", f"{base}/capsules", f"{base}/mesh_4"}
+    assert shapes == {f"{base}/boxes", f"{base}/capsules", f"{base}/meshes"}
 
     box = contents[f"{base}/boxes"]
     expected = flip * ([0.1, 0.2, 0.3] - centre)
@@ -181,7 +211,7 @@ def test_a_models_geoms_are_the_shape(tmp_path):
     np.testing.assert_allclose(sorted(ends[:, 2]), [top[2], bottom[2]], atol=SINGLE)
     np.testing.assert_allclose(ends[:, :2], [bottom[:2]] * 2, atol=SINGLE)
 
-    vertices = contents[f"{base}/mesh_4"]["Mesh3D:vertex_positions"].reshape(-1, 3)
+    vertices = contents[f"{base}/meshes"]["Mesh3D:vertex_positions"].reshape(-1, 3)
     corners = flip * (np.array([[1, 0, 0], [2, 0, 0], [1, 1, 0], [1, 0, 1]]) - centre)
     order = np.lexsort(np.round(vertices, 4).T), np.lexsort(np.round(corners, 4).T)
     np.testing.assert_allclose(vertices[order[0]], corners[order[1]], atol=SINGLE)
