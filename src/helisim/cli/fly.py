@@ -158,7 +158,7 @@ def _run(options: argparse.Namespace) -> int:
 
     vehicle = load(options.vehicle, parameters=parameters(options), integrator=options.integrator)
     plan = plan.on(vehicle)
-    if options.rerun is not None and plan.recorder is not None:
+    if (options.rotor or options.rerun is not None) and plan.recorder is not None:
         plan = replace(plan, recorder=replace(plan.recorder, rotor=True))
     if options.print_plan:
         print(plan.to_toml(), end="")
