@@ -50,6 +50,7 @@ _PARTIAL = (94, 210, 160)
 _MULTIPLE = (150, 158, 170)
 _UNUSED = (30, 33, 38)
 
+# radii below zero are pixels, however a drawing is scaled
 _HATCH = 2.0
 """Units between the lines that shade what the fit did not use."""
 _DASH = (9.0, 6.0)
@@ -230,7 +231,7 @@ class _Drawing:
             y = panel.height(values)
             low, high = panel.height(values - half), panel.height(values + half)
             seen = (values >= panel.low) & (values <= panel.high)
-            for k in np.flatnonzero(seen):
+            for k in np.flatnonzero(seen).tolist():
                 point = [x[k], y[k]]
                 (inside if self.good[k] else weak).append(point)
                 (said if self.good[k] else doubted).append(self._value(k))
@@ -297,7 +298,7 @@ class _Drawing:
         radius: float,
         order: float,
     ) -> None:
-        radii = [rr.Radius.ui_points(radius)]
+        radii = [-radius]
         self._log(part, rr.LineStrips2D(strips, colors=[colour], radii=radii, draw_order=order))
 
     def _points(
@@ -313,7 +314,7 @@ class _Drawing:
             points = rr.Points2D(
                 places,
                 colors=[colour],
-                radii=[rr.Radius.ui_points(radius)],
+                radii=[-radius],
                 labels=said,
                 show_labels=False,
                 draw_order=order,
@@ -333,7 +334,7 @@ class _Drawing:
                 places,
                 labels=texts,
                 colors=list(colours),
-                radii=[rr.Radius.ui_points(0.0)],
+                radii=[0.0],
                 show_labels=True,
                 draw_order=9.0,
             ),
