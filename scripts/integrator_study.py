@@ -15,8 +15,8 @@ import time
 from helisim.sim import Recorder
 from helisim.sim.rigs import run_rigs
 from helisim.study.flights import fly_sweeps
+from helisim.study.identification import comparison_table, identify_model
 from helisim.study.models import MODELS
-from helisim.study.reproduce import compare, identify_model
 from helisim.study.results import ComparisonTable
 from helisim.vehicle import load
 from helisim.vehicle.assembly import Integrator
@@ -38,7 +38,7 @@ def tables(
     found: dict[str, ComparisonTable] = {}
     for model in MODELS:
         fit = identify_model(model, kept, before=found, ground=ground)
-        found[model.name] = compare(vehicle, model, fit, recorder)
+        found[model.name] = comparison_table(vehicle, model, fit, recorder)
     return found, spent
 
 

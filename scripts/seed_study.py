@@ -21,9 +21,9 @@ def run(seed: int, folder: Path) -> Results:
     """Return the results of one seed, from the flights in the folder if it holds them."""
     out = folder / f"seed_{seed}"
     try:
-        results, _ = reproduce(out=out, seed=seed, reuse=True)
+        results = reproduce(out=out, seed=seed, reuse=True).results
     except (InputError, StorageError):
-        results, _ = reproduce(out=out, seed=seed)
+        results = reproduce(out=out, seed=seed).results
     return results
 
 

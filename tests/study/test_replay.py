@@ -10,7 +10,7 @@ from helisim.cli import main
 from helisim.errors import InputError, StorageError
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
-from helisim.study.replay import arguments_of, compare
+from helisim.study.replay import arguments_of, compare_runs
 from helisim.study.reproduce import reproduce
 from killing import kill_at
 
@@ -51,12 +51,12 @@ def test_a_killed_run_leaves_the_results_before(copied):
     path.write_bytes(before)
     kill_at(path.name, "reproduce", "--reuse", "--seed", "3", "--out", str(copied), "--quiet")
     assert path.read_bytes() == before
-    assert arguments_of(copied)["seed"] == 3
+    assert arguments_of(copied).seed == 3
 
 
 def test_a_copy_is_the_same(run, copied):
     """Equal folders compare as equal; what is printed says how much was compared."""
-    found = compare(run, copied)
+    found = compare_runs(run, copied)
     assert found.same
     assert f"{len(found.records)} of {len(found.records)} are the same to the byte" in str(found)
     assert "all are the same" in str(found)
@@ -69,7 +69,7 @@ def test_the_last_digit_of_a_result_is_noticed(run, copied):
     row = results["tables"][0]["parameters"][0]
     row["identified"] = float(np.nextafter(row["identified"], np.inf))
     path.write_text(json.dumps(results))
-    found = compare(run, copied)
+    found = compare_runs(run, copied)
     name = f"results.tables[{results['tables'][0]['name']}].parameters[{row['name']}].identified"
     assert list(found.other_numbers) == [name]
     assert not found.same
@@ -84,7 +84,7 @@ def test_the_last_bit_of_a_record_is_noticed(run, copied):
     values[100, 4] = np.nextafter(values[100, 4], np.inf)
     changed = FlightRecord(record.time, values, record.channels, record.provenance)
     write_record(changed, path)
-    found = compare(run, copied)
+    found = compare_runs(run, copied)
     assert not found.same
     assert f"{record.names[4]} differ from 1 s on" in found.other_numbers["lat_01.parquet"]
 
@@ -99,7 +99,7 @@ def test_other_versions_are_told_apart_from_other_numbers(run, copied):
     results = json.loads((copied / "results.json").read_text())
     results["versions"]["numpy"] = "1.0"
     (copied / "results.json").write_text(json.dumps(results))
-    found = compare(copied, run)
+    found = compare_runs(copied, run)
     assert found.same
     assert "versions.numpy is '1.0' there" in found.other_bytes["lat_01.parquet"]
     assert found.changed["numpy"] == ("1.0", np.__version__)
@@ -114,7 +114,7 @@ def test_a_lost_or_damaged_record_is_a_difference(run, copied, damage):
         path.unlink()
     else:
         path.write_bytes(path.read_bytes()[:1000])
-    found = compare(copied, run)
+    found = compare_runs(copied, run)
     assert set(found.other_numbers) == {"col_01.parquet"}
     assert not found.same
 

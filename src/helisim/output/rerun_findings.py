@@ -7,8 +7,9 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from helisim.ident import Fit, FrequencyResponse
+from helisim.output import tables
 from helisim.output.drawings import bode_drawings, verification_drawings
-from helisim.output.tables import cells
+from helisim.output.table import as_markdown
 from helisim.output.timelines import STEP, time_column
 from helisim.study.run import Run
 
@@ -27,16 +28,16 @@ def figure_entities(run: Run) -> dict[str, tuple[str, ...]]:
                 for k in range(len(item.verification.traces) if item.verification else 0)
             ),
         )
-        for item in run.evidence
+        for item in run.models
     }
 
 
 def log_findings(recording: rr.RecordingStream, run: Run) -> None:
     """Log all that was found, below the entity `models`."""
     recording.send_property(
-        "run", rr.AnyValues(results=json.dumps(dict(run.results), sort_keys=True))
+        "run", rr.AnyValues(results=json.dumps(run.results.to_dict(), sort_keys=True))
     )
-    for item in run.evidence:
+    for item in run.models:
         pictures = [*bode_drawings(item), *verification_drawings(item)]
         for entity, drawing in zip(figure_entities(run)[item.name], pictures):
             image = rr.EncodedImage(contents=drawing.png, media_type="image/png")
@@ -86,32 +87,23 @@ def _numbers(
 
 def _markdown(run: Run) -> str:
     parts = []
-    for table in run.tables:
-        low, high = table.band_rad_s
-        parts += [
-            f"## {table.name}",
-            f"From {table.input}, {low:.3g} to {high:.3g} rad/s, average cost {table.cost:.3g}.",
-            "",
-            "| parameter | unit | paper | truth | identified | CR % | insens. % | verdict |",
-            "|---|---|---:|---:|---:|---:|---:|---|",
-            *(f"| {' | '.join(cells(row))} |" for row in table.parameters),
-            "",
-        ]
+    for table in map(tables.comparison, run.results.tables):
+        parts += [f"## {table.title}", f"{table.lead}.", "", as_markdown(table), ""]
     return "\n".join(parts)
 
 
 def _steps(run: Run) -> list[str]:
-    given = run.results["configuration"]
+    given = run.results.configuration
     steps = [
-        f"vehicle loaded and trimmed, seed {run.results['seed']}",
+        f"vehicle loaded and trimmed, seed {run.results.seed}",
         f"flown: {given['flown_each_axis']} sweeps on each axis, "
         f"{given['flights_kept_each_axis']} kept",
-        *(f"left out: {sentence}" for sentence in run.results.get("excluded", [])),
+        *(f"left out: {one.message}" for one in run.results.excluded),
     ]
-    for table in run.tables:
+    for table in run.results.tables:
         good = sum(row.verdict == "ok" for row in table.parameters)
         steps.append(
             f"identified: {table.name} from {table.input}, cost {table.cost:.3g}, "
             f"{good} of {len(table.parameters)} parameters within tolerance"
         )
-    return steps + [f"missed: {sentence}" for sentence in run.results.get("misses", [])]
+    return steps + [f"missed: {sentence}" for sentence in run.results.misses]

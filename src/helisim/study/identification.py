@@ -1,6 +1,6 @@
 """Identify the models of the experiment from its flights, and set them beside truth and paper."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,7 @@ from helisim.paper import ReferenceTable, published
 from helisim.records.record import FlightRecord
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest
-from helisim.study.flights import Flights
-from helisim.study.identified import Evidence
+from helisim.study.identified import IdentifiedModel
 from helisim.study.models import Given, Model
 from helisim.study.results import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.truth import exact_response, true_values
@@ -19,6 +18,9 @@ from helisim.vehicle import Vehicle
 
 GroundTests = Mapping[str, RigTest]
 """By rig."""
+
+Flights = Mapping[str, Sequence[FlightRecord]]
+"""Records by axis."""
 
 
 def frequency_response(model: Model, flights: Flights) -> ident.FrequencyResponse:
@@ -71,7 +73,7 @@ def _given(source: Given, before: Mapping[str, ComparisonTable], ground: GroundT
     return before[source.source][source.name].identified
 
 
-def compare(
+def comparison_table(
     vehicle: Vehicle,
     model: Model,
     fit: ident.Fit,
@@ -135,16 +137,16 @@ def _row(
     )
 
 
-def evidence_of(
+def identified_model(
     vehicle: Vehicle,
     model: Model,
     fit: ident.Fit,
     recorder: Recorder,
     doublets: Mapping[str, FlightRecord],
-) -> Evidence:
+) -> IdentifiedModel:
     """Return a model with the exact response and the verification that it is judged by."""
     unseen = {axis: doublets[axis] for axis in model.verified_by}
-    return Evidence(
+    return IdentifiedModel(
         model.name,
         fit,
         exact=exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200)),

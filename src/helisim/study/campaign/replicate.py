@@ -13,7 +13,7 @@ from helisim.sim import FlightPlan, Recorder, fly
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.study.campaign.plan import MODEL_NAMES, Campaign, Method, Replicate
 from helisim.study.flights import Flights
-from helisim.study.identification import GroundTests, compare, identify_model
+from helisim.study.identification import GroundTests, comparison_table, identify_model
 from helisim.study.models import Model
 from helisim.study.results import ComparisonTable
 from helisim.vehicle import Vehicle
@@ -77,7 +77,7 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
             estimated = by_method(model, method)
             tested = _done(ground) if _needs_ground(model) else {}
             fit = _identified(estimated, flights, before, tested)
-            table = compare(steady, estimated, fit, recorder)
+            table = comparison_table(steady, estimated, fit, recorder)
         except HelisimError as error:
             rows += _failed(count, method, model, str(error))
             continue
