@@ -80,11 +80,7 @@ def render_derivatives(linear: Linearization, derivatives: Mapping[str, float]) 
         "",
         "Derivatives of the base helicopter (SI, per unit of servo position)",
     ]
-    largest = max(map(abs, derivatives.values()), default=0.0)
-    lines += [
-        f"  {name:<6} {formatted(value, '.6g', scale=largest):>12}"
-        for name, value in derivatives.items()
-    ]
+    lines += [f"  {name:<6} {formatted(x, '.6g'):>12}" for name, x in derivatives.items()]
     lines += ["", f"Eigenvalues of {linear.system.name}, rad/s"]
     for pole in sorted(linear.system.poles(), key=lambda pole: (abs(pole), pole.imag)):
         if abs(pole) > _ZERO_POLE and pole.imag >= 0.0:

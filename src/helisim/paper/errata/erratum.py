@@ -1,6 +1,8 @@
-"""One statement of the paper that its own numbers contradict."""
+"""One statement of the paper that its own numbers contradict, as a row of data."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 from helisim.paper import ReferenceTable
 
@@ -32,9 +34,34 @@ class Erratum:
         return asdict(self)
 
 
-def of(table: ReferenceTable, name: str) -> float:
-    """Return a value of a table by its name."""
-    return table[name].value
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """An erratum whose texts have places, such as {ratio:.3f}, for figures yet to be computed.
+
+    Attributes:
+        figures: returns its locals: what stands in the places, by name, and `confirmed`.
+        title, where, printed, calculation, computed, conclusion: as of an `Erratum`.
+    """
+
+    title: str
+    where: str
+    printed: str
+    calculation: str
+    computed: str
+    conclusion: str
+    figures: Callable[[], Mapping[str, Any]]
+
+    def compute(self) -> Erratum:
+        """Return the erratum with its figures in place."""
+        found = self.figures()
+        places = [one.name for one in fields(self) if one.name != "figures"]
+        texts = {name: getattr(self, name).format(**found) for name in places}
+        return Erratum(**texts, confirmed=bool(found["confirmed"]))
+
+
+def of(table: ReferenceTable, *names: str) -> list[float]:
+    """Return values of a table by their names."""
+    return [table[name].value for name in names]
 
 
 def percent_change(after: float, before: float) -> float:
