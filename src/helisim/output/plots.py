@@ -22,7 +22,6 @@ from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 from numpy.typing import NDArray
 
 from helisim.ident import FrequencyResponse, Verification
-from helisim.ident.points import COHERENCE_LIMIT
 from helisim.records.channels import ATTITUDES, IN1, RATES
 from helisim.records.files import atomic_write
 from helisim.records.record import FlightRecord
@@ -31,6 +30,8 @@ from helisim.vehicle import Vehicle
 DATA = "#a6a6a6"
 IDENTIFIED = "#0b3c7d"
 TRUTH = "#c8460f"
+USABLE_COHERENCE = 0.6
+"""Below it a frequency is drawn hollow: it was not used (Tischler and Remple)."""
 
 _WIDTH = 4.2
 """Inches: 403 px of a page, so that text of 9 points stays readable on a phone of 390 px."""
@@ -166,7 +167,7 @@ def _draw_data(
     o, i = data.index(output, input_)
     omega, line, error = data.frequency, data.response[o, i], data.random_error[o, i]
     decibels, degrees = _decibels(line), _phase(line)
-    good = data.coherence[o, i] >= COHERENCE_LIMIT
+    good = data.coherence[o, i] >= USABLE_COHERENCE
     spread = 20.0 * np.log10(1.0 + error)
     for ax, middle, half in (
         (magnitude, decibels, spread),
@@ -179,14 +180,14 @@ def _draw_data(
         dots = {"linestyle": "none", "marker": "o", "markersize": 2.6, "zorder": 2}
         ax.semilogx(omega[good], middle[good], color=DATA, label=label, **dots)
         if not good.all():
-            label = f"coherence below {COHERENCE_LIMIT}" if ax is magnitude else None
+            label = f"coherence below {USABLE_COHERENCE}" if ax is magnitude else None
             hollow = {"markerfacecolor": "none", "markeredgewidth": 0.5, "color": DATA}
             ax.semilogx(omega[~good], middle[~good], label=label, **(dots | hollow))
     coherence.semilogx(omega, data.coherence[o, i], color=IDENTIFIED, label="partial")
     coherence.semilogx(
         omega, data.multiple_coherence[o], color="#8c8c8c", dashes=(4.0, 1.5), label="multiple"
     )
-    coherence.axhline(COHERENCE_LIMIT, color="#444444", linewidth=0.7, linestyle=":")
+    coherence.axhline(USABLE_COHERENCE, color="#444444", linewidth=0.7, linestyle=":")
     coherence.set_ylim(0.0, 1.04)
     coherence.set_ylabel("coherence")
     coherence.legend(loc="lower center", ncols=2)

@@ -11,7 +11,7 @@ from helisim.records.record import FlightRecord
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest
 from helisim.study.identified import IdentifiedModel
-from helisim.study.models import Given, Model
+from helisim.study.models import Given, ModelSpec
 from helisim.study.results import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.truth import exact_response, true_values
 from helisim.vehicle import Vehicle
@@ -23,7 +23,7 @@ Flights = Mapping[str, Sequence[FlightRecord]]
 """Records by axis."""
 
 
-def frequency_response(model: Model, flights: Flights) -> ident.FrequencyResponse:
+def frequency_response(model: ModelSpec, flights: Flights) -> ident.FrequencyResponse:
     """Return the frequency response of one model from the pooled records of its sweeps."""
     records = [record for axis in model.sweeps for record in flights[axis]]
     return ident.frequency_response(
@@ -46,7 +46,7 @@ def _usable_band(band: tuple[float, float], records: list[FlightRecord]) -> tupl
 
 
 def identify_model(
-    model: Model,
+    model: ModelSpec,
     flights: Flights,
     *,
     before: Mapping[str, ComparisonTable] | None = None,
@@ -75,7 +75,7 @@ def _given(source: Given, before: Mapping[str, ComparisonTable], ground: GroundT
 
 def comparison_table(
     vehicle: Vehicle,
-    model: Model,
+    model: ModelSpec,
     fit: ident.Fit,
     recorder: Recorder,
     *,
@@ -106,7 +106,7 @@ def _row(
     name: str,
     truth: Mapping[str, float],
     paper: ReferenceTable,
-    model: Model,
+    model: ModelSpec,
     judge_paper: bool,
 ) -> ParameterRow:
     fitted = fit[name]
@@ -139,7 +139,7 @@ def _row(
 
 def identified_model(
     vehicle: Vehicle,
-    model: Model,
+    model: ModelSpec,
     fit: ident.Fit,
     recorder: Recorder,
     doublets: Mapping[str, FlightRecord],

@@ -21,8 +21,9 @@ from helisim.study.reproduce import Arguments, reproduce
 from helisim.study.results import read_results
 from helisim.study.run import FITS, FLIGHTS
 
-_APART = ("versions", "made_by", "model_digest")
-"""Compared apart: they may differ where no number does."""
+_APART = ("versions", "made_by", "model_digest", "marks", "spans")
+"""Left out of the numbers: versions are compared apart, marks and spans only say which records a
+fit has seen."""
 
 _SHOWN = 10
 """Differences that are printed; the count says how many there are."""

@@ -139,7 +139,7 @@ def reproduce(
     if out is not None:
         write_json(results.to_dict(), out / RESULTS, indent=2)
         write_models(out / FITS, models)
-    return Run(results, tuple(models), {axis: tuple(one) for axis, one in kept.items()})
+    return Run(results, tuple(models), kept)
 
 
 def _gyro_effect(tables: Mapping[str, ComparisonTable]) -> GyroEffect:

@@ -1,6 +1,6 @@
 """A run: results, the models behind them, the flights; as it was made or read from its folder."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -27,7 +27,7 @@ class Run:
 
     results: Results
     models: tuple[IdentifiedModel, ...] = ()
-    flights: Mapping[str, tuple[FlightRecord, ...]] = field(default_factory=dict)
+    flights: Mapping[str, Sequence[FlightRecord]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         flights = {axis: tuple(records) for axis, records in self.flights.items()}

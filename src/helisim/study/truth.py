@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from helisim import ident
 from helisim.sim import Recorder
-from helisim.study.models import Model
+from helisim.study.models import ModelSpec
 from helisim.vehicle import Linearization, Vehicle
 
 _GAINS = ("k_p", "k_I", "k_delta", "k_a")
@@ -15,7 +15,7 @@ _GAINS = ("k_p", "k_I", "k_delta", "k_a")
 
 def true_values(
     vehicle: Vehicle,
-    model: Model,
+    model: ModelSpec,
     recorder: Recorder,
     *,
     like: ident.FrequencyResponse | None = None,
@@ -58,7 +58,7 @@ def _gyro_values(vehicle: Vehicle) -> dict[str, float]:
 
 
 def _equivalent_values(
-    vehicle: Vehicle, model: Model, recorder: Recorder, like: ident.FrequencyResponse | None
+    vehicle: Vehicle, model: ModelSpec, recorder: Recorder, like: ident.FrequencyResponse | None
 ) -> dict[str, float]:
     omega = np.geomspace(*model.band, 200) if like is None else like.frequency
     exact = exact_response(vehicle, model, recorder, omega)
@@ -68,7 +68,7 @@ def _equivalent_values(
 
 
 def exact_response(
-    vehicle: Vehicle, model: Model, recorder: Recorder, omega: NDArray[np.float64]
+    vehicle: Vehicle, model: ModelSpec, recorder: Recorder, omega: NDArray[np.float64]
 ) -> ident.FrequencyResponse:
     """Return the exact response of a model's channels, recorder latencies included.
 

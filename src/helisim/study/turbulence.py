@@ -23,7 +23,7 @@ from helisim.ident import ClosedLoopWarning
 from helisim.records.channels import IN2
 from helisim.sim import FlightPlan, Recorder, Sweep, Weather, fly
 from helisim.study.identification import identify_model
-from helisim.study.models import HEAVE, ROLLPITCH_IN1, YAW_BASE, Model
+from helisim.study.models import HEAVE, ROLLPITCH_IN1, YAW_BASE, ModelSpec
 from helisim.vehicle import Vehicle
 
 MODELS = (replace(YAW_BASE, sweeps=("ped", "lat", "col")), ROLLPITCH_IN1, HEAVE)
@@ -144,7 +144,7 @@ def turbulence_study(
         for axis, sweep in SWEEPS.items()
     }
 
-    def estimates(model: Model) -> Iterator[Estimate]:
+    def estimates(model: ModelSpec) -> Iterator[Estimate]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ClosedLoopWarning)  # it is what is studied
             joint = identify_model(replace(model, reference=IN2), records)

@@ -14,7 +14,7 @@ from helisim.sim.rigs import RigTest, run_rigs
 from helisim.study.campaign.plan import MODEL_NAMES, Campaign, Method, Replicate
 from helisim.study.flights import Flights
 from helisim.study.identification import GroundTests, comparison_table, identify_model
-from helisim.study.models import Model
+from helisim.study.models import ModelSpec
 from helisim.study.results import ComparisonTable
 from helisim.vehicle import Vehicle
 
@@ -87,7 +87,7 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
     return rows
 
 
-def by_method(model: Model, method: Method) -> Model:
+def by_method(model: ModelSpec, method: Method) -> ModelSpec:
     """Return a model as it is identified by a method.
 
     The joint method takes the sticks as reference for what servo signals drive; where sticks
@@ -102,7 +102,7 @@ def by_method(model: Model, method: Method) -> Model:
 
 
 def _identified(
-    model: Model,
+    model: ModelSpec,
     flights: Flights,
     before: Mapping[str, ComparisonTable],
     ground: GroundTests,
@@ -113,7 +113,7 @@ def _identified(
         return identify_model(model, flights, before=before, ground=ground)
 
 
-def _tasks(campaign: Campaign) -> Iterator[tuple[int, Method, Model]]:
+def _tasks(campaign: Campaign) -> Iterator[tuple[int, Method, ModelSpec]]:
     for count in campaign.identified_after:
         for method in campaign.methods:
             for model in campaign.chosen:
@@ -146,7 +146,7 @@ def _ground_tests(
         return error
 
 
-def _needs_ground(model: Model) -> bool:
+def _needs_ground(model: ModelSpec) -> bool:
     return any(given.source not in MODEL_NAMES for given in model.given.values())
 
 
@@ -183,7 +183,7 @@ def _estimates(
     ]
 
 
-def _failed(count: int, method: Method, model: Model, reason: str) -> list[Estimate]:
+def _failed(count: int, method: Method, model: ModelSpec, reason: str) -> list[Estimate]:
     return [
         Estimate(
             flights=count,
