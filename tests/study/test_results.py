@@ -186,7 +186,7 @@ def test_the_json_has_its_shape():
             "flight": "ped_01",
             "reason": "terminated early",
             "ended": "it touched the ground at 12.50 s",
-            "message": "flight ped_01: terminated early: it touched the ground at 12.50 s",
+            "message": "flight ped_01: was terminated early: it touched the ground at 12.50 s",
         },
     ]
 

@@ -72,7 +72,7 @@ def fly_sweeps(
         ]
         if len(scores) < flights:
             raise DivergedError(
-                f"{len(records) - len(scores)} of {len(records)} sweeps of {axis} terminated "
+                f"{len(records) - len(scores)} of {len(records)} sweeps of {axis} were terminated "
                 f"early, so fewer than {flights} are left; {excluded[-1].message}"
             )
         best = sorted(sorted(scores, key=scores.__getitem__)[-flights:])

@@ -238,7 +238,7 @@ class Exclusion:
     def message(self) -> str:
         """What was left out and why, in a sentence."""
         if self.reason == "terminated early":
-            return f"flight {self.flight}: terminated early: {self.ended}"
+            return f"flight {self.flight}: was terminated early: {self.ended}"
         return (
             f"flight {self.flight}: its mean coherence of {self.coherence:.4f} is not among the "
             f"best {self.kept} (the least coherent kept has {self.limit:.4f})"
@@ -268,7 +268,9 @@ class Exclusion:
         return {**known, "message": self.message}
 
 
-_TERMINATED = re.compile(r"flight (\S+): was over before its time: (.*)", re.DOTALL)
+_TERMINATED = re.compile(
+    r"flight (\S+): was (?:over before its time|terminated early): (.*)", re.DOTALL
+)
 _LESS_COHERENT = re.compile(
     r"flight (\S+): its mean coherence of (\d\.\d{4}) is not among the best (\d+) "
     r"\(the least coherent kept has (\d\.\d{4})\)"
