@@ -8,7 +8,17 @@ from helisim.paper import ReferenceTable
 
 
 @dataclass(frozen=True, kw_only=True)
-class Erratum:
+class _Texts:
+    title: str
+    where: str
+    printed: str
+    calculation: str
+    computed: str
+    conclusion: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Erratum(_Texts):
     """One statement of the paper that its own numbers contradict.
 
     Attributes:
@@ -21,12 +31,6 @@ class Erratum:
         confirmed: whether the calculation does contradict the print.
     """
 
-    title: str
-    where: str
-    printed: str
-    calculation: str
-    computed: str
-    conclusion: str
     confirmed: bool
 
     def to_dict(self) -> dict[str, object]:
@@ -35,7 +39,7 @@ class Erratum:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class Row(_Texts):
     """An erratum whose texts have places, such as {ratio:.3f}, for figures yet to be computed.
 
     Attributes:
@@ -43,19 +47,12 @@ class Row:
         title, where, printed, calculation, computed, conclusion: as of an `Erratum`.
     """
 
-    title: str
-    where: str
-    printed: str
-    calculation: str
-    computed: str
-    conclusion: str
     figures: Callable[[], Mapping[str, Any]]
 
     def compute(self) -> Erratum:
         """Return the erratum with its figures in place."""
         found = self.figures()
-        places = [one.name for one in fields(self) if one.name != "figures"]
-        texts = {name: getattr(self, name).format(**found) for name in places}
+        texts = {one.name: getattr(self, one.name).format(**found) for one in fields(_Texts)}
         return Erratum(**texts, confirmed=bool(found["confirmed"]))
 
 
