@@ -10,7 +10,7 @@ from helisim.cli import main
 from helisim.errors import InputError, StorageError
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
-from helisim.study.replay import arguments_of, compare_runs
+from helisim.study.replay import arguments_of, changes, compare_runs, leaves
 from helisim.study.reproduce import reproduce
 from killing import kill_at
 
@@ -104,6 +104,49 @@ def test_other_versions_are_told_apart_from_other_numbers(run, copied):
     assert "versions.numpy is '1.0' there" in found.other_bytes["lat_01.parquet"]
     assert found.changed["numpy"] == ("1.0", np.__version__)
     assert f"numpy: 1.0 then, {np.__version__} now" in str(found)
+
+
+def test_a_run_of_an_earlier_version_is_compared_by_what_it_says(run, copied):
+    """Flights left out stood in sentences: no number differs by that, but by another sentence."""
+    path = copied / "results.json"
+    results = json.loads(path.read_text())
+    earlier = [one["message"] for one in results["excluded"]]
+    assert len(earlier) == 4  # two sweeps an axis were flown, one kept
+    path.write_text(json.dumps({**results, "excluded": earlier}))
+    found = compare_runs(copied, run)
+    assert found.same
+    assert "flights left out: written as sentences then, as values now" in str(found)
+    other = earlier[0].replace("is not among the best 1 ", "is not among the best 2 ")
+    path.write_text(json.dumps({**results, "excluded": [other, *earlier[1:]]}))
+    assert list(compare_runs(copied, run).other_numbers) == ["results.excluded[0]"]
+
+
+def test_the_same_difference_of_many_records_is_one_line(run, copied):
+    """All records of another version differ in one way: that is said once, with how many."""
+    for path in (copied / "flights").glob("*.parquet"):
+        record = read_record(path)
+        versions = {**record.provenance["versions"], "numpy": "1.0"}
+        provenance = {**record.provenance, "versions": versions}
+        write_record(FlightRecord(record.time, record.values, record.channels, provenance), path)
+    found = compare_runs(copied, run)
+    lines = [line for line in str(found).splitlines() if "versions.numpy" in line]
+    assert len(lines) == 1
+    assert f"col_01.parquet and {len(found.records) - 1} more: the same numbers" in lines[0]
+
+
+def test_leaves_of_data_are_named_by_their_place():
+    """Items of a list by their name, or number; what is no number of a run is left out."""
+    then = {"tables": [{"name": "a", "x": [1.0, 2.0]}], "versions": {"numpy": "2"}}
+    now = {"tables": [{"name": "a", "x": [1.0, 3.0]}, {"name": "b"}]}
+    assert leaves(then, "r") == {
+        "r.tables[a].name": "a",
+        "r.tables[a].x[0]": 1.0,
+        "r.tables[a].x[1]": 2.0,
+    }
+    assert changes(leaves(then, "r"), leaves(now, "r")) == {
+        "r.tables[a].x[1]": "2.0 before, 3.0 now, 33 % apart",
+        "r.tables[b].name": "None before, 'b' now",
+    }
 
 
 @pytest.mark.parametrize("damage", ["remove", "cut"])

@@ -117,13 +117,17 @@ def gyro_changes(found: GyroEffect) -> Table:
 def _changed(one: Change) -> tuple[Cell, ...]:
     columns = ("paper_before", "paper_after", "paper_ratio", "before", "after", "ratio")
     values = {column: getattr(one, column) for column in columns}
-    form = common_form(value for column, value in values.items() if "ratio" not in column)
+    forms = {
+        "before": common_form((one.paper_before, one.before)),
+        "after": common_form((one.paper_after, one.after)),
+        "ratio": ".3f",
+    }
     return (
         *_named(one.name, one.unit),
         *(
             number(
                 value,
-                ".3f" if "ratio" in column else form,
+                forms[column.removeprefix("paper_")],
                 unit="ratio" if "ratio" in column else one.unit,
                 key=f"before_after.{one.name}.{column}",
             )

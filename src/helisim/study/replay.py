@@ -26,7 +26,7 @@ _APART = ("versions", "made_by", "model_digest", "marks", "spans")
 fit has seen."""
 
 _SHOWN = 10
-"""Differences that are printed; the count says how many there are."""
+"""Lines of differences that are printed; the count says how many there are."""
 
 
 @dataclass(frozen=True)
@@ -270,5 +270,13 @@ def _changed(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple
 
 
 def _shown(found: Mapping[str, str]) -> list[str]:
-    lines = [f"  {place}: {text}" for place, text in list(found.items())[:_SHOWN]]
-    return [*lines, f"  and {len(found) - _SHOWN} more"] if len(found) > _SHOWN else lines
+    """Return a line for each difference, those that are the same in one."""
+    places: dict[str, list[str]] = {}
+    for place, text in found.items():
+        places.setdefault(text, []).append(place)
+    lines = [
+        f"  {at[0]}{f' and {len(at) - 1} more' if len(at) > 1 else ''}: {text}"
+        for text, at in places.items()
+    ]
+    more = len(lines) - _SHOWN
+    return [*lines[:_SHOWN], f"  and {more} more"] if more > 0 else lines
