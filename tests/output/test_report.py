@@ -190,6 +190,23 @@ def test_a_folder_without_a_run_is_refused(tmp_path):
             write_report(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"recorder": {}}, "configuration of the run.recorder has no 'rate_hz'"),
+        ({"timestep_s": "short"}, "configuration of the run.timestep_s is 'short', expected float"),
+        ({"parameters": [1]}, "configuration of the run.parameters is"),
+    ],
+)
+def test_a_configuration_that_says_too_little_is_refused(folder, tmp_path, change, message):
+    """What the page says of the experiment is checked where it is read."""
+    results = json.loads((folder / "results.json").read_text())
+    results["configuration"] |= change
+    (tmp_path / "results.json").write_text(json.dumps(results))
+    with pytest.raises(InputError, match=message):
+        write_report(tmp_path)
+
+
 def test_anyones_fit_has_a_report(tmp_path):
     """A model and its records make a page with parameters, figures and records."""
     item = make_model("heave")

@@ -108,7 +108,12 @@ def test_long_words_become_cards_of_80_columns():
 
 @pytest.mark.parametrize(
     ("values", "form"),
-    [((0.0,), ".3f"), ((3602.6, 1.0), ".0f"), ((-0.05, None), ".5f"), ((1e-7,), ".3e")],
+    [
+        ((0.0,), ".3f"),
+        ((3602.6, 1.0), ".0f"),
+        ((-0.05, None, float("inf")), ".5f"),
+        ((1e-7,), ".3e"),
+    ],
 )
 def test_a_rows_numbers_share_their_decimals(values, form):
     """Those that give the largest four digits; an exponent where decimals would not fit."""

@@ -101,19 +101,17 @@ def _summary(results: Results) -> str:
 
 
 def _experiment(run: Run) -> str:
-    given = run.results.configuration
-    recorder = given["recorder"]
+    given = run.configuration
     flights = next(iter(run.sweeps.values()), None)
     flown = flights.provenance.get("excitation", {}) if flights is not None else {}
     length = f"of {flown['duration']:g} s " if "duration" in flown else ""
-    changed = given["parameters"]
     text = (
         "A nonlinear JR700 of 8.01 kg with a three-axis gyro was flown in MuJoCo, with a time "
-        f"step of {1e3 * given['timestep_s']:g} ms, by a pilot who holds the hover and sweeps one "
-        f"stick at a time: {given['flown_each_axis']} flights {length}on each of the four axes, "
-        f"of which the {given['flights_kept_each_axis']} most coherent were kept. A flight "
+        f"step of {1e3 * given.timestep_s:g} ms, by a pilot who holds the hover and sweeps one "
+        f"stick at a time: {given.flown_each_axis} flights {length}on each of the four axes, "
+        f"of which the {given.flights_kept_each_axis} most coherent were kept. A flight "
         f"computer recorded sticks (IN2), servo signals (from which IN1 is recomputed) and motion "
-        f"(OUT) at {recorder['rate_hz']:g} Hz behind a {recorder['antialias_hz']:g} Hz "
+        f"(OUT) at {given.recorder.rate_hz:g} Hz behind a {given.recorder.antialias_hz:g} Hz "
         "anti-alias filter, with latency, noise and resolution by channel. From these records "
         "alone the frequency responses were estimated by the method of Tischler and Remple "
         "(CIFER), and the paper's models were fitted to them. The truth beside them is the exact "
@@ -123,10 +121,10 @@ def _experiment(run: Run) -> str:
     )
     other = (
         "Another truth than the paper's was flown, so the paper is printed and not judged by: "
-        + ", ".join(f"{name} = {value:g}" for name, value in changed.items())
+        + ", ".join(f"{name} = {value:g}" for name, value in given.parameters.items())
         + "."
     )
-    return html.paragraph(text) + (html.paragraph(other) if changed else "")
+    return html.paragraph(text) + (html.paragraph(other) if given.parameters else "")
 
 
 def _airframe(run: Run) -> str:

@@ -93,11 +93,10 @@ def _markdown(run: Run) -> str:
 
 
 def _steps(run: Run) -> list[str]:
-    given = run.results.configuration
+    given = run.configuration
     steps = [
         f"vehicle loaded and trimmed, seed {run.results.seed}",
-        f"flown: {given['flown_each_axis']} sweeps on each axis, "
-        f"{given['flights_kept_each_axis']} kept",
+        f"flown: {given.flown_each_axis} sweeps on each axis, {given.flights_kept_each_axis} kept",
         *(f"left out: {one.message}" for one in run.results.excluded),
     ]
     for table in run.results.tables:

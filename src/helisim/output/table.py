@@ -149,7 +149,9 @@ def _two_digits(value: float) -> str:
 
 def common_form(values: Iterable[float | None], digits: int = 4) -> str:
     """Return the format that gives the largest of some numbers its digits, and all its decimals."""
-    largest = max((abs(value) for value in values if value is not None), default=0.0)
+    largest = max(
+        (abs(value) for value in values if value is not None and math.isfinite(value)), default=0.0
+    )
     exponent = 0 if largest == 0.0 else math.floor(math.log10(largest))
     if not -4 <= exponent < 7:
         return f".{digits - 1}e"

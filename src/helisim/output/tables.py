@@ -200,7 +200,7 @@ def rig(test: RigTest) -> Table:
             *(Column("error %"), Column("how", left=True, page_only=True)),
         ),
         tuple(_found(test.rig, one) for one in test.findings),
-        notes=tuple(("", f"{note[0].upper()}{note[1:]}.") for note in test.notes),
+        notes=tuple(("", f"{note[:1].upper()}{note[1:]}.") for note in test.notes),
     )
 
 

@@ -9,10 +9,43 @@ from helisim.errors import StorageError
 from helisim.records.record import FlightRecord
 from helisim.study.flights import FOLDER, RESULTS, read_kept_sweeps
 from helisim.study.identified import IdentifiedModel, read_models
+from helisim.study.plain import read_as
 from helisim.study.results import Results, read_results
 
 FITS = "fits.json"
 FLIGHTS = FOLDER
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rates:
+    """How fast a recorder samples.
+
+    Attributes:
+        rate_hz: Hz.
+        antialias_hz: Hz, edge of the filter before the samples.
+    """
+
+    rate_hz: float
+    antialias_hz: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configuration:
+    """What a report says of how a run was made; its results state more.
+
+    Attributes:
+        flights_kept_each_axis: sweeps that were identified from.
+        flown_each_axis: sweeps that were flown.
+        timestep_s: of the simulation, s.
+        parameters: physical parameters that replaced the calibrated ones.
+        recorder: its rates.
+    """
+
+    flights_kept_each_axis: int
+    flown_each_axis: int
+    timestep_s: float
+    parameters: Mapping[str, float]
+    recorder: Rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +66,11 @@ class Run:
         flights = {axis: tuple(records) for axis, records in self.flights.items()}
         object.__setattr__(self, "flights", MappingProxyType(flights))
         object.__setattr__(self, "models", tuple(self.models))
+
+    @property
+    def configuration(self) -> Configuration:
+        """How the run was made. Raises InputError: the results don't say it."""
+        return read_as(Configuration, self.results.configuration, "configuration of the run")
 
     @property
     def sweeps(self) -> dict[str, FlightRecord]:
