@@ -10,7 +10,8 @@ from helisim.cli import main
 from helisim.errors import InputError, StorageError
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
-from helisim.study.replay import arguments_of, changes, compare_runs, leaves
+from helisim.study.differences import changes, leaves
+from helisim.study.replay import arguments_of, compare_runs
 from helisim.study.reproduce import reproduce
 from killing import kill_at
 
@@ -138,12 +139,12 @@ def test_leaves_of_data_are_named_by_their_place():
     """Items of a list by their name, or number; what is no number of a run is left out."""
     then = {"tables": [{"name": "a", "x": [1.0, 2.0]}], "versions": {"numpy": "2"}}
     now = {"tables": [{"name": "a", "x": [1.0, 3.0]}, {"name": "b"}]}
-    assert leaves(then, "r") == {
+    assert leaves(then, "r", ["versions"]) == {
         "r.tables[a].name": "a",
         "r.tables[a].x[0]": 1.0,
         "r.tables[a].x[1]": 2.0,
     }
-    assert changes(leaves(then, "r"), leaves(now, "r")) == {
+    assert changes(leaves(then, "r", ["versions"]), leaves(now, "r")) == {
         "r.tables[a].x[1]": "2.0 before, 3.0 now, 33 % apart",
         "r.tables[b].name": "None before, 'b' now",
     }

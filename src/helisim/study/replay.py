@@ -1,19 +1,14 @@
 """Repeats a run from its own provenance and compares: records byte by byte, then every number."""
 
-import math
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from helisim.errors import HelisimError, InputError
+from helisim.errors import InputError
 from helisim.records.files import read_json
-from helisim.records.provenance import difference
-from helisim.records.record import FlightRecord
-from helisim.records.storage import read_record
+from helisim.study.differences import changes, leaves, listed, record_difference
 from helisim.study.flights import RESULTS
 from helisim.study.identified import read_models
 from helisim.study.plain import read_as
@@ -24,9 +19,6 @@ from helisim.study.run import FITS, FLIGHTS
 _APART = ("versions", "made_by", "model_digest", "marks", "spans")
 """Left out of the numbers: versions are compared apart, marks and spans only say which records a
 fit has seen."""
-
-_SHOWN = 10
-"""Lines of differences that are printed; the count says how many there are."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +67,10 @@ class Repetition:
             f"{self.folder}: seed {self.arguments.seed}, {self.arguments.flights} flights "
             "an axis, flown and identified again",
             f"records: {alike} of {len(self.records)} are the same to the byte",
-            *_shown(self.other_bytes),
+            *listed(self.other_bytes),
             f"results: {self.numbers} numbers compared; "
             + ("all are the same" if self.same else f"{len(self.other_numbers)} places differ"),
-            *_shown(self.other_numbers),
+            *listed(self.other_numbers),
         ]
         if self.changed:
             lines.append("the run was made with something else than is here:")
@@ -147,9 +139,11 @@ def compare_runs(before: Path, now: Path) -> Repetition:
     """
     arguments = arguments_of(before)
     names = sorted({path.name for run in (before, now) for path in _records(run)})
-    records = {name: _compared(before / FLIGHTS / name, now / FLIGHTS / name) for name in names}
+    records = {
+        name: record_difference(before / FLIGHTS / name, now / FLIGHTS / name) for name in names
+    }
     then, again = (
-        leaves(_results(run, before), "results") | leaves(_fits(run), "fits")
+        leaves(_results(run, before), "results", _APART) | leaves(_fits(run), "fits", _APART)
         for run in (before, now)
     )
     return Repetition(
@@ -164,6 +158,10 @@ def compare_runs(before: Path, now: Path) -> Repetition:
         },
         numbers=len(then),
     )
+
+
+def _records(run: Path) -> Iterator[Path]:
+    return (run / FLIGHTS).glob("[!.]*.parquet")
 
 
 def _results(run: Path, before: Path) -> dict[str, Any]:
@@ -187,74 +185,6 @@ def _has_sentences(results: Mapping[str, Any]) -> bool:
     return isinstance(excluded, list) and any(isinstance(one, str) for one in excluded)
 
 
-def leaves(data: Any, place: str) -> dict[str, Any]:
-    """Return every number and text of JSON data by its place, but for versions."""
-    if isinstance(data, dict):
-        inner = {f"{place}.{key}": one for key, one in data.items() if key not in _APART}
-    elif isinstance(data, list):
-        inner = {f"{place}[{_name(one, k)}]": one for k, one in enumerate(data)}
-    else:
-        return {place: data}
-    return {at: leaf for where, one in inner.items() for at, leaf in leaves(one, where).items()}
-
-
-def _name(item: Any, k: int) -> str:
-    named = item.get("name", item.get("flight", k)) if isinstance(item, dict) else k
-    return str(named)
-
-
-def changes(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, str]:
-    """Return how the leaves of two pieces of data differ, by place."""
-    places = dict.fromkeys((*then, *now))
-    differ = (at for at in places if at not in then or at not in now or then[at] != now[at])
-    return {at: _change(then.get(at), now.get(at)) for at in differ}
-
-
-def _change(then: Any, now: Any) -> str:
-    if not all(isinstance(one, int | float) and not isinstance(one, bool) for one in (then, now)):
-        return f"{then!r} before, {now!r} now"
-    share = abs(now - then) / max(abs(then), abs(now), math.ulp(0.0))
-    return f"{then!r} before, {now!r} now, {100.0 * share:.2g} % apart"
-
-
-def _records(run: Path) -> Iterator[Path]:
-    return (run / FLIGHTS).glob("[!.]*.parquet")
-
-
-def _compared(before: Path, now: Path) -> tuple[str, bool]:
-    """Return what differs between two records, "" for nothing, and whether numbers do."""
-    for path, when in ((before, "before"), (now, "now")):
-        if not path.is_file():
-            return f"there was none {when}", True
-    try:
-        if before.read_bytes() == now.read_bytes():
-            return "", False
-        then, again = read_record(before), read_record(now)
-    except (OSError, HelisimError) as error:
-        return f"can't be read: {error}", True
-    message = _other_numbers(then, again)
-    if message:
-        return message, True
-    message = difference(dict(then.provenance), dict(again.provenance))
-    return f"the same numbers; provenance: {message or 'the same too'}", False
-
-
-def _other_numbers(then: FlightRecord, now: FlightRecord) -> str:
-    if then.channels != now.channels:
-        return f"other channels: {', '.join(then.names)} before, {', '.join(now.names)} now"
-    if len(then) != len(now):
-        return f"{len(then)} samples before, {len(now)} now"
-    if not np.array_equal(then.time, now.time):
-        return "other times"
-    differs = then.values != now.values
-    if not differs.any():
-        return ""
-    row = int(np.argmax(differs.any(axis=1)))
-    names = [name for name, bad in zip(then.names, differs.any(axis=0)) if bad]
-    worst = float(np.max(np.abs(then.values - now.values)))
-    return f"{', '.join(names)} differ from {then.time[row]:g} s on, by {worst:.2g} at most"
-
-
 def _changed(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     """Return what two runs were made with, where it differs: then and now."""
     made = [
@@ -267,16 +197,3 @@ def _changed(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple
     ]
     pairs = {name: (str(made[0].get(name)), str(made[1].get(name))) for name in made[0] | made[1]}
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
-
-
-def _shown(found: Mapping[str, str]) -> list[str]:
-    """Return a line for each difference, those that are the same in one."""
-    places: dict[str, list[str]] = {}
-    for place, text in found.items():
-        places.setdefault(text, []).append(place)
-    lines = [
-        f"  {at[0]}{f' and {len(at) - 1} more' if len(at) > 1 else ''}: {text}"
-        for text, at in places.items()
-    ]
-    more = len(lines) - _SHOWN
-    return [*lines[:_SHOWN], f"  and {more} more"] if more > 0 else lines
