@@ -1,14 +1,19 @@
-"""Fly lateral and longitudinal sweeps, identify the roll-pitch model, verify it on a doublet."""
+"""Fly lateral and longitudinal sweeps, identify the roll-pitch model, verify it on a doublet.
+
+python scripts/fly_and_identify.py [FLIGHTS]
+"""
+
+import sys
 
 import helisim as hs
 
 
-def main() -> None:
+def main(count: int = 4) -> None:
     """Print the identified model and how well it predicts a flight that no fit has seen."""
     vehicle = hs.load("jr700")
     flights = []
     for axis in ("lat", "lon"):
-        flights += hs.fly(vehicle, hs.Sweep(axis=axis), count=4, seed=1)
+        flights += hs.fly(vehicle, hs.Sweep(axis=axis), count=count, seed=1)
     frf = hs.frequency_response(
         flights,
         inputs=("lat", "lon"),
@@ -24,4 +29,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(int, sys.argv[1:]))

@@ -3,6 +3,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+import helisim
+
 ROOT = Path(__file__).parents[1]
 LINT = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports())"
 
@@ -17,9 +21,11 @@ def test_data_flows_one_way():
 
 
 def test_importing_does_nothing():
-    """`import helisim` starts no thread, prints nothing, and installs no MuJoCo callback."""
+    """`import helisim` loads no library, starts no thread, prints nothing, installs no callback."""
     code = (
-        "import threading, helisim, mujoco\n"
+        "import sys, threading, helisim\n"
+        "assert not {'numpy', 'scipy', 'mujoco', 'numba', 'control'} & set(sys.modules)\n"
+        "import mujoco\n"
         "getters = [n for n in dir(mujoco) if n.startswith('get_mjcb_')]\n"
         "assert getters\n"
         "assert not [n for n in getters if getattr(mujoco, n)() is not None]\n"
@@ -30,6 +36,21 @@ def test_importing_does_nothing():
     )
     assert check.returncode == 0, check.stderr
     assert check.stdout == ""
+
+
+def test_every_public_name_is_there():
+    """The names of `__init__.pyi`, each documented, and no others."""
+    stub = (ROOT / "src" / "helisim" / "__init__.pyi").read_text(encoding="utf-8")
+    listed = [node for node in ast.parse(stub).body if isinstance(node, ast.ImportFrom)]
+    names = [alias.name for node in listed for alias in node.names]
+    # `X as X` is what makes a name of a stub public
+    assert names == [alias.asname for node in listed for alias in node.names]
+    assert sorted(names) == helisim.__all__
+    assert {*names, "__version__"} <= set(dir(helisim))
+    for name in names:
+        assert getattr(helisim, name).__doc__
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = helisim.nothing
 
 
 UNSAFE_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve", "joblib"}

@@ -16,7 +16,7 @@ def test_a_short_list_is_in_the_message():
     """All names, then the one that was probably meant."""
     error = UnknownNameError("axis", "lta", AXES)
     assert str(error) == "unknown axis 'lta'; available: col, lon, lat, ped; did you mean lat?"
-    assert not error.abridged
+    assert error.unlisted == ()
 
 
 def test_of_a_long_list_only_those_alike_are():
@@ -25,7 +25,7 @@ def test_of_a_long_list_only_those_alike_are():
     assert "there are 30" in str(error)
     assert "did you mean rotor.part_07 or " in str(error)
     assert error.available == MANY
-    assert error.abridged
+    assert error.unlisted == MANY
 
 
 def test_what_is_like_nothing_is_not_guessed():

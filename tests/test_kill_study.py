@@ -9,7 +9,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def study():
-    return loaded("kill_study")
+    return loaded("proof/kill_study")
 
 
 @pytest.fixture(scope="module")

@@ -59,7 +59,7 @@ def test_the_wheel_holds_what_it_needs(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     assert "helisim/models/jr700/jr700.xml" in names
     assert "helisim/models/jr700/scene.xml" in names
-    assert "helisim/py.typed" in names
+    assert {"helisim/py.typed", "helisim/__init__.pyi"} <= set(names)
     assert "helisim/output/report.css" in names
     assert any(name.endswith("licenses/LICENSE") for name in names)
     sources = {path.relative_to(ROOT / "src") for path in (ROOT / "src").rglob("*.py")}
@@ -68,11 +68,12 @@ def test_the_wheel_holds_what_it_needs(wheel):
 
 
 def test_the_installed_package_finds_its_models(installed, tmp_path):
-    """Outside the checkout the vehicle loads from the folder that the wheel installed."""
+    """Outside the checkout vehicle and public names load from what the wheel installed."""
     code = (
         "import pathlib, helisim, mujoco\n"
         "folder = pathlib.Path(helisim.__file__).parent\n"
         "mujoco.MjModel.from_xml_path(str(folder / 'models' / 'jr700' / 'scene.xml'))\n"
+        "assert 'Sweep' in dir(helisim) and helisim.Sweep(axis='lat').axis == 'lat'\n"
         "print(folder)\n"
     )
     folder = Path(run([installed / "python", "-c", code], tmp_path).strip())

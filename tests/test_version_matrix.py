@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture
 def matrix():
-    return loaded("version_matrix")
+    return loaded("proof/version_matrix")
 
 
 def done(status, text=""):

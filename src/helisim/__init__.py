@@ -20,150 +20,25 @@ The house, from the ground up; each room imports only from those above it in thi
     cli             each command parses, calls the library once, prints, exits
 """
 
+import ast
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from helisim.ident import (
-        Fit,
-        FrequencyResponse,
-        Structure,
-        Verification,
-        frequency_response,
-        identify,
-        load_fit,
-        reduce,
-        structures,
-        verify,
-    )
-    from helisim.physics.native import installed
-    from helisim.records.logs import read_log, screen
-    from helisim.records.record import FlightRecord
-    from helisim.records.storage import read_record, write_record
-    from helisim.sim import (
-        ClockDrift,
-        Doublet,
-        FlightEnvelope,
-        FlightPlan,
-        Gust,
-        GyroDropout,
-        GyroRestart,
-        Pilot,
-        Recorder,
-        RecordGap,
-        SampleLoss,
-        SensorDropout,
-        SensorSpikes,
-        ServoStuck,
-        ServoWeak,
-        Sweep,
-        Weather,
-        fly,
-        fly_each,
-        fly_to,
-        read_plan,
-        write_plan,
-    )
-    from helisim.study.reproduce import reproduce
-    from helisim.vehicle import GyroSettings, Vehicle, isa_density, load
+from pathlib import Path
 
 __version__ = "0.1.0"
 
+_STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
 _HOMES = {
-    "ClockDrift": "helisim.sim",
-    "Doublet": "helisim.sim",
-    "Fit": "helisim.ident",
-    "FlightEnvelope": "helisim.sim",
-    "FlightPlan": "helisim.sim",
-    "FlightRecord": "helisim.records.record",
-    "FrequencyResponse": "helisim.ident",
-    "Gust": "helisim.sim",
-    "GyroDropout": "helisim.sim",
-    "GyroRestart": "helisim.sim",
-    "GyroSettings": "helisim.vehicle",
-    "Pilot": "helisim.sim",
-    "RecordGap": "helisim.sim",
-    "Recorder": "helisim.sim",
-    "SampleLoss": "helisim.sim",
-    "SensorDropout": "helisim.sim",
-    "SensorSpikes": "helisim.sim",
-    "ServoStuck": "helisim.sim",
-    "ServoWeak": "helisim.sim",
-    "Structure": "helisim.ident",
-    "Sweep": "helisim.sim",
-    "Vehicle": "helisim.vehicle",
-    "Verification": "helisim.ident",
-    "Weather": "helisim.sim",
-    "fly": "helisim.sim",
-    "fly_each": "helisim.sim",
-    "fly_to": "helisim.sim",
-    "frequency_response": "helisim.ident",
-    "identify": "helisim.ident",
-    "installed": "helisim.physics.native",
-    "isa_density": "helisim.vehicle",
-    "load": "helisim.vehicle",
-    "load_fit": "helisim.ident",
-    "read_log": "helisim.records.logs",
-    "read_plan": "helisim.sim",
-    "read_record": "helisim.records.storage",
-    "reduce": "helisim.ident",
-    "reproduce": "helisim.study.reproduce",
-    "screen": "helisim.records.logs",
-    "structures": "helisim.ident",
-    "verify": "helisim.ident",
-    "write_plan": "helisim.sim",
-    "write_record": "helisim.records.storage",
+    alias.name: str(node.module)
+    for node in ast.parse(_STUB).body
+    if isinstance(node, ast.ImportFrom)
+    for alias in node.names
 }
 """Public name -> module. Loaded on first use, so that identifying a log needs no simulator."""
 
-__all__ = [
-    "ClockDrift",
-    "Doublet",
-    "Fit",
-    "FlightEnvelope",
-    "FlightPlan",
-    "FlightRecord",
-    "FrequencyResponse",
-    "Gust",
-    "GyroDropout",
-    "GyroRestart",
-    "GyroSettings",
-    "Pilot",
-    "RecordGap",
-    "Recorder",
-    "SampleLoss",
-    "SensorDropout",
-    "SensorSpikes",
-    "ServoStuck",
-    "ServoWeak",
-    "Structure",
-    "Sweep",
-    "Vehicle",
-    "Verification",
-    "Weather",
-    "fly",
-    "fly_each",
-    "fly_to",
-    "frequency_response",
-    "identify",
-    "installed",
-    "isa_density",
-    "load",
-    "load_fit",
-    "read_log",
-    "read_plan",
-    "read_record",
-    "reduce",
-    "reproduce",
-    "screen",
-    "structures",
-    "verify",
-    "write_plan",
-    "write_record",
-]
+__all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]  (it reads the stub)
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'helisim' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)

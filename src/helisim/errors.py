@@ -48,9 +48,9 @@ class UnknownNameError(InputError):
         return UnknownNameError, self._arguments
 
     @property
-    def abridged(self) -> bool:
-        """Whether the message leaves names out."""
-        return len(self.available) > _MOST_LISTED
+    def unlisted(self) -> tuple[str, ...]:
+        """All names that exist, where the message doesn't list them."""
+        return self.available if len(self.available) > _MOST_LISTED else ()
 
 
 def similar(name: str, available: Iterable[str]) -> list[str]:

@@ -2,12 +2,20 @@
 
 import math
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 RAD_PER_DEG = math.pi / 180.0
 RAD_S_PER_RPM = 2.0 * math.pi / 60.0
 METRE_PER_FOOT = 0.3048
 """Exact, by the international yard and pound agreement of 1959."""
 
 
-def decibel(magnitude: float) -> float:
-    """Return 20 log10 of a magnitude ratio, in dB."""
-    return 20.0 * math.log10(magnitude)
+DB_PER_NEPER = 20.0 / math.log(10.0)
+"""dB per unit of natural logarithm of a magnitude ratio."""
+
+
+def decibel(magnitude: ArrayLike) -> NDArray[np.float64]:
+    """Return 20 log10 of magnitude ratios, in dB, in the shape they come in; -inf of zero."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(20.0 * np.log10(magnitude), dtype=np.float64)

@@ -8,7 +8,7 @@ import pytest
 
 from command import fails
 from helisim.cli import main
-from helisim.ident import load_fit, structures
+from helisim.ident import Structure, load_fit, structures
 from swept_logs import HEAVE, csv_writer, flown, write_foreign
 
 RESAMPLE = ["--resample", "50"]
@@ -76,6 +76,57 @@ def test_a_reduction_is_kept_with_the_model(tmp_path, sweep_csv):
     asked = found["provenance"]["options"]
     assert (asked["seed"], asked["weighting"], asked["searches"]) == (3, "error", 12)
     assert load_fit(model).options == asked
+
+
+OWN = """
+name = "climb"
+states = ["w", "inflow"]
+inputs = ["col"]
+outputs = ["w"]
+[parameters.Z_w]
+unit = "1/s"
+start = -0.5
+[parameters.Z_col]
+unit = "m/s^2"
+start = -10.0
+[parameters.lag]
+unit = "s"
+start = 0.1
+bounds = [0.01, 1.0]
+[M]
+inflow = { inflow = "lag" }
+[F]
+w = { w = "Z_w", inflow = "Z_col" }
+inflow = { inflow = -1 }
+[G]
+inflow = { col = 1 }
+"""
+CLIMB = {"Z_w": -0.8, "Z_col": -25.0, "lag": 0.12}
+
+
+def test_a_new_structure_takes_one_file(tmp_path, capsys):
+    """A TOML file is printed, identified with, stored in the model, and verified with."""
+    own, model = tmp_path / "climb.toml", tmp_path / "model.json"
+    own.write_text(OWN)
+    assert main(["structures", str(own)]) == 0
+    printed = tmp_path / "printed.toml"
+    printed.write_text(capsys.readouterr().out)
+    structure = Structure.from_toml(own)
+    assert Structure.from_toml(printed).to_dict() == structure.to_dict()
+    logs = []
+    for seed, duration in ((5, 60.0), (9, 20.0)):
+        time, inputs, outputs = flown(structure, CLIMB, "col", seed, duration=duration, noise=0.01)
+        logs.append(str(tmp_path / f"{seed}.csv"))
+        headings = ["t [s]", "col [1]", "w [m/s]"]
+        write_foreign(tmp_path / f"{seed}.csv", headings, time, [*inputs.T, *outputs.T])
+    options = ["--band", "1", "25", "--json", str(model)]
+    assert main(["identify", logs[0], "--structure", str(own), *options]) == 0
+    fit = load_fit(model)
+    assert fit.structure.to_dict() == structure.to_dict()
+    for name, one in fit.parameters.items():
+        assert abs(one.value - CLIMB[name]) < 4.0 * one.standard_error, name
+        assert not one.poorly_identified, name
+    assert main(["verify", str(model), logs[1]]) == 0
 
 
 def test_a_damaged_model_is_refused(tmp_path, sweep_csv, capsys):
@@ -160,7 +211,7 @@ def test_structures_are_listed(capsys):
         (["--structure", "heave", "--json", "model.txt"], ".json"),
         (["--structure", "heave", "--map", "none.toml"], "none.toml"),
         (["--structure", "heave", "--channel", "w"], "--channel"),
-        (["--structure", "heave", "--channel", "w=w:furlong"], "deg/s"),
+        (["--structure", "heave", "--channel", "w=w:furlong"], "--names lists them"),
         (["--structure", "heave", "--channel", "w=w:ft:trim=x"], "trim=x"),
         (["--structure", "heave", "--channel", "w=w:deg"], "m/s"),
         (["--structure", "heave", "--time", "clock:s"], "'clock'"),

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from helisim.ident import ClosedLoopWarning, frequency_response
-from helisim.ident.archive import response_from_dict, response_to_dict
+from helisim.ident import ClosedLoopWarning, FrequencyResponse, frequency_response
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -72,7 +71,7 @@ def test_agreeing_estimates_raise_no_warning(gain, disturbance, seed):
 def test_files_keep_the_response_without_what_records_alone_give():
     """An archived response comes back without its error model, and is fitted by J."""
     frf = frequency_response(loop(3, 0.0, 1.0), **ARGUMENTS)
-    again = response_from_dict(json.loads(json.dumps(response_to_dict(frf))))
+    again = FrequencyResponse.from_dict(json.loads(json.dumps(frf.to_dict())))
     np.testing.assert_array_equal(again.response, frf.response)
     assert again.scatter is None
     assert again.direct is None

@@ -164,8 +164,8 @@ def refusals():
 @pytest.mark.parametrize("case", refusals())
 def test_bad_input_is_refused_with_advice(case):
     """Each bad argument ends in helisim's own error, which says what was expected."""
-    arguments, error, told = refusals()[case]
-    with pytest.raises(error, match=told.replace("(", r"\(")):
+    arguments, error, message = refusals()[case]
+    with pytest.raises(error, match=message.replace("(", r"\(")):
         frequency_response(**arguments)
 
 

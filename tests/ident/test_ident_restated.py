@@ -192,7 +192,7 @@ def test_the_phase_error_is_continuous_and_nearest_to_zero(frf):
 
 
 def test_where_the_model_is_undefined_every_residual_is_hopeless(frf):
-    """A rotor without a time constant divides by zero: the search is told so and goes on."""
+    """A rotor without a time constant divides by zero: the search goes on."""
     points = chosen(frf)
     cost = Cost(ROLLPITCH, points)
     names = [parameter.name for parameter in ROLLPITCH.free]

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helisim.errors import InputError, StorageError, UnknownNameError
-from helisim.ident import Parameter, Structure, structures
+from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
+from helisim.ident.evaluate import response
 
 GOOD = """
 name = "side"
@@ -75,6 +76,22 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
     assert structure.F == (("Y_v", "-g"), ("-Y_v/4", "-1"))
     assert structure.H1 == (("1", "0"), ("0", "0"))
     assert dict(structure.output_delays) == {"ay": "-0.01"}
+
+
+def test_a_structure_of_ones_own_is_identified(tmp_path):
+    """A file is all that a new structure takes: delays, bounds, M, H1 and D act in the fit."""
+    structure = Structure.from_toml(write(tmp_path, GOOD))
+    true = {"Y_v": -0.35, "Y_lat": 3.1, "tau": 0.03}
+    grid = np.geomspace(0.2, 30.0, 60)
+    data = FrequencyResponse.exact(
+        grid, response(structure, true, grid), inputs=structure.inputs, outputs=structure.outputs
+    )
+    fit = identify(data, structure)
+    # the data are exact: what is left is the search's tolerance, 1e-10 of the cost
+    assert fit.values == pytest.approx(true, rel=1e-5)
+    assert fit.delays == pytest.approx({"lat": true["tau"], "ay": -0.01, "v": 0.0}, rel=1e-5)
+    bounded = structure.with_bounds({"Y_lat": (0.0, 2.5)})
+    assert identify(data, bounded).at_bound == ("Y_lat",)
 
 
 @pytest.mark.parametrize("name", list(structures.BUILT_IN))
@@ -186,8 +203,8 @@ def test_whatever_is_written_ends_in_a_structure_or_an_input_error(data):
     try:
         structure = Structure.from_dict(plain)
     except InputError as error:
-        told = str(error)
+        message = str(error)
     else:
         assert Structure.from_dict(structure.to_dict()).to_dict() == structure.to_dict()
         return
-    assert told
+    assert message

@@ -1,4 +1,4 @@
-"""What the verdict of a fit, a composite's search step and a record's marks rest on."""
+"""What the verdict of a fit and a composite's search step rest on."""
 
 from dataclasses import replace
 
@@ -17,7 +17,6 @@ from helisim.ident import (
 from helisim.ident.composite import _COHERENCE_WEIGHT, _Aim, _cost, _step
 from helisim.ident.evaluate import response
 from helisim.ident.export import rounded
-from helisim.ident.fingerprint import RUN, STRETCH, marks
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -141,24 +140,6 @@ def test_a_composites_step_is_gauss_and_newtons(seed):
     assert _cost(z[:, None], aim)[0] == pytest.approx(np.sum(residuals(z) ** 2), rel=1e-12)
 
 
-def test_a_records_mark_is_the_least_hash_of_its_runs():
-    """A polynomial of the golden ratio in a run's bits, mixed as splitmix64 mixes."""
-    whole = (1 << 64) - 1
-    values = np.random.default_rng(5).normal(size=RUN + 20)
-    bits = [int(one) for one in values.view(np.uint64)]
-    hashes = []
-    for first in range(len(bits) - RUN + 1):
-        x = 0
-        for one in bits[first : first + RUN]:
-            x = (x * 0x9E3779B97F4A7C15 + one) & whole
-        x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & whole
-        x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & whole
-        hashes.append(x ^ (x >> 31))
-    assert len(hashes) < STRETCH
-    record = FlightRecord(0.01 * np.arange(values.size), values[:, None], (channel("p"),))
-    assert marks([record], ["p"]) == (f"{min(hashes):016x}",)
-
-
 def noisy(seed, **provenance):
     """A record of p that follows lat with as much noise as signal."""
     random = np.random.default_rng(seed)
@@ -176,7 +157,7 @@ def test_coherence_of_half_signal_and_half_noise_is_a_half():
     assert np.mean(found.coherence) == pytest.approx(0.5, abs=0.1)
 
 
-def test_a_flight_that_was_over_before_its_time_is_refused_unless_told():
+def test_a_flight_that_was_terminated_early_is_refused_by_default():
     """By the frequency response and by the verification."""
     over = noisy(1, ended={"at": 12.0, "why": "p is 30 rad/s", "state": {}})
     asked = {"inputs": ("lat",), "outputs": ("p",), "band": (2.0, 40.0)}

@@ -71,28 +71,28 @@ KINDS = ("flight.parquet", "flight.csv", "fit.json", "fit.tex", "fit.mat", "frf.
 @pytest.mark.parametrize("kind", [*KINDS, "verified.json"])
 def test_a_file_states_the_versions(files, kind):
     """Python, the machine's kind, and each program that its numbers depend on."""
-    told = stated(files[kind])
-    assert told["versions"] == versions()
-    assert told["versions"]["numpy"] == np.__version__
+    found = stated(files[kind])
+    assert found["versions"] == versions()
+    assert found["versions"]["numpy"] == np.__version__
 
 
 @pytest.mark.parametrize("kind", ["flight.parquet", "flight.csv"])
 def test_a_flight_states_vehicle_model_seed_and_configuration(files, kind, jr700):
     """Everything that is needed to fly it again."""
-    told = stated(files[kind])
-    assert told["model_digest"] == jr700.digest
-    assert (told["vehicle"], told["seed"], told["flight"]) == ("jr700", 5, 0)
-    assert told["excitation"]["axis"] == "lat"
-    assert {"parameters", "timestep_s", "pilot", "recorder", "made_by"} <= told.keys()
+    found = stated(files[kind])
+    assert found["model_digest"] == jr700.digest
+    assert (found["vehicle"], found["seed"], found["flight"]) == ("jr700", 5, 0)
+    assert found["excitation"]["axis"] == "lat"
+    assert {"parameters", "timestep_s", "pilot", "recorder", "made_by"} <= found.keys()
 
 
 @pytest.mark.parametrize("kind", ["fit.json", "fit.tex", "fit.mat"])
 def test_a_fit_states_its_data_and_its_options(files, kind):
     """Which records, windows and band, and how the search was asked."""
-    told = stated(files[kind])
-    assert len(told["records"]) == 1
-    assert told["options"]["seed"] == 5
-    assert {"windows_s", "band_rad_s", "conditioning", "reference", "method"} <= told.keys()
+    found = stated(files[kind])
+    assert len(found["records"]) == 1
+    assert found["options"]["seed"] == 5
+    assert {"windows_s", "band_rad_s", "conditioning", "reference", "method"} <= found.keys()
 
 
 def test_pages_and_recordings_state_it_too(files):
@@ -110,15 +110,15 @@ def test_pages_and_recordings_state_it_too(files):
 def test_a_linearisation_states_its_vehicle(capsys, jr700):
     """`linearize --json` says which model with which parameters it belongs to."""
     assert main(["linearize", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)["provenance"]
-    assert told["model_digest"] == jr700.digest
-    assert told["parameters"] == dict(jr700.parameters)
-    assert told["versions"] == versions()
+    found = json.loads(capsys.readouterr().out)["provenance"]
+    assert found["model_digest"] == jr700.digest
+    assert found["parameters"] == dict(jr700.parameters)
+    assert found["versions"] == versions()
 
 
 def test_what_differs_is_named():
     """The first difference between two provenances is said with its place and both values."""
     one = made_by("test", seed=1, plan={"axis": "lat"})
     assert difference(one, made_by("test", seed=1, plan={"axis": "lat"})) == ""
-    told = difference(one, made_by("test", seed=1, plan={"axis": "lon"}))
-    assert told == "plan.axis is 'lat' there and 'lon' here"
+    found = difference(one, made_by("test", seed=1, plan={"axis": "lon"}))
+    assert found == "plan.axis is 'lat' there and 'lon' here"

@@ -1,11 +1,11 @@
-"""Spikes and stretches that stand still: found where they are, and nowhere else."""
+"""Spikes and frozen runs: found where they are, and nowhere else."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.records.quality import Stretch, spikes, still
+from helisim.records.quality import Run, frozen_runs, spikes
 
 COUNT = 2000
 TIME = np.arange(COUNT) / 100.0
@@ -80,31 +80,31 @@ def test_a_dead_sensor_is_found_where_it_is(first, length, seed):
     """From its last number on for as long as it repeats."""
     values = SWEEP + noise(seed)
     values[first : first + length] = values[first]
-    assert still(values) == (Stretch(first, first + length - 1),)
+    assert frozen_runs(values) == (Run(first, first + length - 1),)
 
 
 def test_rest_is_not_death():
     """At its start a channel may rest; one that is coarse or slow always repeats; nor may less."""
     resting = np.where(TIME < 3.0, 0.0, SWEEP + noise(0))
-    assert still(resting) == ()
+    assert frozen_runs(resting) == ()
     barely = np.where(TIME < 3.0, 1e-12 * np.sin(TIME * (TIME > 0.05)), SWEEP)
-    assert still(barely) == ()
+    assert frozen_runs(barely) == ()
     slow = np.repeat(noise(1)[: COUNT // 20], 20)
-    assert still(slow) == ()
+    assert frozen_runs(slow) == ()
     brief = SWEEP + noise(2)
     brief[500:509] = brief[500]
-    assert still(brief) == ()
-    assert still(np.zeros(COUNT)) == ()
+    assert frozen_runs(brief) == ()
+    assert frozen_runs(np.zeros(COUNT)) == ()
 
 
 def test_a_slow_sensor_can_die_too():
     """One that repeats each number twenty times is dead after two hundred, not before."""
     slow = np.repeat(noise(1)[: COUNT // 20], 20)
     slow[600:780] = slow[600]
-    assert still(slow) == ()
+    assert frozen_runs(slow) == ()
     slow[600:900] = slow[600]
-    (stretch,) = still(slow)
-    assert stretch == Stretch(600, 899)
+    (run,) = frozen_runs(slow)
+    assert run == Run(600, 899)
 
 
 @pytest.mark.filterwarnings("error")
@@ -113,4 +113,4 @@ def test_any_numbers_are_looked_at(values):
     """However large, without a warning; what is found is inside."""
     array = np.array(values)
     assert spikes(array).shape == array.shape
-    assert all(0 <= one.first <= one.last < array.size for one in still(array))
+    assert all(0 <= one.first <= one.last < array.size for one in frozen_runs(array))

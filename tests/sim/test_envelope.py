@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.cli import main
 from helisim.errors import DivergedError, IdentificationError, InputError
-from helisim.ident import DamagedRecordWarning, frequency_response
+from helisim.ident import RecordQualityWarning, frequency_response
 from helisim.physics.native import installed
 from helisim.records.channels import ATTITUDES, POSITIONS
 from helisim.records.storage import read_record, write_record
@@ -157,7 +157,7 @@ def test_a_stuck_servo_that_nobody_watched_is_flagged(jr700):
         seed=1,
         jobs=1,
     )[0]
-    with pytest.warns(DamagedRecordWarning, match="'ped' is at its stop for"):
+    with pytest.warns(RecordQualityWarning, match="'ped' is at its stop for"):
         frequency_response(record, inputs="ped", outputs="r", band=(3.0, 20.0))
 
 
@@ -258,7 +258,7 @@ def test_the_identification_refuses_a_flight_that_was_over(jr700, tmp_path, wild
     """By its place among the records; told to, it takes it, as it does without the mark."""
     good = fly(jr700, Sweep(axis="lat", duration=20.0), seed=3, jobs=1)[0]
     asked = {"inputs": "LAT", "outputs": "p", "band": (10.0, 30.0)}
-    with pytest.raises(IdentificationError, match=r"record 2 .*over before its time.*use_ended"):
+    with pytest.raises(IdentificationError, match=r"record 2 .*terminated early.*use_ended"):
         frequency_response([good, wild.record], **asked)
     told = frequency_response([good, wild.record], **asked, use_ended=True)
     unmarked = replace(wild.record, provenance={})

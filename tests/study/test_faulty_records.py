@@ -34,7 +34,7 @@ LONG_ENOUGH = 22.0
 def identified(records):
     """Return the yaw base model of records, as the paper's experiment finds it."""
     with warnings.catch_warnings():
-        for expected in (ident.DamagedRecordWarning, ident.ClosedLoopWarning):
+        for expected in (ident.RecordQualityWarning, ident.ClosedLoopWarning):
             warnings.simplefilter("ignore", expected)
         return identify_model(YAW_BASE, {"ped": records})
 

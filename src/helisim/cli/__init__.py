@@ -43,11 +43,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except HelisimError as error:
-        abridged = isinstance(error, UnknownNameError) and error.abridged
-        hint = "; --names lists them" if abridged and not options.names else ""
+        unlisted = error.unlisted if isinstance(error, UnknownNameError) else ()
+        hint = "; --names lists them" if unlisted and not options.names else ""
         print(f"helisim {options.command}: {single_line(str(error))}{hint}", file=sys.stderr)
-        if abridged and options.names:
-            print("\n".join(error.available), file=sys.stderr)
+        if options.names:
+            print(*unlisted, sep="\n", end="\n" if unlisted else "", file=sys.stderr)
         return 3 if isinstance(error, DivergedError) else 2
     except KeyboardInterrupt:
         print(f"helisim {options.command}: interrupted", file=sys.stderr)

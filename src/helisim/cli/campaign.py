@@ -24,6 +24,10 @@ A campaign that was interrupted goes on where it stopped. Its file, TOML:
   models = ["yaw_base", "rollpitch_in1"]
   flights = 10                 # on each axis
   identified_after = [2, 10]   # of them
+  methods = ["joint", "direct"]  # or "designed", as the experiment says
+
+  [campaign.sweeps]            # pooled in place of the experiment's
+  yaw_base = ["ped", "lat"]
 
   [set.sweep]                  # in all; or pilot, recorder, weather, vehicle
   duration = 60
@@ -32,7 +36,8 @@ A campaign that was interrupted goes on where it stopped. Its file, TOML:
   noise = { values = [1, 4], relative = true }
 
   [vary.weather]               # wind, turbulence, gust.down, ... of hs.Weather
-  turbulence = [0, 3]          # wind at 20 ft, m/s; 0 is calm
+  turbulence = [0, 3]          # wind at 20 ft, m/s; 0 is calm. The truth of
+                               # gusty air is the mean over the winds met
 
   [vary.vehicle."main_rotor.hub_stiffness"]
   low = 0.8

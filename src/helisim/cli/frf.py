@@ -12,6 +12,7 @@ from helisim.cli.common import add_quiet, tell_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Signals, add_responses, estimate
+from helisim.units import decibel
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse
@@ -44,7 +45,6 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.ident.archive import response_to_dict
     from helisim.records.files import check_destination, write_json
     from helisim.records.provenance import made_by
 
@@ -59,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json is not None:
         data = {
             "format": FORMAT,
-            "response": response_to_dict(frf),
+            "response": frf.to_dict(),
             "logs": reports(logs),
             "provenance": provenance,
         }
@@ -73,6 +73,8 @@ def _run(options: argparse.Namespace) -> int:
 
 def _table(frf: "FrequencyResponse") -> list[str]:
     """Return a line for each response: where it is usable and how well it is known."""
+    from helisim.ident import USABLE_COHERENCE
+
     width = max(8, *map(len, frf.pairs))
     lines = [f"{'response':<{width}}  usable band, rad/s   coherence  random error, %"]
     usable = frf.usable()
@@ -80,7 +82,9 @@ def _table(frf: "FrequencyResponse") -> list[str]:
         o, i = frf.index(*name.split("/", 1))
         where = usable[o, i]
         if not where.any():
-            lines.append(f"{name:<{width}}  nowhere: coherence below 0.6 at all frequencies")
+            lines.append(
+                f"{name:<{width}}  nowhere: coherence below {USABLE_COHERENCE} at all frequencies"
+            )
             continue
         inside = frf.frequency[where]
         lines.append(
@@ -106,8 +110,7 @@ def _write_csv(frf: "FrequencyResponse", provenance: dict[str, Any], path: Path)
             f"{name} coherence [1]",
             f"{name} random error [1]",
         ]
-        with np.errstate(divide="ignore"):
-            magnitude = 20.0 * np.log10(np.abs(response))
+        magnitude = decibel(np.abs(response))
         phase = np.degrees(np.unwrap(np.angle(response)))
         columns += [magnitude, phase, frf.coherence[o, i], frf.random_error[o, i]]
     with (

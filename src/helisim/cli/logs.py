@@ -70,7 +70,7 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--use-ended",
         action="store_true",
-        help="use logs of simulated flights that were over before their time, too",
+        help="use logs of simulated flights that were terminated early, too",
     )
     group.add_argument(
         "--from",
@@ -125,7 +125,7 @@ def read_logs(
                 )
         if log.records[0].ended and not options.use_ended:
             raise IdentificationError(
-                f"{path}: of a flight that was over before its time, because "
+                f"{path}: of a flight that was terminated early, because "
                 f"{log.records[0].ended}; leave it out, or use it as it is, with --use-ended"
             )
         log.check_uniform()

@@ -77,12 +77,12 @@ def estimate(
     Raises:
         HelisimError: a log can't be used; the message names the file.
     """
-    from helisim.ident import CrossControlWarning, DamagedRecordWarning, frequency_response
+    from helisim.ident import CrossControlWarning, RecordQualityWarning, frequency_response
 
     inputs, outputs, conditioning, reference = signals
     wanted = tuple(dict.fromkeys((*inputs, *conditioning, *reference, *outputs)))
     with warnings.catch_warnings():
-        for told in (CrossControlWarning, DamagedRecordWarning):  # they are among the flags
+        for told in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
             warnings.simplefilter("ignore", told)
         logs, records = read_logs(options, wanted, advance)
         _check_moving(logs, wanted)

@@ -36,7 +36,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.ident import load_fit, verify
-    from helisim.ident.verify import check_unseen
+    from helisim.ident.verify import refuse_seen
     from helisim.records.files import check_destination, write_json
     from helisim.records.provenance import made_by
 
@@ -48,7 +48,7 @@ def _run(options: argparse.Namespace) -> int:
         logs, records = read_logs(options, wanted, advance)
         for log in logs:
             for record in log.records:
-                check_unseen(fit, record, log.report.path)
+                refuse_seen(fit, record, log.report.path)
         with located(logs):
             verification = verify(fit, records, use_ended=options.use_ended)
         advance("simulation")

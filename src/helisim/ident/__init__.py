@@ -8,21 +8,22 @@ from helisim.ident.conditioning import CrossControlWarning
 from helisim.ident.fit import identify
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.frf import ClosedLoopWarning, frequency_response
-from helisim.ident.integrity import DamagedRecordWarning
+from helisim.ident.record_checks import RecordQualityWarning
 from helisim.ident.reduction import Reduction, reduce
-from helisim.ident.response import FrequencyResponse
+from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 from helisim.ident.result import Fit, load_fit
 from helisim.ident.structure import Parameter, Structure
 from helisim.ident.verify import Verification, verify
 
 __all__ = [
+    "USABLE_COHERENCE",
     "ClosedLoopWarning",
     "CrossControlWarning",
-    "DamagedRecordWarning",
     "Fit",
     "FittedParameter",
     "FrequencyResponse",
     "Parameter",
+    "RecordQualityWarning",
     "Reduction",
     "Structure",
     "Verification",

@@ -1,4 +1,4 @@
-"""How well a fit determines its parameters: Cramér-Rao bounds and insensitivities.
+"""Computes how well a fit determines its parameters: Cramér-Rao bounds, insensitivities, errors.
 
 With H the Hessian of the summed cost J (second derivatives, so 2 J_r^T J_r for residuals r):
 
@@ -53,7 +53,7 @@ def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) 
 
     Args:
         cost: the fit's cost.
-        x: the free parameters.
+        x: (n_free,) the free parameters.
         standardised: the fit minimised standardised residuals instead of J.
     """
     jacobian = cost.log_jacobian(x)
@@ -103,24 +103,12 @@ def _stated(cost: Cost, x: NDArray[np.float64], standardised: bool) -> NDArray[n
 
 
 def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Hessian of J = sum r^2 without the residuals' curvature."""
+    """Return the Hessian of J = sum r^2 without the residuals' curvature, (n_free, n_free).
+
+    Args:
+        jacobian: (n_residual, n_free) of the residuals r.
+    """
     return 2.0 * jacobian.T @ jacobian
-
-
-def exact_hessian(cost: Cost, x: NDArray[np.float64], step: float = 1e-5) -> NDArray[np.float64]:
-    """Return the full Hessian of J by central differences of its exact gradient."""
-    columns = []
-    for k in range(x.size):
-        shift = np.zeros_like(x)
-        shift[k] = step * max(abs(x[k]), 1e-3)
-        upper, lower = _gradient(cost, x + shift), _gradient(cost, x - shift)
-        columns.append((upper - lower) / (2.0 * shift[k]))
-    hessian = np.stack(columns, axis=1)
-    return 0.5 * (hessian + hessian.T)
-
-
-def _gradient(cost: Cost, x: NDArray[np.float64]) -> NDArray[np.float64]:
-    return 2.0 * cost.log_jacobian(x).T @ cost.log(x, unwrap=False)
 
 
 def _inverse(

@@ -66,7 +66,13 @@ class Conditioned:
 def coherence(
     gxx: NDArray[np.float64], gyy: NDArray[np.float64], gxy: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """Return |Gxy|^2 / (Gxx Gyy), kept within [0, 1]."""
+    """Return |Gxy|^2 / (Gxx Gyy), kept within [0, 1].
+
+    Args:
+        gxx: power of the input, of any shape, such as (n_out, n_in, n_freq).
+        gyy: power of the output, of the same shape.
+        gxy: their cross spectrum, of the same shape.
+    """
     return np.clip(np.abs(gxy) ** 2 / (gxx * gyy), 0.0, 1.0)
 
 
@@ -76,6 +82,10 @@ def random_error(
     """Return the normalised random error of the response, sqrt(1 - g2) / (|g| sqrt(2 n_e)).
 
     n_e = n_d / C_eps^2 is the equivalent number of independent windows.
+
+    Args:
+        coherence: of any shape, such as (n_out, n_in, n_freq).
+        averages: n_e, one number or one for each coherence.
     """
     bounded = np.clip(coherence, 1e-12, 1.0)
     return np.sqrt((1.0 - bounded) / (bounded * 2.0 * averages))
@@ -140,6 +150,11 @@ def gate(
 ) -> tuple[str, ...]:
     """Judge the coherence between inputs; return the warnings that were raised.
 
+    Args:
+        cross: (n_in, n_in, n_freq) coherence between the inputs.
+        inputs: their names.
+        frequency: (n_freq,) rad/s.
+
     Raises:
         IdentificationError: two inputs moved as one.
     """
@@ -148,18 +163,18 @@ def gate(
         for j, second in enumerate(inputs[:i]):
             mean = float(np.mean(cross[i, j]))
             worst = frequency[int(np.argmax(cross[i, j]))]
-            told = (
+            message = (
                 f"inputs {second!r} and {first!r} have a mean cross-control coherence of "
                 f"{mean:.2f} (largest at {worst:.3g} rad/s)"
             )
             advice = "add records where the other input is swept, or sweep with less off-axis input"
             if mean > CROSS_CONTROL_SINGULAR:
                 raise IdentificationError(
-                    f"{told}, so their effects can't be told apart; {advice}, "
+                    f"{message}, so their effects can't be told apart; {advice}, "
                     "or leave out the one that is known to have no effect"
                 )
             if mean > CROSS_CONTROL_LIMIT:
-                flags.append(f"{told}, expected at most {CROSS_CONTROL_LIMIT}; {advice}")
+                flags.append(f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}")
     for flag in flags:
         warnings.warn(
             flag, CrossControlWarning, stacklevel=4

@@ -14,9 +14,7 @@ from helisim.errors import IdentificationError
 from helisim.ident.evaluate import response_and_slope
 from helisim.ident.points import PHASE_WEIGHT, Points
 from helisim.ident.structure import Structure
-
-DB = 20.0 / np.log(10.0)
-"""dB per unit of natural logarithm."""
+from helisim.units import DB_PER_NEPER
 
 _HOPELESS = 1e3
 """Residual where the model is undefined: worse than any response that is defined."""
@@ -47,11 +45,15 @@ class Cost:
         self._held: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
 
     def values(self, x: NDArray[np.float64]) -> dict[str, float]:
-        """Return every parameter by name, the fixed ones included."""
+        """Return every parameter by name, the fixed ones too, for the free ones x, (n_free,)."""
         return {**self._fixed, **dict(zip(self._names, x.tolist()))}
 
     def ratio(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray]:
-        """Return model over measured response, (n_point,), and its slope, (n_free, n_point)."""
+        """Return model over measured response at x, (n_free,), and its slope.
+
+        Returns:
+            (n_point,) and (n_free, n_point).
+        """
         key = x.tobytes()
         if self._held is None or key != self._key:
             at = self.points
@@ -62,17 +64,17 @@ class Cost:
         return self._held
 
     def log(self, x: NDArray[np.float64], *, unwrap: bool = True) -> NDArray[np.float64]:
-        """Return the residuals whose squares sum to J, (2 n_point,)."""
+        """Return the residuals of x, (n_free,), whose squares sum to J, (2 n_point,)."""
         z, _ = self.ratio(x)
         if not np.all(np.isfinite(z)) or np.any(z == 0.0):
             return np.full(2 * z.size, _HOPELESS)
         phase = self._unwrapped(z) if unwrap else np.angle(z)
         root = np.sqrt(self.points.weight)
         degrees = np.rad2deg(phase) * np.sqrt(PHASE_WEIGHT)
-        return np.concatenate([root * DB * np.log(np.abs(z)), root * degrees])
+        return np.concatenate([root * DB_PER_NEPER * np.log(np.abs(z)), root * degrees])
 
     def log_jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives of `log`, (2 n_point, n_free)."""
+        """Return the derivatives of `log` by x, (n_free,): (2 n_point, n_free)."""
         z, slope = self.ratio(x)
         with np.errstate(all="ignore"):
             step = slope / z
@@ -80,22 +82,24 @@ class Cost:
             return np.zeros((2 * z.size, len(self._names)))
         root = np.sqrt(self.points.weight)
         degree = np.rad2deg(1.0) * np.sqrt(PHASE_WEIGHT)
-        return np.concatenate([root * DB * step.real, root * degree * step.imag], axis=1).T
+        return np.concatenate(
+            [root * DB_PER_NEPER * step.real, root * degree * step.imag], axis=1
+        ).T
 
     def relative(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the relative complex errors in dB of a small error, (2 n_point,)."""
+        """Return the relative errors of x, (n_free,), in dB of a small one, (2 n_point,)."""
         z, _ = self.ratio(x)
         if not np.all(np.isfinite(z)):
             return np.full(2 * z.size, _HOPELESS)
-        scaled = DB * np.sqrt(self.points.weight) * (z - 1.0)
+        scaled = DB_PER_NEPER * np.sqrt(self.points.weight) * (z - 1.0)
         return np.concatenate([scaled.real, scaled.imag])
 
     def relative_jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives of `relative`, (2 n_point, n_free)."""
+        """Return the derivatives of `relative` by x, (n_free,): (2 n_point, n_free)."""
         _, slope = self.ratio(x)
         if not np.all(np.isfinite(slope)):
             return np.zeros((2 * self.points.weight.size, len(self._names)))
-        scaled = DB * np.sqrt(self.points.weight) * slope
+        scaled = DB_PER_NEPER * np.sqrt(self.points.weight) * slope
         return np.concatenate([scaled.real, scaled.imag], axis=1).T
 
     @property
@@ -108,7 +112,7 @@ class Cost:
         return self._spread
 
     def standardised(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the relative complex errors over their standard deviations, (2 n_point,)."""
+        """Return the relative errors of x, (n_free,), over their deviations, (2 n_point,)."""
         z, _ = self.ratio(x)
         if not np.all(np.isfinite(z)):
             return np.full(2 * z.size, _HOPELESS)
@@ -116,7 +120,7 @@ class Cost:
         return np.concatenate([scaled.real, scaled.imag])
 
     def standardised_jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives of `standardised`, (2 n_point, n_free)."""
+        """Return the derivatives of `standardised` by x, (n_free,): (2 n_point, n_free)."""
         _, slope = self.ratio(x)
         if not np.all(np.isfinite(slope)):
             return np.zeros((2 * self.points.weight.size, len(self._names)))
@@ -126,10 +130,12 @@ class Cost:
     def log_scale(self) -> NDArray[np.float64]:
         """Return what `log` multiplies the error of the response's logarithm by, (2 n_point,)."""
         root = np.sqrt(self.points.weight)
-        return np.concatenate([root * DB, root * (np.rad2deg(1.0) * np.sqrt(PHASE_WEIGHT))])
+        return np.concatenate(
+            [root * DB_PER_NEPER, root * (np.rad2deg(1.0) * np.sqrt(PHASE_WEIGHT))]
+        )
 
     def per_response(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return J of each response, with phase errors within half a turn, (n_pair,)."""
+        """Return J of each response for x, (n_free,), its phase within half a turn, (n_pair,)."""
         residual = self.log(x, unwrap=False) ** 2
         half = self.points.weight.size
         each = residual[:half] + residual[half:]

@@ -37,7 +37,13 @@ def matrices(structure: Structure, values: Mapping[str, float]) -> Matrices:
 def response(
     structure: Structure, values: Mapping[str, float], frequency: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Return the frequency response, (n_out, n_in, n_freq); nan where it is undefined."""
+    """Return the frequency response, (n_out, n_in, n_freq); nan where it is undefined.
+
+    Args:
+        structure: the model's.
+        values: every parameter by name.
+        frequency: (n_freq,) rad/s.
+    """
     return _transfer(_evaluate(structure, values)[0], frequency)[0].transpose(1, 2, 0)
 
 
@@ -45,6 +51,11 @@ def response_and_slope(
     structure: Structure, values: Mapping[str, float], frequency: NDArray[np.float64]
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return the response and its derivative by each free parameter.
+
+    Args:
+        structure: the model's.
+        values: every parameter by name.
+        frequency: (n_freq,) rad/s.
 
     Returns:
         (n_out, n_in, n_freq) and (n_free, n_out, n_in, n_freq).

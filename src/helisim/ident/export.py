@@ -1,18 +1,16 @@
-"""A fit for others to read: text and LaTeX tables, and a MAT file."""
+"""Fitted parameters and models for others to read: text and LaTeX tables, and a MAT file."""
 
 import json
 import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import Any
 
+import control
 import numpy as np
-from scipy.io import savemat
 
+from helisim.ident.fitted import FittedParameter
 from helisim.records.files import atomic_write
-
-if TYPE_CHECKING:
-    from helisim.ident.fitted import FittedParameter
-    from helisim.ident.result import Fit
 
 _LATEX_SPECIAL = {
     "\\": r"\textbackslash{}",
@@ -61,13 +59,27 @@ def rounded(value: float, error: float) -> tuple[str, str]:
     return f"{round(value, decimals):.0f}", f"{round(error, decimals):.0f}"
 
 
-def latex_table(fit: "Fit", *, caption: str = "", label: str = "") -> str:
-    """Return the parameters as a LaTeX `table`, values rounded by their standard errors.
+def latex_table(
+    parameters: Collection[FittedParameter],
+    *,
+    cost: float,
+    provenance: Mapping[str, Any],
+    caption: str = "",
+    label: str = "",
+) -> str:
+    """Return parameters as a LaTeX `table`, values rounded by their standard errors.
 
     It needs the package booktabs. The errors are residual-scaled standard errors; CR and
     insensitivity are in percent of the value.
+
+    Args:
+        parameters: one a row.
+        cost: average cost of the fit, the last row.
+        provenance: plain data, a comment above the table.
+        caption: of the table; none if empty.
+        label: of the table; none if empty.
     """
-    lines = [f"% {json.dumps(fit.provenance)}", r"\begin{table}", r"\centering"]
+    lines = [f"% {json.dumps(provenance)}", r"\begin{table}", r"\centering"]
     if caption:
         lines.append(rf"\caption{{{caption}}}")
     if label:
@@ -77,9 +89,9 @@ def latex_table(fit: "Fit", *, caption: str = "", label: str = "") -> str:
         r"\toprule",
         r"Parameter & Unit & Value & CR (\%) & $\bar{I}$ (\%) \\",
         r"\midrule",
-        *(_latex_row(one) for one in fit.parameters.values()),
+        *(_latex_row(one) for one in parameters),
         r"\midrule",
-        rf"\multicolumn{{5}}{{l}}{{Average cost $J_\mathrm{{ave}} = {fit.cost:.1f}$}} \\",
+        rf"\multicolumn{{5}}{{l}}{{Average cost $J_\mathrm{{ave}} = {cost:.1f}$}} \\",
         r"\bottomrule",
         r"\end{tabular}",
         r"\end{table}",
@@ -87,7 +99,7 @@ def latex_table(fit: "Fit", *, caption: str = "", label: str = "") -> str:
     return "\n".join(lines) + "\n"
 
 
-def _latex_row(one: "FittedParameter") -> str:
+def _latex_row(one: FittedParameter) -> str:
     name, unit = f"${_latex_symbol(one.name)}$", _latex_unit(one.unit)
     if one.fixed:
         return rf"{name} & {unit} & ${one.value:.6g}$ & fixed & fixed \\"
@@ -115,46 +127,55 @@ def _latex_unit(unit: str) -> str:
     return escaped.replace(r"\textasciicircum{}2", r"$^2$").replace(r"\textasciicircum{}3", r"$^3$")
 
 
-def write_matlab(fit: "Fit", path: str | PathLike[str]) -> None:
-    """Write A, B, C, D, InputDelay, OutputDelay, names and parameters as a MAT file.
+def write_matlab(
+    path: str | PathLike[str],
+    model: control.StateSpace,
+    parameters: Collection[FittedParameter],
+    facts: Mapping[str, Any],
+) -> None:
+    """Write A, B, C, D, names, parameters and further facts as a MAT file.
 
     In MATLAB: m = load("model.mat"); sys = ss(m.A, m.B, m.C, m.D, "InputDelay",
     m.InputDelay, "OutputDelay", m.OutputDelay, "InputName", m.InputName). MATLAB's `ss`
     refuses negative delays, so what leads is written as such and left to the reader.
 
+    Args:
+        path: of the file.
+        model: in state space, its signals and states named.
+        parameters: of the model.
+        facts: name in the file -> text, number, list of texts or column of numbers.
+
     Raises:
         StorageError: the file can't be written.
-        IdentificationError: the model has no state-space form.
     """
-    model, structure = fit.model, fit.structure
-    free = list(fit.parameters.values())
+    from scipy.io import savemat  # slow to import, and few write such files
+
+    def column(of: Callable[[FittedParameter], float]) -> np.ndarray:
+        return np.array([[of(one)] for one in parameters]).reshape(-1, 1)
+
     data = {
         "A": np.asarray(model.A),
         "B": np.asarray(model.B),
         "C": np.asarray(model.C),
         "D": np.asarray(model.D),
-        "InputDelay": np.array([[fit.input_delays[name]] for name in structure.inputs]),
-        "OutputDelay": np.array([[fit.output_delays[name]] for name in structure.outputs]),
-        "InputName": _cells(structure.inputs),
-        "OutputName": _cells(structure.outputs),
-        "StateName": _cells(structure.states),
-        "InputUnit": _cells(fit.data.input_units),
-        "OutputUnit": _cells(fit.data.output_units),
-        "TimeUnit": "seconds",
-        "Name": structure.name,
-        "ParameterName": _cells([one.name for one in free]),
-        "ParameterUnit": _cells([one.unit for one in free]),
-        "ParameterValue": np.array([[one.value] for one in free]).reshape(-1, 1),
-        "ParameterCramerRao": np.array([[one.cramer_rao] for one in free]).reshape(-1, 1),
-        "ParameterStandardError": np.array([[one.standard_error] for one in free]).reshape(-1, 1),
-        "AverageCost": fit.cost,
-        "Provenance": json.dumps(fit.provenance),
+        "InputName": _cells(model.input_labels),
+        "OutputName": _cells(model.output_labels),
+        "StateName": _cells(model.state_labels),
+        "ParameterName": _cells([one.name for one in parameters]),
+        "ParameterUnit": _cells([one.unit for one in parameters]),
+        "ParameterValue": column(lambda one: one.value),
+        "ParameterCramerRao": column(lambda one: one.cramer_rao),
+        "ParameterStandardError": column(lambda one: one.standard_error),
+        **{
+            name: _cells(fact) if isinstance(fact, list | tuple) else fact
+            for name, fact in facts.items()
+        },
     }
     with atomic_write(path) as temporary:
         savemat(temporary, data, appendmat=False, long_field_names=True)
 
 
-def _cells(names: "tuple[str, ...] | list[str]") -> np.ndarray:
+def _cells(names: Sequence[str]) -> np.ndarray:
     """Return names as a column cell array."""
     cells = np.empty((len(names), 1), dtype=object)
     for k, name in enumerate(names):
@@ -162,16 +183,20 @@ def _cells(names: "tuple[str, ...] | list[str]") -> np.ndarray:
     return cells
 
 
-def text_table(fit: "Fit") -> str:
-    """Return the fit as a table, with everything a reader should know below it."""
-    lines = [f"{fit.structure.name}: {fit.structure.meaning}".rstrip(": "), ""]
-    width = max(9, *(len(name) for name in fit.parameters), 0)
-    units = max(4, *(len(one.unit) for one in fit.parameters.values()), 0)
-    lines.append(
+def text_table(parameters: Collection[FittedParameter], verdict: Callable[[str], str]) -> list[str]:
+    """Return parameters with their accuracy as lines of text, headings first.
+
+    Args:
+        parameters: one a line.
+        verdict: what to say of a parameter, by its name.
+    """
+    width = max(9, *(len(one.name) for one in parameters), 0)
+    units = max(4, *(len(one.unit) for one in parameters), 0)
+    lines = [
         f"{'parameter':<{width}}  {'unit':<{units}}  {'value':>12}  {'CR %':>7}  "
         f"{'insens. %':>9}  {'std. error':>10}  verdict"
-    )
-    for one in fit.parameters.values():
+    ]
+    for one in parameters:
         numbers = (
             f"{'-':>7}  {'-':>9}  {'-':>10}"
             if one.fixed
@@ -180,24 +205,6 @@ def text_table(fit: "Fit") -> str:
         )
         lines.append(
             f"{one.name:<{width}}  {one.unit:<{units}}  {one.value:12.6g}  {numbers}  "
-            f"{fit.verdict(one.name)}"
+            f"{verdict(one.name)}"
         )
-    lines.append("")
-    for name, cost in fit.costs.items():
-        low, high = fit.bands[name]
-        lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s")
-    quality = "excellent" if fit.excellent else "acceptable" if fit.acceptable else "too high"
-    lines.append(f"average J = {fit.cost:.4g}: {quality}")
-    return "\n".join(lines + _remarks(fit))
-
-
-def _remarks(fit: "Fit") -> list[str]:
-    remarks = []
-    if not fit.converged:
-        remarks.append("the search did not converge: give better starts, or fix a parameter")
-    if fit.searches_agreeing < 2:
-        remarks.append("only one start ended in this minimum: try more searches")
-    if fit.dropped:
-        remarks.append(f"left out for lack of coherence: {', '.join(fit.dropped)}")
-    remarks.extend(f"{a} and {b} are correlated by {r:.3f}" for a, b, r in fit.correlated)
-    return remarks + list(fit.data.flags)
+    return lines

@@ -71,8 +71,8 @@ def identify(
         seed: of the scattered starts. The same call gives the same numbers.
         weighting: "error" weighs each point by its own random error, known from the records:
             the parameters scatter less, by half or more where a gust blurs some frequencies.
-            "coherence" is CIFER's: minimise J, whose weights hardly tell a coherence of 0.9
-            from 0.999. A response without records, such as an exact one, is fitted by J.
+            "coherence" is CIFER's: minimise J, whose weights are nearly equal at a coherence of
+            0.9 and 0.999. A response without records, such as an exact one, is fitted by J.
             J, Cramér-Rao bounds and insensitivities are CIFER's either way.
 
     Raises:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from helisim.ident.archive import number_in, number_out
 from helisim.ident.structure import Parameter, Structure
 
 CRAMER_RAO_LIMIT = 20.0
@@ -84,34 +83,43 @@ class FittedParameter:
             return "at bound"
         return "poor" if self.poorly_identified else "good"
 
+    @classmethod
+    def from_dict(cls, structure: Structure, data: Mapping[str, Any]) -> "FittedParameter":
+        """Read what `to_dict` wrote. Raises KeyError, TypeError or InputError."""
+        return cls(
+            definition=structure.parameter(data["name"]),
+            value=float(data["value"]),
+            cramer_rao=_number_from_plain(data["cramer_rao"]),
+            insensitivity=_number_from_plain(data["insensitivity"]),
+            standard_error=_number_from_plain(data["standard_error"]),
+            at_bound=bool(data["at_bound"]),
+        )
 
-def parameter_to_dict(one: FittedParameter) -> dict[str, Any]:
-    """Return a parameter as plain data for JSON; what isn't finite becomes None."""
-    return {
-        "name": one.name,
-        "unit": one.unit,
-        "value": one.value,
-        "cramer_rao": number_out(one.cramer_rao),
-        "insensitivity": number_out(one.insensitivity),
-        "cr_percent": number_out(one.cr_percent),
-        "insensitivity_percent": number_out(one.insensitivity_percent),
-        "standard_error": number_out(one.standard_error),
-        "fixed": one.fixed,
-        "at_bound": one.at_bound,
-        "poorly_identified": one.poorly_identified,
-    }
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON; what isn't finite becomes None."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "value": self.value,
+            "cramer_rao": _number_to_plain(self.cramer_rao),
+            "insensitivity": _number_to_plain(self.insensitivity),
+            "cr_percent": _number_to_plain(self.cr_percent),
+            "insensitivity_percent": _number_to_plain(self.insensitivity_percent),
+            "standard_error": _number_to_plain(self.standard_error),
+            "fixed": self.fixed,
+            "at_bound": self.at_bound,
+            "poorly_identified": self.poorly_identified,
+        }
 
 
-def parameter_from_dict(structure: Structure, one: Mapping[str, Any]) -> FittedParameter:
-    """Read what `parameter_to_dict` wrote. Raises KeyError, TypeError or InputError."""
-    return FittedParameter(
-        definition=structure.parameter(one["name"]),
-        value=float(one["value"]),
-        cramer_rao=number_in(one["cramer_rao"]),
-        insensitivity=number_in(one["insensitivity"]),
-        standard_error=number_in(one["standard_error"]),
-        at_bound=bool(one["at_bound"]),
-    )
+def _number_to_plain(number: float) -> float | None:
+    """Return a number for JSON: None where it isn't finite."""
+    return float(number) if math.isfinite(number) else None
+
+
+def _number_from_plain(number: float | None) -> float:
+    """Return what `_number_to_plain` took: infinity where it wasn't finite."""
+    return math.inf if number is None else float(number)
 
 
 def _percent(part: float, whole: float) -> float:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from helisim.errors import IdentificationError, InputError
 from helisim.ident.composite import Composite, compose, composite_noise, window_lengths
 from helisim.ident.conditioning import condition, cross_control, gate
-from helisim.ident.fingerprint import fingerprint, marks
-from helisim.ident.integrity import check_whole, damaged
+from helisim.ident.record_checks import quality_flags, refuse_truncated
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.scatter import Scatter, WindowWeights
+from helisim.ident.seen import flight_span, record_digest
 from helisim.ident.spectra import Spectra, cross_spectra
 from helisim.ident.threads import one_blas_thread
 from helisim.records.record import FlightRecord
@@ -63,20 +63,20 @@ def frequency_response(
             not bias.
         windows: one window length or several, s; by default five by the published rules.
         overlap: share of a window that the next one covers at least.
-        use_ended: True takes records of flights that were over before their time
+        use_ended: True takes records of flights that were terminated early
             (`FlightRecord.ended`) too.
 
     Raises:
         InputError: an argument is out of range or a channel does not exist.
         IdentificationError: the records are too short, an input is constant, inputs moved
-            as one, or a flight was over before its time.
+            as one, or a flight was terminated early.
     """
     flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
     wanted, measured = as_names(inputs), as_names(outputs)
     others, reference_names = as_names(conditioning), as_names(reference)
     _check_names(flights, wanted, measured, others, reference_names)
     if not use_ended:
-        check_whole(flights)
+        refuse_truncated(flights)
     _check_band(flights, band)
     if not 0.0 <= overlap <= 0.95:
         raise InputError(f"overlap is {overlap}, expected 0 to 0.95; 0.75 to 0.8 is enough")
@@ -87,12 +87,12 @@ def frequency_response(
     frequency = _grid(band)
     spectra = cross_spectra(flights, signals, frequency, windows=lengths, overlap=overlap)
     cross = _cross_control(spectra, (*wanted, *others))
-    flags = damaged(flights, signals) + gate(cross, (*wanted, *others), frequency)
+    flags = quality_flags(flights, signals) + gate(cross, (*wanted, *others), frequency)
     if reference_names:
         flags += gate(_cross_control(spectra, reference_names), reference_names, frequency)
 
-    seen = marks(flights, measured)
-    sources = tuple(fingerprint(flight) for flight in flights)
+    sources = tuple(record_digest(flight) for flight in flights)
+    spans = tuple(span for flight in flights if (span := flight_span(flight)) is not None)
 
     def estimated(names: tuple[str, ...]) -> FrequencyResponse:
         composite, scatter = _estimate(spectra, wanted, measured, others, names, flights)
@@ -112,7 +112,7 @@ def frequency_response(
             windows=lengths,
             flags=flags,
             sources=sources,
-            marks=seen,
+            spans=spans,
             scatter=scatter,
         )
 

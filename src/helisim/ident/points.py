@@ -1,4 +1,4 @@
-"""Which measured points a fit uses: some log-spaced ones of each coherent response."""
+"""Selects the measured points of a fit: some log-spaced ones of each coherent response."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,11 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError, InputError, UnknownNameError
-from helisim.ident.response import FrequencyResponse
+from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 from helisim.ident.structure import Structure
-
-COHERENCE_LIMIT = 0.6
-"""Partial coherence from which a point counts (Tischler and Remple)."""
 
 PHASE_WEIGHT = 0.01745
 """Weight of a squared phase error in deg^2 against a squared magnitude error in dB^2."""
@@ -54,7 +51,7 @@ class Points:
 
     @property
     def deviation(self) -> NDArray[np.float64] | None:
-        """Standard deviation of each point's relative error, real or imaginary part."""
+        """Standard deviation of each point's relative error, real or imaginary part, (n_point,)."""
         if self.covariance is None:
             return None
         return np.sqrt(0.5 * np.real(np.diagonal(self.covariance)))
@@ -81,7 +78,7 @@ def select(
         o, i = frf.index(*wanted[name])
         low, high = limits[name]
         inside = (frf.frequency >= low * (1 - 1e-9)) & (frf.frequency <= high * (1 + 1e-9))
-        usable = np.flatnonzero(inside & frf.usable(COHERENCE_LIMIT)[o, i])
+        usable = np.flatnonzero(inside & frf.usable()[o, i])
         if usable.size >= _FEWEST:
             kept.append(name)
             chosen.append(_log_spaced(frf.frequency, usable, count))
@@ -178,15 +175,15 @@ def _too_incoherent(
     wanted: Mapping[str, tuple[str, str]],
     limits: Mapping[str, Band],
 ) -> str:
-    told = []
+    best_by_name = []
     for name, pair in wanted.items():
         o, i = frf.index(*pair)
         low, high = limits[name]
         inside = (frf.frequency >= low) & (frf.frequency <= high)
         best = float(np.max(frf.coherence[o, i], where=inside, initial=0.0))
-        told.append(f"{name} at most {best:.2f} at {int(inside.sum())} frequencies")
+        best_by_name.append(f"{name} at most {best:.2f} at {int(inside.sum())} frequencies")
     return (
-        f"no response has {_FEWEST} points with a coherence of {COHERENCE_LIMIT} in its band "
+        f"no response has {_FEWEST} points with a coherence of {USABLE_COHERENCE} in its band "
         f"(frequency response: {frf.frequency[0]:.4g} to {frf.frequency[-1]:.4g} rad/s): "
-        f"{'; '.join(told)}; widen the band, add sweeps, or raise the sweep's amplitude"
+        f"{'; '.join(best_by_name)}; widen the band, add sweeps, or raise the sweep's amplitude"
     )

@@ -1,7 +1,7 @@
 """The frequency response of a vehicle: named outputs over named inputs, with its quality."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import control
@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.scatter import Scatter
+from helisim.ident.seen import FlightSpan
 
-_USABLE_COHERENCE = 0.6
+USABLE_COHERENCE = 0.6
+"""Partial coherence from which a point of a response can be used (Tischler and Remple)."""
 
-NOT_ARCHIVED = {"archived": False}
-"""Marks fields that are rebuilt from the records, not written to files."""
+_IN_MEMORY = {"stored": False}
+"""Marks fields that are estimated from the records again, not written to files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +37,10 @@ class FrequencyResponse:
         conditioning: further inputs whose effect was removed.
         reference: signals that the joint input-output method used; empty for the direct one.
         windows: window lengths, s.
-        flags: warnings of damaged records and of the cross-control gate.
-        sources: a fingerprint of each record.
-        marks: of the records' outputs, so that a verification can't reuse a part of them; see
-            `helisim.ident.fingerprint`.
+        flags: warnings of the records' quality and of the cross-control gate.
+        sources: a digest of each record.
+        spans: which part of which flight each record is, as far as it says so: a verification
+            can't reuse a part of them, see `helisim.ident.seen`.
         scatter: how the random errors at all points belong together, as far as records are
             known; fits state their standard errors from it.
         direct: with a reference, the direct estimate for comparison.
@@ -59,9 +61,9 @@ class FrequencyResponse:
     windows: tuple[float, ...] = ()
     flags: tuple[str, ...] = ()
     sources: tuple[str, ...] = field(default=(), repr=False)
-    marks: tuple[str, ...] = field(default=(), repr=False)
-    scatter: Scatter | None = field(default=None, repr=False, metadata=NOT_ARCHIVED)
-    direct: "FrequencyResponse | None" = field(default=None, repr=False, metadata=NOT_ARCHIVED)
+    spans: tuple[FlightSpan, ...] = field(default=(), repr=False)
+    scatter: Scatter | None = field(default=None, repr=False, metadata=_IN_MEMORY)
+    direct: "FrequencyResponse | None" = field(default=None, repr=False, metadata=_IN_MEMORY)
 
     def __post_init__(self) -> None:
         n_out, n_in = len(self.outputs), len(self.inputs)
@@ -86,6 +88,7 @@ class FrequencyResponse:
             object.__setattr__(self, name, array)
         if n_freq == 0 or self.frequency[0] <= 0.0 or np.any(np.diff(self.frequency) <= 0.0):
             raise InputError("frequency must be positive and increasing, in rad/s")
+        object.__setattr__(self, "spans", tuple(FlightSpan(*span) for span in self.spans))
 
     @classmethod
     def exact(
@@ -98,7 +101,16 @@ class FrequencyResponse:
         input_units: Sequence[str] | None = None,
         output_units: Sequence[str] | None = None,
     ) -> "FrequencyResponse":
-        """Return a response known without error, for example a model's: coherence is 1."""
+        """Return a response known without error, for example a model's: coherence is 1.
+
+        Args:
+            frequency: (n_freq,) rad/s, increasing.
+            response: (n_out, n_in, n_freq) output over input.
+            inputs: names.
+            outputs: names.
+            input_units: SI; unknown by default.
+            output_units: SI; unknown by default.
+        """
         response = np.asarray(response)
         n_out, n_in, n_freq = len(outputs), len(inputs), np.size(frequency)
         return cls(
@@ -113,6 +125,29 @@ class FrequencyResponse:
             input_units=tuple(input_units or ("",) * n_in),
             output_units=tuple(output_units or ("",) * n_out),
         )
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "FrequencyResponse":
+        """Read what `to_dict` wrote; the `marks` of records in earlier files are left out.
+
+        Raises:
+            InputError: a field is missing, unknown or misshapen.
+        """
+        data = {name: item for name, item in data.items() if name != "marks"}
+        unknown = sorted(set(data) - set(_stored()))
+        if unknown:
+            raise InputError(
+                f"unknown field(s) of a frequency response: {', '.join(unknown)}; "
+                "the file was written by another version"
+            )
+        try:
+            return cls(**{name: _from_plain(item) for name, item in data.items()})
+        except (TypeError, ValueError, KeyError) as error:
+            raise InputError(f"can't read the frequency response: {error}") from None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, complex arrays as {"real", "imag"}; no error model."""
+        return {name: _to_plain(getattr(self, name)) for name in _stored()}
 
     def __repr__(self) -> str:
         return (
@@ -153,7 +188,7 @@ class FrequencyResponse:
             raise UnknownNameError("input", input_, self.inputs)
         return self.outputs.index(output), self.inputs.index(input_)
 
-    def usable(self, limit: float = _USABLE_COHERENCE) -> NDArray[np.bool_]:
+    def usable(self, limit: float = USABLE_COHERENCE) -> NDArray[np.bool_]:
         """Return where the partial coherence reaches `limit`, (n_out, n_in, n_freq)."""
         return self.coherence >= limit
 
@@ -165,3 +200,28 @@ class FrequencyResponse:
             inputs=list(self.inputs),
             outputs=list(self.outputs),
         )
+
+
+def _stored() -> tuple[str, ...]:
+    """Return the names of the fields that are written to files."""
+    return tuple(one.name for one in fields(FrequencyResponse) if one.metadata.get("stored", True))
+
+
+def _to_plain(item: Any) -> Any:
+    match item:
+        case np.ndarray() if np.iscomplexobj(item):
+            return {"real": item.real.tolist(), "imag": item.imag.tolist()}
+        case np.ndarray():
+            return item.tolist()
+        case tuple():
+            return [_to_plain(one) for one in item]
+    return item
+
+
+def _from_plain(item: Any) -> Any:
+    match item:
+        case {"real": real, "imag": imag, **rest} if not rest:
+            return np.asarray(real, dtype=np.float64) + 1j * np.asarray(imag, dtype=np.float64)
+        case list() if not any(isinstance(one, list | dict) for one in item):
+            return tuple(item)
+    return item

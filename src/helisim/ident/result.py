@@ -1,5 +1,6 @@
 """What a fit found: parameters by name with their accuracy, costs, verdicts and the model."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,13 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.ident.archive import (
-    response_from_dict,
-    response_to_dict,
-)
 from helisim.ident.evaluate import matrices, response, state_space
 from helisim.ident.export import latex_table, text_table, write_matlab
-from helisim.ident.fitted import FittedParameter, parameter_from_dict, parameter_to_dict
+from helisim.ident.fitted import FittedParameter
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
 from helisim.records.files import read_json, write_json
@@ -84,7 +81,26 @@ class Fit:
         return f"Fit({self.structure.name}, average cost {self.cost:.4g})"
 
     def __str__(self) -> str:
-        return text_table(self)
+        lines = [f"{self.structure.name}: {self.structure.meaning}".rstrip(": "), ""]
+        lines += [*text_table(self.parameters.values(), self.verdict), ""]
+        for name, cost in self.costs.items():
+            low, high = self.bands[name]
+            lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s")
+        judged = "excellent" if self.excellent else "acceptable" if self.acceptable else "too high"
+        lines += [f"average J = {self.cost:.4g}: {judged}", *self._remarks()]
+        return "\n".join(lines)
+
+    def _remarks(self) -> list[str]:
+        """Return what a reader should know beside the numbers, a line each."""
+        remarks = []
+        if not self.converged:
+            remarks.append("the search did not converge: give better starts, or fix a parameter")
+        if self.searches_agreeing < 2:
+            remarks.append("only one start ended in this minimum: try more searches")
+        if self.dropped:
+            remarks.append(f"left out for lack of coherence: {', '.join(self.dropped)}")
+        remarks.extend(f"{a} and {b} are correlated by {r:.3f}" for a, b, r in self.correlated)
+        return remarks + list(self.data.flags)
 
     @property
     def values(self) -> dict[str, float]:
@@ -172,7 +188,7 @@ class Fit:
         return dict(zip(self.structure.outputs, numbers.output_delays.tolist()))
 
     def response(self, frequency: ArrayLike) -> FrequencyResponse:
-        """Return the model's frequency response, delays included, at frequencies in rad/s."""
+        """Return the model's frequency response, delays included, at (n_freq,) rad/s or one."""
         grid = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
         return FrequencyResponse.exact(
             grid,
@@ -204,7 +220,7 @@ class Fit:
         return {
             "format": FORMAT,
             "structure": self.structure.to_dict(),
-            "parameters": [parameter_to_dict(one) for one in self.parameters.values()],
+            "parameters": [one.to_dict() for one in self.parameters.values()],
             "correlation": self.correlation.tolist(),
             "correlated": [list(pair) for pair in self.correlated],
             "cost": self.cost,
@@ -220,7 +236,7 @@ class Fit:
             "flags": list(self.data.flags),
             "delays_s": self.delays,
             "provenance": self.provenance,
-            "data": response_to_dict(self.data),
+            "data": self.data.to_dict(),
         }
 
     @classmethod
@@ -238,7 +254,7 @@ class Fit:
             )
         try:
             structure = Structure.from_dict(data["structure"])
-            parameters = [parameter_from_dict(structure, one) for one in data["parameters"]]
+            parameters = [FittedParameter.from_dict(structure, one) for one in data["parameters"]]
             return cls(
                 structure=structure,
                 parameters={one.name: one for one in parameters},
@@ -253,7 +269,7 @@ class Fit:
                 dropped=tuple(data["dropped"]),
                 converged=bool(data["converged"]),
                 searches_agreeing=int(data["searches_agreeing"]),
-                data=response_from_dict(data["data"]),
+                data=FrequencyResponse.from_dict(data["data"]),
                 options=data["provenance"].get("options", {}),
                 versions=data["provenance"]["versions"],
             )
@@ -270,7 +286,13 @@ class Fit:
 
     def to_latex(self, *, caption: str = "", label: str = "") -> str:
         """Return the parameters as a LaTeX table, each value rounded by its standard error."""
-        return latex_table(self, caption=caption, label=label)
+        return latex_table(
+            self.parameters.values(),
+            cost=self.cost,
+            provenance=self.provenance,
+            caption=caption,
+            label=label,
+        )
 
     def to_matlab(self, path: str | PathLike[str]) -> None:
         """Write A, B, C, D, InputDelay, OutputDelay and names as a MAT file.
@@ -279,7 +301,17 @@ class Fit:
             StorageError: the file can't be written.
             IdentificationError: the model has no state-space form.
         """
-        write_matlab(self, path)
+        facts = {
+            "InputDelay": np.array([[delay] for delay in self.input_delays.values()]),
+            "OutputDelay": np.array([[delay] for delay in self.output_delays.values()]),
+            "InputUnit": self.data.input_units,
+            "OutputUnit": self.data.output_units,
+            "TimeUnit": "seconds",
+            "Name": self.structure.name,
+            "AverageCost": self.cost,
+            "Provenance": json.dumps(self.provenance),
+        }
+        write_matlab(path, self.model, self.parameters.values(), facts)
 
 
 def load_fit(path: str | PathLike[str]) -> Fit:

@@ -1,4 +1,4 @@
-"""How the errors of a frequency response hang together, so that a fit can state its own.
+"""The random errors of a frequency response and their correlations, for a fit to state its own.
 
 An estimate is linear in the disturbance e = y - H u that the records hold beside the response:
 
@@ -71,9 +71,14 @@ class Scatter:
         input_: Sequence[int] | NDArray[np.intp],
         position: Sequence[int] | NDArray[np.intp],
     ) -> NDArray[np.complex128]:
-        """Return E[dH_k dH_l*] between points (output, input, frequency), (n_point, n_point).
+        """Return E[dH_k dH_l*] between points, (n_point, n_point).
 
         The errors are circular: E[dH_k dH_l] = 0.
+
+        Args:
+            output: (n_point,) positions of each point's output,
+            input_: (n_point,) of its input,
+            position: (n_point,) and of its frequency in the response.
         """
         o, i, w = (np.asarray(index, dtype=np.intp) for index in (output, input_, position))
         total = np.zeros((w.size, w.size), dtype=np.complex128)
@@ -90,7 +95,7 @@ class Scatter:
         input_: Sequence[int] | NDArray[np.intp],
         position: Sequence[int] | NDArray[np.intp],
     ) -> NDArray[np.float64]:
-        """Return E|dH_k|^2 of points (output, input, frequency), (n_point,)."""
+        """Return E|dH_k|^2 of points, (n_point,) each; arguments as for `covariance`."""
         o, i, w = (np.asarray(index, dtype=np.intp) for index in (output, input_, position))
         total = np.zeros(w.size)
         for kernel, grid, spacing in self._kernels(o, i, w):

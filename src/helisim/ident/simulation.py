@@ -54,18 +54,18 @@ def delayed(
     a, b, c, d = (np.asarray(x, dtype=np.float64) for x in (model.A, model.B, model.C, model.D))
     samples, n_in = inputs.shape
     outputs = np.zeros((samples, c.shape[0]))
-    # Room on both sides for what the delays reach beyond the record.
-    room = int(np.ceil(np.max(np.abs(lags), initial=0.0) / step)) + 1
+    # What the delays reach beyond the record, on both sides.
+    margin = int(np.ceil(np.max(np.abs(lags), initial=0.0) / step)) + 1
     transition, now, change = _discretise(a, b, step)
     for j in range(n_in):
-        wide = np.pad(inputs[:, j], room, mode="edge")
+        wide = np.pad(inputs[:, j], margin, mode="edge")
         rise = np.diff(wide, append=wide[-1])
         driven = np.outer(wide, now[:, j]) + np.outer(rise, change[:, j])
         states = _propagate(transition, driven, np.zeros(a.shape[0]))
         for lag in np.unique(lags[:, j]):
             whole = int(np.floor(-lag / step))
             part = -lag - whole * step
-            at = slice(room + whole, room + whole + samples)
+            at = slice(margin + whole, margin + whole + samples)
             ahead, held, risen = _discretise(a, b, part)
             slope = rise[at] * (part / step)
             moved = (

@@ -76,6 +76,13 @@ def cross_spectra(
 
     No window crosses from one record to the next.
 
+    Args:
+        records: of the flights, each with all signals.
+        names: of the signals.
+        frequency: (n_freq,) rad/s.
+        windows: lengths, s.
+        overlap: share of a window that the next one covers at least.
+
     Windows hang over both ends of a record, so that each sample counts the same: sweeps end at
     their highest frequency, and a window that fades out there biases the response by its slope
     times the vehicle's group delay. Beyond its ends a record is taken to be in trim, and it is
@@ -143,7 +150,13 @@ def _averaged(
 
 
 def segment_starts(samples: int, length: int, overlap: float) -> NDArray[np.intp]:
-    """Return where the windows start: evenly spread, at least `overlap`, over both ends."""
+    """Return where the windows start, (n_segment,): evenly spread, over both ends of a record.
+
+    Args:
+        samples: of the record.
+        length: of a window, samples.
+        overlap: share of a window that the next one covers at least.
+    """
     hop = length * (1.0 - overlap)
     count = int(np.ceil((samples + length - 2.0 * hop) / hop)) + 1
     return np.rint(np.linspace(hop - length, samples - hop, count)).astype(np.intp)

@@ -1,4 +1,4 @@
-"""Where the searches begin: scattered starts, with the input gains solved from the data."""
+"""Chooses where the searches begin: scattered starts, with the input gains solved from the data."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ _HANDFUL = 8
 
 
 def starting_points(cost: Cost, count: int, seed: int) -> Iterator[NDArray[np.float64]]:
-    """Yield `count` vectors of free parameters, the structure's own start first.
+    """Yield `count` vectors of free parameters, (n_free,), the structure's own start first.
 
     Each further one is the best of a handful of scattered ones.
     """

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.expression import FUNCTIONS, Expression
-from helisim.ident.plain import MATRICES, axes, read_fields, to_toml
+from helisim.ident.structure_toml import MATRICES, axes, read_fields, to_toml
 from helisim.records.files import atomic_write, read_toml
 
 Entries = tuple[tuple[str, ...], ...]

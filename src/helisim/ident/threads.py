@@ -1,4 +1,4 @@
-"""One thread for linear algebra: the same bits whatever the number of processors.
+"""Limits linear algebra to one thread: the same bits whatever the number of processors.
 
 BLAS adds up in another order when it works in several threads, which moves the last digits of
 every result; and on matrices as small as these, one thread is the faster choice.

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError, InputError
 from helisim.ident.evaluate import matrices
-from helisim.ident.fingerprint import fingerprint, share_known
-from helisim.ident.integrity import check_whole
+from helisim.ident.record_checks import refuse_truncated
 from helisim.ident.result import Fit
+from helisim.ident.seen import record_digest, share_seen
 from helisim.ident.simulation import delayed, simulate
 from helisim.ident.threads import one_blas_thread
 from helisim.records.record import FlightRecord
@@ -26,8 +26,8 @@ ACCEPTABLE_TIC = 0.25
 """Theil's coefficient up to which a model predicts well (Tischler and Remple)."""
 
 _SHARED = 0.25
-"""A record of whose samples the fit knows more is no new one. Less is what two simulated flights
-without noise share while both are still in trim."""
+"""A record of whose time the fit has seen more is no new one. Less is what parts share that are
+cut side by side, with a margin for filters to settle."""
 
 _INTEGRATES = 1e8
 """Condition number of A from which the model integrates, so that an input's trim is a drift;
@@ -154,20 +154,19 @@ def verify(
     Args:
         fit: the model, with its delays.
         records: flights that the fit has not seen, such as doublets.
-        use_ended: True takes flights that were over before their time too.
+        use_ended: True takes flights that were terminated early too.
 
     Raises:
         InputError: a record was used in the fit, or lacks a channel.
-        IdentificationError: the model diverges over the record, or a flight was over before its
-            time.
+        IdentificationError: the model diverges over the record, or a flight was terminated early.
     """
     flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
     if not flights:
         raise InputError("no records were given; expected at least one FlightRecord")
     if not use_ended:
-        check_whole(flights)
+        refuse_truncated(flights)
     for position, flight in enumerate(flights):
-        check_unseen(fit, flight, f"record {position}")
+        refuse_seen(fit, flight, f"record {position}")
     traces = tuple(_trace(fit, flight) for flight in flights)
     trims = [np.mean(trace.measured, axis=0) for trace in traces]
     measured = np.concatenate([trace.measured - trim for trace, trim in zip(traces, trims)])
@@ -186,15 +185,14 @@ def verify(
     )
 
 
-def check_unseen(fit: Fit, record: FlightRecord, name: str) -> None:
-    """Raise InputError, with the record's name, if the fit has seen it or more than a part.
+def refuse_seen(fit: Fit, record: FlightRecord, name: str) -> None:
+    """Raise InputError, with the record's name, if the fit has seen more than a part of it.
 
-    A part of a record is known by its unchanged samples, wherever it was cut: not when it was
-    resampled or filtered otherwise than for the fit, nor when it lasts only a few seconds.
+    See `helisim.ident.seen` for what a part of a record is known by.
     """
-    share = share_known(record, fit.structure.outputs, fit.data.marks)
-    if share > _SHARED or fingerprint(record) in fit.data.sources:
-        part = "" if share == 0.0 else f" (about {100.0 * share:.0f} % of its samples)"
+    share = share_seen(record, fit.data.spans)
+    if share > _SHARED or record_digest(record) in fit.data.sources:
+        part = "" if share == 0.0 else f" (about {100.0 * share:.0f} % of its time)"
         raise InputError(
             f"{name}: was used in the fit{part}, so it can't verify it; "
             "give a record that no fit has seen"
@@ -230,10 +228,10 @@ def _free_motions(fit: Fit, time: NDArray[np.float64], step: float) -> NDArray[n
     model = fit.model
     n_out, n, n_in = len(fit.structure.outputs), model.nstates, len(fit.structure.inputs)
     motions = [np.tile(np.eye(n_out)[k], (time.size, 1)) for k in range(n_out)]
-    still = np.zeros((time.size, n_in))
-    motions += [simulate(model, still, step, start=np.eye(n)[k]) for k in range(n)]
+    at_rest = np.zeros((time.size, n_in))
+    motions += [simulate(model, at_rest, step, start=np.eye(n)[k]) for k in range(n)]
     if n and np.linalg.cond(model.A) > _INTEGRATES:
-        motions += [simulate(model, still + np.eye(n_in)[k], step) for k in range(n_in)]
+        motions += [simulate(model, at_rest + np.eye(n_in)[k], step) for k in range(n_in)]
     return np.stack(motions)
 
 

@@ -21,17 +21,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 from numpy.typing import NDArray
 
-from helisim.ident import FrequencyResponse, Verification
+from helisim.ident import USABLE_COHERENCE, FrequencyResponse, Verification
 from helisim.records.channels import ATTITUDES, IN1, RATES
 from helisim.records.files import atomic_write
 from helisim.records.record import FlightRecord
+from helisim.units import decibel
 from helisim.vehicle import Vehicle
 
 DATA = "#a6a6a6"
 IDENTIFIED = "#0b3c7d"
 TRUTH = "#c8460f"
-USABLE_COHERENCE = 0.6
-"""Below it a frequency is drawn hollow: it was not used (Tischler and Remple)."""
 
 _WIDTH = 4.2
 """Inches: 403 px of a page, so that text of 9 points stays readable on a phone of 390 px."""
@@ -111,7 +110,7 @@ def draw_bode(
         name: of the drawing.
         output: of the pair, in each response that is given.
         input_: of the pair.
-        data: estimated from flights; points below a coherence of 0.6 are hollow, the band is
+        data: estimated from flights; points below the usable coherence are hollow, the band is
             its random error.
         identified: the fitted model's.
         truth: the exact one of the vehicle that flew.
@@ -167,8 +166,8 @@ def _draw_data(
     o, i = data.index(output, input_)
     omega, line, error = data.frequency, data.response[o, i], data.random_error[o, i]
     decibels, degrees = _decibels(line), _phase(line)
-    good = data.coherence[o, i] >= USABLE_COHERENCE
-    spread = 20.0 * np.log10(1.0 + error)
+    good = data.usable()[o, i]
+    spread = decibel(1.0 + error)
     for ax, middle, half in (
         (magnitude, decibels, spread),
         (phase, degrees, np.rad2deg(np.minimum(error, np.pi))),
@@ -316,7 +315,7 @@ def _ratio_unit(data: FrequencyResponse | None, output: str, input_: str) -> str
 
 
 def _decibels(line: NDArray[np.complex128]) -> NDArray[np.float64]:
-    return 20.0 * np.log10(np.maximum(np.abs(line), 1e-12))
+    return decibel(np.maximum(np.abs(line), 1e-12))
 
 
 def _phase(line: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.errors import UnknownNameError
-from helisim.ident import Fit
-from helisim.ident.points import COHERENCE_LIMIT
+from helisim.ident import USABLE_COHERENCE, Fit
 from helisim.output import html, tables
 from helisim.output.drawings import run_drawings
 from helisim.output.plots import Drawing
@@ -220,7 +219,7 @@ def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     blocks = []
     lead = html.paragraph(
         "Dots: estimated from the flights, hollow where the coherence is below "
-        f"{COHERENCE_LIMIT:g}, in a band of one random error. Solid: the identified model. "
+        f"{USABLE_COHERENCE:g}, in a band of one random error. Solid: the identified model. "
         "Dashed: the truth. Grey ground: not used by the fit.",
         "note",
     )

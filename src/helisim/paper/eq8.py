@@ -13,9 +13,9 @@ import numpy as np
 from helisim.ident import structures
 from helisim.ident.evaluate import response
 from helisim.paper import jr700
+from helisim.units import DB_PER_NEPER
 
 _POINTS = 200
-_DECIBEL = 20.0 / np.log(10.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +116,7 @@ def check_overall(
     omega = np.geomspace(*band_rad_s, _POINTS)
     each = [response(structures.yaw_overall, values, omega)[0, 0] for values in (parts, direct)]
     gap = np.asarray(np.log(each[0] / each[1]), dtype=np.complex128)
-    gain, phase = _DECIBEL * gap.real, np.degrees(gap.imag)
+    gain, phase = DB_PER_NEPER * gap.real, np.degrees(gap.imag)
     worst, latest = int(np.argmax(np.abs(gain))), int(np.argmax(np.abs(phase)))
     published = jr700.YAW_OVERALL
     return OverallCheck(

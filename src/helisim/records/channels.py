@@ -81,7 +81,7 @@ _STANDARD = (
 )
 
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}
-"""Every standard channel by name. Names tell IN1 (col) from IN2 (COL) by case."""
+"""Every standard channel by name. IN1 (col) and IN2 (COL) differ by case."""
 
 
 def channel(name: str) -> Channel:

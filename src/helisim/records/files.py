@@ -1,4 +1,4 @@
-"""Files, written whole or not at all, and read only where they are of a sane size."""
+"""Writes files whole or not at all, and reads those of a sane size."""
 
 import json
 import os

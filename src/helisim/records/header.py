@@ -1,4 +1,4 @@
-"""What both formats say about a record beside its numbers: version, provenance, channels."""
+"""The header of a record in both formats: version, provenance, channels."""
 
 import json
 from collections.abc import Mapping

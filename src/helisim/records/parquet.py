@@ -1,4 +1,4 @@
-"""Records as Parquet.
+"""Reads and writes records as Parquet.
 
 A column `time` (s) and one column a channel, with `unit`, `kind` and `meaning` as field
 metadata; the schema metadata has one key, `helisim`, a JSON object with `format`, `version`
@@ -103,8 +103,8 @@ def _header(path: Path, schema: pa.Schema) -> dict[str, Any]:
 def _channel(path: Path, field: pa.Field) -> Channel:
     if field.type != pa.float64():
         raise StorageError(f"{path}: column {field.name!r} holds {field.type}, expected double")
-    told = {
+    metadata = {
         key.decode("utf-8", "replace"): text.decode("utf-8", "replace")
         for key, text in (field.metadata or {}).items()
     }
-    return read_channel(path, {"name": field.name} | told)
+    return read_channel(path, {"name": field.name} | metadata)

@@ -1,4 +1,4 @@
-"""What is wrong with a sampled channel: samples that stick out, stretches that stand still."""
+"""The quality of a sampled channel: spikes, frozen runs, inputs at their stops."""
 
 from typing import NamedTuple
 
@@ -16,12 +16,12 @@ _LEAST_STEP = 0.02
 """Share of the channel's median step that a quiet place is taken to have at least."""
 _WIDTHS = (1, 2)
 """Samples of a spike: a longer one is a signal."""
-_STANDS_STILL = 10.0
+_FROZEN = 10.0
 """Times the number of equal samples in a row that the channel usually has at most."""
 _NO_MOVE = 1e-6
 """Share of its range by which a channel that rests at its start may move."""
 _SHORTEST = 10
-"""Samples in a row that must be equal to count as standing still."""
+"""Samples in a row that must be equal to count as frozen."""
 _USUAL = 0.95
 """Quantile of the runs of equal samples that counts as their usual most."""
 
@@ -34,7 +34,7 @@ _OVERSHOOT = 0.06
 fourth order by 11 % of the jump."""
 
 
-class Stretch(NamedTuple):
+class Run(NamedTuple):
     """Samples in a row, from `first` to `last`, inclusive."""
 
     first: int
@@ -91,8 +91,8 @@ def _usual_step(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def still(values: NDArray[np.float64]) -> tuple[Stretch, ...]:
-    """Return the stretches in which a channel of measured motion stands still.
+def frozen_runs(values: NDArray[np.float64]) -> tuple[Run, ...]:
+    """Return the runs of equal samples in which a channel of measured motion is frozen.
 
     At least ten equal samples in a row, and ten times as many as the channel usually has. From
     its start a channel may rest until it first moves.
@@ -107,9 +107,9 @@ def still(values: NDArray[np.float64]) -> tuple[Stretch, ...]:
         return ()
     usual = float(np.quantile(lengths, _USUAL))
     moves = int(np.argmax(np.abs(values - values[0]) > _NO_MOVE * np.ptp(values)))
-    long = (lengths >= max(_SHORTEST, _STANDS_STILL * usual)) & (starts >= moves)
+    long = (lengths >= max(_SHORTEST, _FROZEN * usual)) & (starts >= moves)
     return tuple(
-        Stretch(int(start), int(start + length - 1))
+        Run(int(start), int(start + length - 1))
         for start, length in zip(starts[long], lengths[long])
     )
 

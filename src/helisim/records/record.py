@@ -12,7 +12,7 @@ from helisim.errors import RecordError, UnknownNameError
 from helisim.records.channels import Channel
 from helisim.records.provenance import plain
 
-_JITTER = 1e-6
+UNIFORM = 1e-6
 """A time step may differ from the mean by this fraction and still count as uniform:
 far above the rounding of a double, far below any sample of interest."""
 
@@ -84,7 +84,7 @@ class FlightRecord:
         steps = np.diff(self.time)
         mean = self.duration / steps.size
         worst = int(np.argmax(np.abs(steps - mean)))
-        if abs(steps[worst] - mean) > _JITTER * mean:
+        if abs(steps[worst] - mean) > UNIFORM * mean:
             raise RecordError(
                 f"samples are not uniform: the step after row {worst} is {steps[worst]:.6g} s, "
                 f"the mean is {mean:.6g} s; resample the record first, with "
@@ -94,7 +94,7 @@ class FlightRecord:
 
     @property
     def ended(self) -> str:
-        """Why and when the flight was over before its time, "" if it wasn't.
+        """Why and when the flight was terminated early, "" if it wasn't.
 
         A simulation says so in the provenance's `ended`, with `at` (s), `why` and `state`.
         """

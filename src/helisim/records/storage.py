@@ -10,7 +10,6 @@ from pathlib import Path
 from helisim.errors import RecordError
 from helisim.records.files import SUFFIXES, atomic_write, check_suffix
 from helisim.records.header import TIME
-from helisim.records.parquet import read_parquet, write_parquet
 from helisim.records.record import FlightRecord
 from helisim.records.text import read_csv, write_csv
 
@@ -25,11 +24,16 @@ def write_record(record: FlightRecord, path: str | Path) -> Path:
         RecordError: a channel is called `time`, which is the name of the time column.
     """
     path = Path(path)
-    write = write_csv if check_suffix(path, SUFFIXES) == ".csv" else write_parquet
+    suffix = check_suffix(path, SUFFIXES)
     if TIME.name in record:
         raise RecordError("a channel can't be called 'time', the time column's name: rename it")
     with atomic_write(path) as temporary:
-        write(record, temporary)
+        if suffix == ".csv":
+            write_csv(record, temporary)
+        else:
+            from helisim.records.parquet import write_parquet  # pyarrow is slow to import
+
+            write_parquet(record, temporary)
     return path
 
 
@@ -42,8 +46,12 @@ def read_record(path: str | Path) -> FlightRecord:
         RecordError: the numbers don't make a record, for example NaN or a time that falls.
     """
     path = Path(path)
-    read = read_csv if check_suffix(path, SUFFIXES) == ".csv" else read_parquet
-    contents = read(path)
+    if check_suffix(path, SUFFIXES) == ".csv":
+        contents = read_csv(path)
+    else:
+        from helisim.records.parquet import read_parquet  # pyarrow is slow to import
+
+        contents = read_parquet(path)
     try:
         return FlightRecord(
             contents.columns[:, 0], contents.columns[:, 1:], contents.channels, contents.provenance

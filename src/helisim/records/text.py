@@ -1,4 +1,4 @@
-"""Records as CSV.
+"""Reads and writes records as CSV.
 
 Comment lines, then a header of `name [unit]` and one row a sample::
 
@@ -21,49 +21,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import RecordError, StorageError
+from helisim.records import header
 from helisim.records.channels import Channel
 from helisim.records.files import parse_object, read_text
-from helisim.records.header import (
-    FORMAT,
-    TIME,
-    VERSION,
-    Contents,
-    check_version,
-    one_line,
-    read_channel,
-)
 from helisim.records.record import FlightRecord
 
-_TITLE = f"# helisim {FORMAT}, version "
+_TITLE = f"# helisim {header.FORMAT}, version "
 
 
 def write_csv(record: FlightRecord, path: Path) -> None:
     """Write a record. Raises OSError."""
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"{_TITLE}{VERSION}\n")
+        file.write(f"{_TITLE}{header.VERSION}\n")
         file.write(f"# rows: {len(record)}\n")
-        file.write(f"# provenance: {one_line(dict(record.provenance))}\n")
+        file.write(f"# provenance: {header.one_line(dict(record.provenance))}\n")
         for channel in record.channels:
             file.write(f"# channel: {json.dumps(asdict(channel), ensure_ascii=False)}\n")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([_heading(channel) for channel in (TIME, *record.channels)])
+        writer.writerow([_heading(channel) for channel in (header.TIME, *record.channels)])
         # csv writes a float by its repr, which reads back as the same double
         writer.writerows(np.column_stack([record.time, record.values]).tolist())
 
 
-def read_csv(path: Path) -> Contents:
+def read_csv(path: Path) -> header.Contents:
     """Read what `write_csv` wrote. Raises StorageError, or RecordError for NaN."""
     text = read_text(path)
     comments, body = _split_comments(text)
     if not comments or not comments[0].startswith(_TITLE):
         raise StorageError(
-            f"{path}: not a helisim flight record: line 1 must be '{_TITLE}{VERSION}'"
+            f"{path}: not a helisim flight record: line 1 must be '{_TITLE}{header.VERSION}'"
         )
-    check_version(path, _integer(path, comments[0].removeprefix(_TITLE)))
+    header.check_version(path, _integer(path, comments[0].removeprefix(_TITLE)))
     rows = _integer(path, _comment(path, comments, "rows"))
     provenance = parse_object(_comment(path, comments, "provenance"), f"{path}: '# provenance:'")
     channels = tuple(
-        read_channel(path, parse_object(text, f"{path}: '# channel:'"))
+        header.read_channel(path, parse_object(text, f"{path}: '# channel:'"))
         for text in _all(comments, "channel")
     )
     columns = _csv_columns(path, body, channels, first_line=len(comments) + 1)
@@ -72,20 +64,20 @@ def read_csv(path: Path) -> Contents:
             f"{path}: truncated: {len(columns)} rows, and its line '# rows:' says {rows} "
             "(if it was cut on purpose, correct that line)"
         )
-    return Contents(columns, channels, provenance)
+    return header.Contents(columns, channels, provenance)
 
 
 def _csv_columns(
     path: Path, body: str, channels: tuple[Channel, ...], *, first_line: int
 ) -> NDArray[np.float64]:
     """Return the numbers below the header as (n_time, 1 + n_channel)."""
-    expected = [_heading(channel) for channel in (TIME, *channels)]
+    expected = [_heading(channel) for channel in (header.TIME, *channels)]
     reader = csv.reader(io.StringIO(body, newline=""))
     table: list[list[float]] = []
     try:
-        header = next(reader, [])
-        if header != expected:
-            raise StorageError(f"{path}, line {first_line}: {_difference(header, expected)}")
+        headings = next(reader, [])
+        if headings != expected:
+            raise StorageError(f"{path}, line {first_line}: {_difference(headings, expected)}")
         for row in reader:
             line = first_line - 1 + reader.line_num
             if len(row) != len(expected):
@@ -110,9 +102,9 @@ def _number(path: Path, line: int, column: str, text: str) -> float:
     return number
 
 
-def _difference(header: list[str], expected: list[str]) -> str:
-    missing = [name for name in expected if name not in header]
-    extra = [name for name in header if name not in expected]
+def _difference(headings: list[str], expected: list[str]) -> str:
+    missing = [name for name in expected if name not in headings]
+    extra = [name for name in headings if name not in expected]
     if missing:
         return f"missing columns: {', '.join(missing)}; expected {', '.join(expected)}"
     if extra:

@@ -13,7 +13,7 @@ from helisim.sim.rigs import RigTest
 from helisim.study.identified import IdentifiedModel
 from helisim.study.models import Given, ModelSpec
 from helisim.study.results import ComparisonTable, GivenValue, ParameterRow
-from helisim.study.truth import exact_response, true_values
+from helisim.study.truth import Air, exact_response, true_values
 from helisim.vehicle import Vehicle
 
 GroundTests = Mapping[str, RigTest]
@@ -80,12 +80,14 @@ def comparison_table(
     recorder: Recorder,
     *,
     judge_paper: bool = True,
+    air: Air | None = None,
 ) -> ComparisonTable:
     """Set an identified model beside the truth and the paper.
 
     What the fit was given is listed apart, and judged where the model has a tolerance for it.
+    The truth is the mean over `air`, if there is any.
     """
-    truth = true_values(vehicle, model, recorder, like=fit.data)
+    truth = true_values(vehicle, model, recorder, like=fit.data, air=air)
     paper = published(vehicle.name).table(model.name)
     found = [name for name in fit.values if name not in model.given or name in model.tolerances]
     return ComparisonTable(

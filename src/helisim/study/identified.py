@@ -12,7 +12,6 @@ import numpy as np
 
 from helisim import ident
 from helisim.errors import InputError
-from helisim.ident.archive import response_from_dict, response_to_dict
 from helisim.ident.verify import Trace
 from helisim.records.files import read_json, write_json
 from helisim.records.provenance import made_by
@@ -47,7 +46,7 @@ class IdentifiedModel:
             "name": self.name,
             "note": self.note,
             "fit": self.fit.to_dict(),
-            "exact": None if self.exact is None else response_to_dict(self.exact),
+            "exact": None if self.exact is None else self.exact.to_dict(),
             "verification": None if checked is None else _verification_to_dict(checked),
             "verified_on": list(self.verified_on),
         }
@@ -59,7 +58,9 @@ class IdentifiedModel:
         return cls(
             name=str(data["name"]),
             fit=ident.Fit.from_dict(data["fit"]),
-            exact=None if data["exact"] is None else response_from_dict(data["exact"]),
+            exact=None
+            if data["exact"] is None
+            else ident.FrequencyResponse.from_dict(data["exact"]),
             note=str(data["note"]),
             verification=None if checked is None else _verification_from_dict(checked),
             verified_on=tuple(data["verified_on"]),

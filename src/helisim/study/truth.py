@@ -1,16 +1,63 @@
-"""What an identification must find: the exact responses of a vehicle, and its true parameters."""
+"""What an identification must find: the exact responses of a vehicle, and its true parameters.
 
+Slow gusts move the point that is linearised about: a helicopter that holds its place in them
+flies forwards, sideways, up and down through the air. What is to be found then is the mean over
+that air, not the hover in calm air.
+"""
+
+import itertools
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial.hermite_e import hermegauss
 from numpy.typing import NDArray
 
 from helisim import ident
-from helisim.sim import Recorder
+from helisim.sim import Recorder, Weather
 from helisim.study.models import ModelSpec
 from helisim.vehicle import Linearization, Vehicle
 
 _GAINS = ("k_p", "k_I", "k_delta", "k_a")
+
+Air = tuple[tuple[float, Vehicle], ...]
+"""The winds that a flight meets: the share of each, and the vehicle trimmed in it."""
+
+
+def air_met(vehicle: Vehicle, weather: Weather, points: int = 3) -> Air:
+    """Return a vehicle trimmed in the winds that it meets: one if there is no turbulence.
+
+    Gauss-Hermite quadrature over steady winds of the turbulence's rms. With 3 points an axis, 27
+    winds, means are exact to the fifth power of the wind's speed.
+
+    Args:
+        vehicle: to trim.
+        weather: whose steady wind and turbulence.
+        points: an axis.
+
+    Raises:
+        TrimError: the vehicle can't hover in one of the winds.
+    """
+    dryden = weather.dryden
+    if dryden is None:
+        return ((1.0, weather.trimmed(vehicle)),)
+    nodes, weights = hermegauss(points)
+    cosine, sine = np.cos(dryden.heading), np.sin(dryden.heading)
+    path_to_earth = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    air = []
+    for at in itertools.product(range(points), repeat=3):
+        gust = path_to_earth @ (np.array(dryden.rms) * nodes[list(at)])
+        wind = tuple(np.array(weather.wind_to) + gust)
+        share = float(np.prod(weights[list(at)]) / np.sum(weights) ** 3)
+        air.append((share, vehicle.trimmed(height=weather.height, wind=wind)))
+    return tuple(air)
+
+
+def mean_derivatives(air: Air) -> dict[str, float]:
+    """Return the mean of the stability and control derivatives over the air met, by name."""
+    return {
+        name: sum(share * there.derivatives[name] for share, there in air)
+        for name in air[0][1].derivatives
+    }
 
 
 def true_values(
@@ -19,6 +66,7 @@ def true_values(
     recorder: Recorder,
     *,
     like: ident.FrequencyResponse | None = None,
+    air: Air | None = None,
 ) -> dict[str, float]:
     """Return the true parameters of a model from the exact linearisation of the vehicle.
 
@@ -32,13 +80,15 @@ def true_values(
         recorder: that recorded.
         like: of an equivalent, the estimate at whose frequencies, and with whose coherences as
             weights, the exact response is fitted too; evenly over the band if None.
+        air: of `air_met`, over which the truth is the mean; the vehicle's own trim if None.
     """
+    air = air or ((1.0, vehicle),)
     if model.truth == "gyro":
-        return _gyro_values(vehicle)
+        return _gyro_values(vehicle, mean_derivatives(air))
     if model.truth == "equivalent":
-        return _equivalent_values(vehicle, model, recorder, like)
+        return _equivalent_values(air, model, recorder, like)
     late = recorder.late
-    true = dict(vehicle.derivatives)
+    true = mean_derivatives(air)
     for delay, axis, motion in (
         ("tau_r_base", "ped", "r"),
         ("tau_lat", "lat", "p"),
@@ -49,19 +99,20 @@ def true_values(
     return true
 
 
-def _gyro_values(vehicle: Vehicle) -> dict[str, float]:
+def _gyro_values(vehicle: Vehicle, base: dict[str, float]) -> dict[str, float]:
     gains = {name: vehicle.parameters[f"gyro.{name.lower()}"] for name in _GAINS}
-    base = vehicle.derivatives
     # the tail's thrust moves the helicopter sideways by Y_ped/N_ped of what it turns it
     slip = base["N_r"] + base["N_v"] * base["Y_ped"] / base["N_ped"]
     return {**gains, "tau_PED": vehicle.parameters["gyro.ped_latency"], "N_r_slip": slip}
 
 
 def _equivalent_values(
-    vehicle: Vehicle, model: ModelSpec, recorder: Recorder, like: ident.FrequencyResponse | None
+    air: Air, model: ModelSpec, recorder: Recorder, like: ident.FrequencyResponse | None
 ) -> dict[str, float]:
     omega = np.geomspace(*model.band, 200) if like is None else like.frequency
-    exact = exact_response(vehicle, model, recorder, omega)
+    each = [exact_response(there, model, recorder, omega) for _, there in air]
+    mean = np.array(sum(share * one.response for (share, _), one in zip(air, each)))
+    exact = replace(each[0], response=mean)
     if like is not None:
         exact = replace(exact, coherence=like.coherence)
     return dict(ident.identify(exact, model.structure, weighting=model.weighting).values)

@@ -19,6 +19,7 @@ from helisim.paper import published
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
 from helisim.study.truth import exact_response, true_values
+from helisim.units import DB_PER_NEPER
 from helisim.vehicle import Parameter, Parameters, Vehicle
 from helisim.vehicle.rate_command import tune_rate_command
 
@@ -52,7 +53,6 @@ _REST = 0.02
 """Weight that keeps what the targets leave free where the response put it."""
 _WORST_PERCENT = 3.0
 """Eq. (8) has five numbers and the loop one setting; 3.9 % is the paper's smallest bound."""
-_DECIBEL = 20.0 / np.log(10.0)
 _PHASE_WEIGHT = np.sqrt(0.01745) * 180.0 / np.pi
 """CIFER's weight of a degree against a decibel, for an error in radian."""
 
@@ -99,7 +99,7 @@ def margins(vehicle: Vehicle, axis: str, *, extra_delay: float = 0.0) -> Margins
     omega = np.geomspace(0.3, 0.999 * np.pi / loop.dt, 4000)
     answer = -np.asarray(loop(np.exp(1j * omega * loop.dt), squeeze=True))
     phase = np.unwrap(np.angle(answer)) - omega * extra_delay
-    decibel = _DECIBEL * np.log(np.abs(answer))
+    decibel = DB_PER_NEPER * np.log(np.abs(answer))
     crossings = _crossings(decibel)
     if crossings.size == 0:
         raise ModelError(f"the {axis} loop has no crossover: its gain never passes one")
@@ -182,7 +182,7 @@ def _solve(
         tried = vehicle.with_settings(setting(x))
         found = exact_response(tried, model, Recorder.of(tried), omega).response
         ratio = np.asarray(np.log(found / wanted), dtype=np.complex128)
-        errors = [_DECIBEL * ratio.real.ravel(), _PHASE_WEIGHT * ratio.imag.ravel()]
+        errors = [DB_PER_NEPER * ratio.real.ravel(), _PHASE_WEIGHT * ratio.imag.ravel()]
         return np.concatenate(errors) / np.sqrt(found.size)
 
     def near(x: NDArray[np.float64]) -> NDArray[np.float64]:

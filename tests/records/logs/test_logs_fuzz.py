@@ -38,8 +38,10 @@ def faults(data: bytes, channels=MAP, **options) -> list[str]:
     try:
         log = read_log(name, channels=channels, **options)
     except HelisimError as error:
-        told = str(error)
-        return [] if Path(name).name in told else [f"the message doesn't name the file: {told}"]
+        message = str(error)
+        return (
+            [] if Path(name).name in message else [f"the message doesn't name the file: {message}"]
+        )
     finally:
         os.unlink(name)
     return list(unsound(log, options.get("resample_hz")))
@@ -54,9 +56,9 @@ def unsound(log: Log, rate: float | None) -> Iterator[str]:
             yield f"time doesn't increase in record {k}"
         if rate is not None and abs(record.sample_time * rate - 1.0) > 1e-6:
             yield f"record {k} has steps of {record.sample_time} s, asked for were {1.0 / rate}"
-    told, kept = sum(part.samples for part in log.report.parts), sum(map(len, log.records))
-    if told != kept:
-        yield f"the report has {told} samples, the records have {kept}"
+    stated, kept = sum(part.samples for part in log.report.parts), sum(map(len, log.records))
+    if stated != kept:
+        yield f"the report has {stated} samples, the records have {kept}"
 
 
 CELLS = st.one_of(
@@ -139,8 +141,8 @@ def test_no_row_disappears_without_a_word(steps, holes, repair, resample_hz):
         if finding.kind == "short part":
             kept |= set(range(finding.rows[0], finding.rows[1] + 1))
     lost = set(range(2, 2 + len(steps))) - kept
-    told = {f.kind for f in log.report.findings}
-    assert not lost or told & {"gap", "duplicate stamp"}
+    kinds = {f.kind for f in log.report.findings}
+    assert not lost or kinds & {"gap", "duplicate stamp"}
     empty = {k + 2 for k in holes}
     assert lost <= empty | {2 + k for k in range(1, len(steps)) if steps[k] == 0}
 
@@ -248,13 +250,13 @@ def test_any_option_is_used_or_refused(rate, max_gap, min_duration, repair):
                 repair=repair,
             )
         except InputError as error:
-            told = str(error)
+            message = str(error)
         except HelisimError:
             return  # a gap, or nothing as long as that: the log is at fault, not an option
         else:
             assert sound
             return
-        assert not sound or "lower the rate" in told
+        assert not sound or "lower the rate" in message
 
 
 @given(

@@ -17,7 +17,7 @@ def parquet(path, **columns):
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "message"),
     [
         (lambda: Column(""), "expected a column's name"),
         (lambda: Column("p", 3), "unit of column 'p' is 3, expected text"),
@@ -40,18 +40,18 @@ def parquet(path, **columns):
         (lambda: Map({"time": Column("p")}), "can't be called 'time'"),
     ],
 )
-def test_a_map_that_makes_no_sense_is_refused_by_its_entry(make, told):
+def test_a_map_that_makes_no_sense_is_refused_by_its_entry(make, message):
     """One line with what was given."""
     with pytest.raises(InputError) as raised:
         make()
-    assert told in str(raised.value)
+    assert message in str(raised.value)
 
 
 TIMES = pa.array([0.0, 0.1, 0.2])
 
 
 @pytest.mark.parametrize(
-    ("columns", "time", "error", "told"),
+    ("columns", "time", "error", "message"),
     [
         ({"time": TIMES, "p": ["a", "b", "c"]}, Clock("time", "s"), StorageError, "holds string"),
         ({"time": TIMES[:0], "p": TIMES[:0]}, Clock("time", "s"), StorageError, "no rows"),
@@ -81,12 +81,12 @@ TIMES = pa.array([0.0, 0.1, 0.2])
         ({"time": TIMES, "p": [0.0, np.inf, 1.0]}, Clock("time", "s"), RecordError, "p"),
     ],
 )
-def test_a_table_that_is_no_log_is_refused_by_its_column(tmp_path, columns, time, error, told):
+def test_a_table_that_is_no_log_is_refused_by_its_column(tmp_path, columns, time, error, message):
     """The file, the column and what it holds."""
     path = parquet(tmp_path / "a.parquet", **columns)
     with pytest.raises(error) as raised:
         read_log(path, channels=Map(P, time))
-    assert told in str(raised.value)
+    assert message in str(raised.value)
     assert "a.parquet" in str(raised.value)
 
 
@@ -117,7 +117,7 @@ def test_a_tables_rate_replaces_its_clock(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ('t [s],"p\n0,1\n', "header"),
         ("t [s],p\n", "no numbers below the header"),
@@ -131,11 +131,11 @@ def test_a_tables_rate_replaces_its_clock(tmp_path):
         ('t [s],p\n0,1\n1,"2\n', "line"),
     ],
 )
-def test_a_text_that_is_no_log_is_refused_by_its_line(tmp_path, text, told):
+def test_a_text_that_is_no_log_is_refused_by_its_line(tmp_path, text, message):
     """The file, and the cell or line that can't be read."""
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(HelisimError) as raised:
         read_log(path, channels=Map({"p": Column("p", "rad/s")}))
-    assert told in str(raised.value)
+    assert message in str(raised.value)
     assert "a.csv" in str(raised.value)

@@ -6,7 +6,7 @@ import pytest
 from helisim.errors import InputError, RecordError
 from helisim.records.channels import channel
 from helisim.records.logs import read_log, screen
-from helisim.records.logs.kinematics import clocks
+from helisim.records.logs.kinematics import clock_errors
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 
@@ -81,7 +81,7 @@ def test_a_dead_sensor_is_cut_out_on_request():
     record = made(p=rate, lat=stick)
     noted = screen(record)
     assert kinds(noted) == ["frozen"]
-    assert "stands still for 1.5 s, in one stretch from row 2000" in noted.report.findings[0].text
+    assert "is frozen for 1.5 s, in one run from row 2000" in noted.report.findings[0].text
     cut = screen(record, repair="frozen")
     assert kinds(cut) == ["frozen", "gap"]
     before, after = cut.records
@@ -187,22 +187,22 @@ def turning(fast=0.0, slip=0.0, noise=1.0, seed=0):
 def test_angles_and_rates_tell_the_clocks(fast, slip):
     """How fast the clock is, and how much rates slip, within five of their standard errors."""
     with np.errstate(all="ignore"):
-        told = clocks(*turning(fast, slip))[0]
-    assert told.angle == "phi"
-    assert told.coherence > 0.999
-    assert told.fast_error < 1e-3
-    assert told.slip_error < 1e-5
+        found = clock_errors(*turning(fast, slip))[0]
+    assert found.angle == "phi"
+    assert found.coherence > 0.999
+    assert found.fast_error < 1e-3
+    assert found.slip_error < 1e-5
     # of the slip a part, 1e-4, is a scale as well
-    assert told.fast == pytest.approx(fast, abs=5.0 * told.fast_error + 1.1 * abs(slip))
-    assert told.slip == pytest.approx(slip, abs=5.0 * told.slip_error)
+    assert found.fast == pytest.approx(fast, abs=5.0 * found.fast_error + 1.1 * abs(slip))
+    assert found.slip == pytest.approx(slip, abs=5.0 * found.slip_error)
 
 
 def test_errors_of_the_clocks_are_honest():
     """Over forty seeds the found values scatter as their standard errors say, around none."""
     with np.errstate(all="ignore"):
-        told = [clocks(*turning(seed=seed))[0] for seed in range(40)]
+        found = [clock_errors(*turning(seed=seed))[0] for seed in range(40)]
     for value, error in (("fast", "fast_error"), ("slip", "slip_error")):
-        pulls = [getattr(one, value) / getattr(one, error) for one in told]
+        pulls = [getattr(one, value) / getattr(one, error) for one in found]
         # 40 pulls of 14 degrees of freedom: their rms is 1.08, to 12 %; the mean to 0.17
         assert 0.7 < np.sqrt(np.mean(np.square(pulls))) < 1.5
         assert abs(np.mean(pulls)) < 0.7

@@ -7,7 +7,7 @@ from script import loaded
 
 @pytest.fixture(scope="module")
 def study():
-    return loaded("campaign_study")
+    return loaded("proof/campaign_study")
 
 
 def made(errors, *, duration=90, flights=1, turbulence=0.0, parameter="N_r", se=0.01):

@@ -1,12 +1,16 @@
 """Campaigns in wind and turbulence: what is flown, and what counts as the truth there."""
 
+from pathlib import Path
+
 import pytest
 
 import helisim as hs
 from helisim.study.campaign import campaign_from
+from helisim.study.campaign.dataset import Dataset
 from helisim.study.campaign.replicate import fly_and_identify
 from helisim.study.identification import identify_model
 from helisim.study.models import HEAVE
+from helisim.study.truth import air_met, mean_derivatives
 
 PLAN = {
     "campaign": {"models": ["heave"], "flights": 1, "seed": 2, "integrator": "Euler"},
@@ -43,14 +47,29 @@ def test_flights_are_in_the_weather(by_weather):
 
 
 def test_truth_is_of_the_hover_in_the_wind(by_weather):
-    """Wind is airspeed, which damps the heave more; turbulence has no truth of its own."""
+    """Wind is airspeed, which damps the heave more."""
     calm, windy = by_weather[0, 0], by_weather[0, 6]
     vehicle = hs.Weather(wind=6.0).trimmed(hs.load("jr700"))
     assert windy["Z_w"].truth == pytest.approx(vehicle.derivatives["Z_w"], rel=1e-9)
     # the trimmed rotor meets 6 m/s besides the 4.2 m/s that it induces: more damping
     assert windy["Z_w"].truth < 1.1 * calm["Z_w"].truth < 0.0
+
+
+def test_truth_in_turbulence_is_the_mean_over_the_air(by_weather):
+    """Gusts from ahead and aside damp the heave more, whatever the mean wind."""
+    vehicle = hs.load("jr700", integrator="Euler")
     for wind in (0, 6):
-        assert by_weather[6, wind]["Z_w"].truth == by_weather[0, wind]["Z_w"].truth
+        rough, calm = by_weather[6, wind]["Z_w"].truth, by_weather[0, wind]["Z_w"].truth
+        air = air_met(vehicle, hs.Weather(turbulence=6.0, wind=wind))
+        assert rough == pytest.approx(mean_derivatives(air)["Z_w"], rel=1e-12)
+        assert rough < calm < 0.0
+
+
+def test_a_dataset_says_that_its_truth_is_a_mean():
+    """So that replicates judged by calm air's truth, as once, are not put beside others."""
+    gusty, calm = campaign_from(PLAN), campaign_from({})
+    assert Dataset(Path("gusty"), gusty).provenance["truth"] == "mean over the air met"
+    assert "truth" not in Dataset(Path("calm"), calm).provenance
 
 
 def test_turbulence_widens_the_error_bars(by_weather):

@@ -9,7 +9,7 @@ go wrong are looked for in every log, and noted.
 from helisim.records.logs.log import Log
 from helisim.records.logs.mapping import Clock, Column, Layout, Map
 from helisim.records.logs.read import REPAIRS, read_log, screen
-from helisim.records.logs.report import Finding, LogReport
+from helisim.records.logs.report import LogFinding, LogReport
 from helisim.records.logs.units import UNITS
 
 __all__ = [
@@ -17,9 +17,9 @@ __all__ = [
     "UNITS",
     "Clock",
     "Column",
-    "Finding",
     "Layout",
     "Log",
+    "LogFinding",
     "LogReport",
     "Map",
     "read_log",

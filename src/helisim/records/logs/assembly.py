@@ -1,19 +1,19 @@
 """Assembles a log from columns or from a record: channels in SI, screened, repaired, cut."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import RecordError
 from helisim.records.channels import Channel
-from helisim.records.logs.log import Log, made_log, passband, steps
+from helisim.records.logs.log import Log, assemble_log, passband, steps
 from helisim.records.logs.mapping import Column, Map, find_column
 from helisim.records.logs.parts import Options, cut, tidied, unwrapped
-from helisim.records.logs.report import OURS, Finding, LogReport
-from helisim.records.logs.screening import clocks_of, note_lost_samples, screened
+from helisim.records.logs.report import OURS, LogFinding, LogReport
+from helisim.records.logs.screening import check_clocks, note_lost_samples, screened
 from helisim.records.logs.source import Source, place
 from helisim.records.logs.timing import Samples, within
 from helisim.records.provenance import made_by
@@ -23,7 +23,7 @@ from helisim.records.record import FlightRecord
 def from_record(
     path: Path,
     record: FlightRecord,
-    fingerprint: str,
+    log_digest: str,
     options: Options,
     wanted: Sequence[str] | None,
 ) -> Log:
@@ -31,16 +31,16 @@ def from_record(
     samples = Samples(
         path, "row", np.arange(len(record)), record.time, record.values, record.names, "time"
     )
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     samples = within(samples, record.time[0] + np.array(options.limits), findings)
     samples = screened(samples, record.channels, options.repairs, findings, wanted=wanted)
     note_lost_samples(samples, options.rate is not None, findings)
     made = (cut((samples,), options, findings),)
-    findings += clocks_of(made, record.names)
+    findings += check_clocks(made, record.names)
     report = LogReport(
         path=str(path),
         format=OURS,
-        digest=fingerprint,
+        digest=log_digest,
         counts="row",
         samples=len(record),
         columns={channel.name: f"as recorded, in {channel.unit}" for channel in record.channels},
@@ -55,82 +55,109 @@ def from_record(
     headings = {name: name for name in record.names}
     if options.rate is None and not report.repairs and report.parts[0].samples == len(record):
         return Log((record,), report, headings)
-    return made_log(made, record.channels, report, headings, record.provenance)
+    return assemble_log(made, record.channels, report, headings, record.provenance)
 
 
 def from_source(
-    source: Source, map_: Map, fingerprint: str, options: Options, marks: Mapping[str, Any]
+    source: Source, map_: Map, log_digest: str, options: Options, facts: Mapping[str, Any]
 ) -> Log:
     """Read anyone's log by a map whose channels are complete."""
     findings = list(source.findings)
-    headings: dict[str, str] = {}
-    told: dict[str, str] = {}
-    channels: dict[str, Channel] = {}
-    groups: dict[str, dict[str, NDArray[np.float64]]] = {}
-    for name, column in map_.channels.items():
-        heading = find_column(column.column, source.names, f"column of channel {name!r}")
-        stated = source.stated_unit(heading)
-        channels[name], factor = column.converts(name, stated)
-        headings[name] = heading
-        told[name] = _told(column, heading, stated, channels[name])
-        values = _converted(source, heading, column, factor)
-        groups.setdefault(source.clock(heading), {})[name] = values
-    samples = []
-    clocks = {}
-    for clock, columns in groups.items():
-        stamps, origin, time_heading = source.stamps(clock, map_.time)
-        clocks[time_heading] = origin
-        read = Samples(
-            source.path,
-            source.counts,
-            source.rows(clock),
-            stamps,
-            np.column_stack(list(columns.values())),
-            tuple(headings[name] for name in columns),
-            time_heading,
-        )
-        samples.append(within(read, np.array(options.limits), findings))
-    order = [name for columns in groups.values() for name in columns]
-    stretches = tidied(tuple(samples), options, findings)
-    stretches = tuple(
-        tuple(
-            unwrapped(one, [(map_.channels[name], channels[name]) for name in columns], findings)
-            for one, columns in zip(stretch, groups.values())
-        )
-        for stretch in stretches
-    )
-    stretches = tuple(
-        tuple(
-            screened(one, [channels[name] for name in columns], options.repairs, findings)
-            for one, columns in zip(stretch, groups.values())
-        )
-        for stretch in stretches
-    )
+    mapped = _mapped(source, map_)
+    channels = mapped.channels
+    samples, origins = _samples(source, mapped, map_, options, findings)
+    groups = [list(columns) for columns in mapped.by_clock.values()]
+
+    def each(
+        stretches: Sequence[Sequence[Samples]], treat: Callable[[Samples, list[str]], Samples]
+    ) -> tuple[tuple[Samples, ...], ...]:
+        return tuple(tuple(map(treat, stretch, groups)) for stretch in stretches)
+
+    def continuous(one: Samples, names: list[str]) -> Samples:
+        return unwrapped(one, [(map_.channels[name], channels[name]) for name in names], findings)
+
+    def sound(one: Samples, names: list[str]) -> Samples:
+        return screened(one, [channels[name] for name in names], options.repairs, findings)
+
+    stretches = each(each(tidied(samples, options, findings), continuous), sound)
     for one in (one for stretch in stretches for one in stretch):
         note_lost_samples(one, options.rate is not None, findings)
     made = tuple(cut(stretch, options, findings) for stretch in stretches)
-    findings += clocks_of(made, order)
-    used = {*headings.values(), *clocks}
+    order = [name for names in groups for name in names]
+    findings += check_clocks(made, order)
+    used = {*mapped.headings.values(), *origins}
     report = LogReport(
         path=str(source.path),
         format=source.format,
-        digest=fingerprint,
+        digest=log_digest,
         counts=source.counts,
         samples=max(one.time.size for one in samples),
-        columns=told,
+        columns=mapped.computed,
         unused=tuple(name for name in source.names if name not in used),
-        origin=next(iter(clocks.values())),
+        origin=next(iter(origins.values())),
         step=steps(tuple(one for stretch in stretches for one in stretch)),
         findings=(*findings, *(finding for one in made for finding in one.left_out)),
         resampled_hz=options.rate,
         passband_hz=passband(made, options.rate),
         parts=tuple(part for one in made for part in one.parts),
     )
-    provenance = made_by("log reader", **marks)
-    return made_log(made, tuple(channels[name] for name in order), report, headings, provenance)
+    provenance = made_by("log reader", **facts)
+    ordered = tuple(channels[name] for name in order)
+    return assemble_log(made, ordered, report, mapped.headings, provenance)
 
 
-def _told(column: Column, heading: str, stated: str | None, channel: Channel) -> str:
+class _Mapped(NamedTuple):
+    """A log's columns as channels in SI.
+
+    Attributes:
+        channels: name -> the channel.
+        headings: name -> the column's heading.
+        computed: name -> how it is computed, for people.
+        by_clock: clock -> name -> (n_time,) values, NaN where there is no number.
+    """
+
+    channels: dict[str, Channel]
+    headings: dict[str, str]
+    computed: dict[str, str]
+    by_clock: dict[str, dict[str, NDArray[np.float64]]]
+
+
+def _mapped(source: Source, map_: Map) -> _Mapped:
+    mapped = _Mapped({}, {}, {}, {})
+    for name, column in map_.channels.items():
+        heading = find_column(column.column, source.names, f"column of channel {name!r}")
+        stated = source.stated_unit(heading)
+        channel, factor = column.converts(name, stated)
+        mapped.channels[name] = channel
+        mapped.headings[name] = heading
+        mapped.computed[name] = _computation(column, heading, stated, channel)
+        values = _converted(source, heading, column, factor)
+        mapped.by_clock.setdefault(source.clock(heading), {})[name] = values
+    return mapped
+
+
+def _samples(
+    source: Source, mapped: _Mapped, map_: Map, options: Options, findings: list[LogFinding]
+) -> tuple[tuple[Samples, ...], dict[str, str]]:
+    """Return the samples of each clock within the limits, and each clock's first stamp."""
+    samples, origins = [], {}
+    for clock, columns in mapped.by_clock.items():
+        stamps, origin, time_heading = source.stamps(clock, map_.time)
+        origins[time_heading] = origin
+        read = Samples(
+            source.path,
+            source.counts,
+            source.rows(clock),
+            stamps,
+            np.column_stack(list(columns.values())),
+            tuple(mapped.headings[name] for name in columns),
+            time_heading,
+        )
+        samples.append(within(read, np.array(options.limits), findings))
+    return tuple(samples), origins
+
+
+def _computation(column: Column, heading: str, stated: str | None, channel: Channel) -> str:
     """Return how a channel is computed, for people."""
     unit = column.unit or stated
     number = f"{heading!r}" if column.trim is None else f"({heading!r} - {column.trim:g})"

@@ -1,4 +1,4 @@
-"""Logs of PX4 (ULog) and ArduPilot (DataFlash), by their projects' own readers.
+"""Reads logs of PX4 (ULog) and ArduPilot (DataFlash), by their projects' own readers.
 
 A column is called `topic.field`, such as `vehicle_angular_velocity.xyz[0]` or `RATE.R`; a
 second instance is `topic[1].field`. Each topic has its own clock, which counts microseconds.
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import InputError, StorageError
 from helisim.records.logs.mapping import Clock
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 from helisim.records.logs.source import MAX_COLUMNS, check_no_infinity
 from helisim.records.logs.units import is_unit
 
@@ -33,7 +33,7 @@ _READS_A_BYTE = 4
 
 
 class _Finite(io.BytesIO):
-    """Bytes that are not read for ever: a damaged log sends pyulog back to where it was."""
+    """Bytes with a limit of reads: a corrupt log sends pyulog back to where it was."""
 
     def __init__(self, data: bytes) -> None:
         super().__init__(data)
@@ -68,7 +68,7 @@ class TopicLog:
         topics: Mapping[str, Mapping[str, NDArray[np.float64]]],
         clocks: Mapping[str, NDArray[np.float64]],
         units: Mapping[str, str],
-        findings: list[Finding],
+        findings: list[LogFinding],
     ) -> None:
         self.path = path
         self.format = format
@@ -106,7 +106,7 @@ class TopicLog:
         return values
 
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:
-        """Return seconds since the log's first stamp of all topics, that, and the column."""
+        """Return seconds (n_time,) since the log's first stamp, that stamp, and the column."""
         if time is not None:
             raise InputError(f"{self.path}: {self.format} has its own clock; leave out [time]")
         first = min(float(stamps[0]) for stamps in self._clocks.values() if stamps.size)
@@ -124,11 +124,11 @@ def read_ulog(path: Path, data: bytes) -> TopicLog:
         raise _unreadable(path, "ULog", error) from None
     findings = _notes(printed.getvalue())
     if log.file_corruption:
-        findings.append(Finding("corruption", "the log is damaged: messages were lost"))
+        findings.append(LogFinding("corruption", "the log is damaged: messages were lost"))
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts)
         text = f"{len(log.dropouts)} dropouts of the logger, {lost} ms in all"
-        findings.append(Finding("dropout", text, len(log.dropouts)))
+        findings.append(LogFinding("dropout", text, len(log.dropouts)))
     topics: dict[str, dict[str, NDArray[np.float64]]] = {}
     clocks: dict[str, NDArray[np.float64]] = {}
     for one in log.data_list:
@@ -169,7 +169,7 @@ def read_dataflash(path: Path, data: bytes) -> TopicLog:
     findings = _notes(printed.getvalue())
     if binary and used != len(data):
         text = f"{len(data) - used} of {len(data)} bytes belong to no whole message"
-        findings.append(Finding("corruption", text))
+        findings.append(LogFinding("corruption", text))
     return TopicLog(path, "DataFlash", topics, clocks, units, findings)
 
 
@@ -231,9 +231,9 @@ def _unreadable(path: Path, format: str, error: Exception) -> StorageError:
     return StorageError(f"{path}: not {format}, truncated or corrupt: {reason}")
 
 
-def _notes(printed: str) -> list[Finding]:
+def _notes(printed: str) -> list[LogFinding]:
     """Return what a reader printed as one finding, so that it isn't lost."""
     lines = [line.strip() for line in printed.splitlines() if line.strip()]
     if not lines:
         return []
-    return [Finding("reader's note", f"the reader says: {lines[0][:200]}", len(lines))]
+    return [LogFinding("reader's note", f"the reader says: {lines[0][:200]}", len(lines))]

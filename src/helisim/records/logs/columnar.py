@@ -1,4 +1,4 @@
-"""Parquet by any program."""
+"""Reads Parquet files of any program."""
 
 from pathlib import Path
 
@@ -8,13 +8,11 @@ from numpy.typing import NDArray
 
 from helisim.errors import RecordError, StorageError
 from helisim.records.logs.mapping import Clock, split_heading
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 from helisim.records.logs.source import MAX_COLUMNS, check_no_infinity, place
 from helisim.records.logs.text import time_column
 from helisim.records.logs.units import DATES, TIME_UNITS, is_unit
 from helisim.records.parquet import read_table
-
-MAGIC = b"PAR1"
 
 _WIDEST = 9e18
 """Differences of whole numbers up to this are exact in 64 bits."""
@@ -28,7 +26,7 @@ class ParquetLog:
 
     def __init__(self, path: Path, data: bytes) -> None:
         self.path = path
-        self.findings: list[Finding] = []
+        self.findings: list[LogFinding] = []
         self._table = read_table(path, data)
         self.names: tuple[str, ...] = tuple(self._table.column_names)
         if len(self.names) > MAX_COLUMNS:
@@ -44,8 +42,8 @@ class ParquetLog:
     def stated_unit(self, name: str) -> str | None:
         """Return the unit in the field's metadata or in the name's brackets, if it is one."""
         metadata = self._table.schema.field(self.names.index(name)).metadata or {}
-        told = metadata.get(b"unit")
-        unit = told.decode("utf-8", "replace") if told is not None else split_heading(name)[1]
+        stated = metadata.get(b"unit")
+        unit = stated.decode("utf-8", "replace") if stated is not None else split_heading(name)[1]
         return unit if unit is not None and is_unit(unit) else None
 
     def clock(self, name: str) -> str:
@@ -57,7 +55,7 @@ class ParquetLog:
         return np.arange(self._table.num_rows)
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """Return a column, NaN where it is null.
+        """Return a column, (n_time,), NaN where it is null.
 
         Raises:
             StorageError: the column doesn't hold numbers.
@@ -77,7 +75,7 @@ class ParquetLog:
         return values
 
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:
-        """Return seconds since the first stamp, that stamp, and the column."""
+        """Return seconds since the first stamp (n_time,), that stamp, and the column."""
         count = self._table.num_rows
         if time is not None and time.rate is not None:
             return np.arange(count) / time.rate, "0", f"{time.rate:g} Hz"

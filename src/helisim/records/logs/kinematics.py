@@ -1,7 +1,7 @@
-"""Whether angles are the integrals of the rates: what tells a clock that goes wrong.
+"""Finds clocks that go wrong, by whether angles are the integrals of the rates.
 
 Both sides are integrated, windowed and filtered alike, so that the ratio of their transforms is
-that of the clocks. Only a helicopter that turns much tells much.
+that of the clocks. It takes a helicopter that turns much.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,10 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.signal import detrend
 
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 
 _NEEDED = ("p", "q", "r", "phi", "theta", "psi")
 _WINDOWS = 16
@@ -29,8 +27,8 @@ _LEAST_SLIP = 3e-3
 """s, over a record: a third of a sample at 100 Hz, below any delay's error."""
 
 
-class Clocks(NamedTuple):
-    """What one angle says of the clocks, each with its standard error.
+class ClockErrors(NamedTuple):
+    """The errors of the clocks by one angle, each with its standard error.
 
     Attributes:
         angle: "phi", "theta" or "psi".
@@ -49,13 +47,17 @@ class Clocks(NamedTuple):
     slip_error: float
 
 
-def clocks(time: NDArray[np.float64], channels: Mapping[str, NDArray[np.float64]]) -> list[Clocks]:
+def clock_errors(
+    time: NDArray[np.float64], channels: Mapping[str, NDArray[np.float64]]
+) -> list[ClockErrors]:
     """Compare the three angles of a uniform record with the integrals of its rates.
 
     Args:
         time: (n_time,) s.
         channels: p, q, r in rad/s and phi, theta, psi in rad, (n_time,) each.
     """
+    from scipy.interpolate import CubicSpline  # slow to import, and most commands read no log
+
     p, q, r, phi, theta, psi = (channels[name] for name in _NEEDED)
     turning = q * np.sin(phi) + r * np.cos(phi)
     rates = {
@@ -80,25 +82,27 @@ def clocks(time: NDArray[np.float64], channels: Mapping[str, NDArray[np.float64]
         if not np.any(other):
             continue
         middle = (starts + 0.5 * length) * step
-        found.append(_compare(name, one, other, 2.0 * np.pi * frequency[inside], middle))
+        found.append(_errors_by(name, one, other, 2.0 * np.pi * frequency[inside], middle))
     return found
 
 
 def _transforms(
     signal: NDArray[np.float64], starts: NDArray[np.intp], length: int
 ) -> NDArray[np.complex128]:
+    from scipy.signal import detrend  # slow to import
+
     segments = np.stack([signal[start : start + length] for start in starts])
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
     return np.fft.rfft(detrend(segments, axis=1) * window, axis=1)
 
 
-def _compare(
+def _errors_by(
     name: str,
     angle: NDArray[np.complex128],
     integral: NDArray[np.complex128],
     omega: NDArray[np.float64],
     middle: NDArray[np.float64],
-) -> Clocks:
+) -> ClockErrors:
     """Return scale and delay between transforms, (n_window, n_freq) each."""
     cross = np.sum(angle * integral.conj(), axis=0)
     slope = np.abs(cross) * omega
@@ -119,7 +123,7 @@ def _compare(
     slip = np.sum(weight * since * late) / spread
     left = late - np.average(late, weights=weight) - slip * since
     slip_error = np.sqrt(np.sum(weight * left**2) / (count - 2.0) / spread)
-    return Clocks(
+    return ClockErrors(
         name,
         float(coherence),
         float(1.0 / scale - 1.0),
@@ -131,42 +135,42 @@ def _compare(
 
 def clock_findings(
     parts: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]], names: Sequence[str]
-) -> list[Finding]:
-    """Return what the angles of each part of a log say of its clocks, if they say it surely.
+) -> list[LogFinding]:
+    """Return the errors of a log's clocks that its angles show surely, part by part.
 
     Args:
         parts: time and values, (n_time,) and (n_time, n_channel), uniform.
         names: of the channels.
     """
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     if not set(_NEEDED) <= set(names):
         return findings
     for time, values in parts:
         channels = {name: values[:, names.index(name)] for name in _NEEDED}
         with np.errstate(all="ignore"):
-            told = [one for one in clocks(time, channels) if one.coherence > _COHERENT]
-        findings += _say(told, float(time[-1] - time[0]))
+            coherent = [one for one in clock_errors(time, channels) if one.coherence > _COHERENT]
+        findings += _findings(coherent, float(time[-1] - time[0]))
     return findings
 
 
-def _say(told: Sequence[Clocks], duration: float) -> list[Finding]:
+def _findings(coherent: Sequence[ClockErrors], duration: float) -> list[LogFinding]:
     findings = []
-    if not told:
+    if not coherent:
         return findings
-    best = min(told, key=lambda one: one.fast_error)
+    best = min(coherent, key=lambda one: one.fast_error)
     if abs(best.fast) > _SURE * best.fast_error:
         text = (
             f"the rates' integral is {100.0 * best.fast:+.2f} +- {100.0 * best.fast_error:.2f} % "
             f"off {best.angle}: the clock is {'fast' if best.fast > 0.0 else 'slow'} by as much, "
             "or a sensor's scale is wrong; not corrected: 1/s are off by as much, 1/s^2 by twice"
         )
-        findings.append(Finding("clock", text))
-    best = min(told, key=lambda one: one.slip_error)
+        findings.append(LogFinding("clock", text))
+    best = min(coherent, key=lambda one: one.slip_error)
     if abs(best.slip) > max(_SURE * best.slip_error, _LEAST_SLIP / duration):
         text = (
             f"the rates slip against {best.angle} by {1e6 * best.slip:+.0f} +- "
             f"{1e6 * best.slip_error:.0f} us a second, {1e3 * abs(best.slip) * duration:.2g} ms in "
             "all: they were stamped by two clocks; not corrected: delays are off by up to as much"
         )
-        findings.append(Finding("clock", text))
+        findings.append(LogFinding("clock", text))
     return findings

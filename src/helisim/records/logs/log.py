@@ -71,22 +71,22 @@ def passband(made: Sequence[Cut], rate: float | None) -> float | None:
     return PASSBAND * rate / 2.0
 
 
-def made_log(
+def assemble_log(
     made: Sequence[Cut],
     channels: tuple[Channel, ...],
     report: LogReport,
     headings: Mapping[str, str],
     provenance: Mapping[str, Any],
 ) -> Log:
-    """Return the log, each of its records with the report in its provenance.
+    """Make the log of what its stretches became, the report in each record's provenance.
 
     Raises RecordError.
     """
     times = [time for one in made for time in one.time]
     values = [one_values for one in made for one_values in one.values]
     if not times:
-        told = "; ".join(finding.text for finding in report.findings) or "no samples"
-        raise RecordError(f"{report.path}, {told}; nothing is left of it")
+        reasons = "; ".join(finding.text for finding in report.findings) or "no samples"
+        raise RecordError(f"{report.path}, {reasons}; nothing is left of it")
     records = []
     for k, (time, numbers) in enumerate(zip(times, values)):
         part = report.parts[k]
@@ -95,9 +95,9 @@ def made_log(
         if bad.size:
             column = headings[channels[bad[0]].name]
             raise RecordError(f"{report.path}, column {column!r}, {rows}: too large to interpolate")
-        told = {**provenance, "log": report.to_dict(), "part": k}
+        facts = {**provenance, "log": report.to_dict(), "part": k}
         try:
-            records.append(FlightRecord(time, numbers, channels, told))
+            records.append(FlightRecord(time, numbers, channels, facts))
         except RecordError as error:
             raise RecordError(f"{report.path}, {rows}: {error}") from None
     return Log(tuple(records), report, headings)

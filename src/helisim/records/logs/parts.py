@@ -1,4 +1,4 @@
-"""From samples as a log has them to the parts that become records."""
+"""Cuts a log's samples into the parts that become records, and resamples them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from helisim.errors import RecordError
 from helisim.records.channels import Channel
 from helisim.records.logs.mapping import Column
-from helisim.records.logs.report import Finding, Part
+from helisim.records.logs.report import LogFinding, Part
 from helisim.records.logs.resample import Interpolant, interpolant, oversampling, resample
 from helisim.records.logs.timing import (
     Samples,
@@ -20,9 +20,7 @@ from helisim.records.logs.timing import (
     pieces,
     without_duplicates,
 )
-
-UNIFORM = 1e-6
-"""A step may differ from the mean by this fraction, as `FlightRecord.sample_time` has it."""
+from helisim.records.record import UNIFORM
 
 _WRAP = 1.5 * np.pi
 """rad: an angle that jumps by more between two samples went around."""
@@ -47,7 +45,7 @@ class Options(NamedTuple):
 
 
 def tidied(
-    samples: tuple[Samples, ...], options: Options, findings: list[Finding]
+    samples: tuple[Samples, ...], options: Options, findings: list[LogFinding]
 ) -> tuple[tuple[Samples, ...], ...]:
     """Return stretches of all clocks, in order and without duplicates."""
     for one in samples:
@@ -74,7 +72,7 @@ def tidied(
 
 
 def unwrapped(
-    samples: Samples, channels: Sequence[tuple[Column, Channel]], findings: list[Finding]
+    samples: Samples, channels: Sequence[tuple[Column, Channel]], findings: list[LogFinding]
 ) -> Samples:
     """Return the samples with angles that went around made continuous."""
     values = samples.values.copy()
@@ -91,7 +89,7 @@ def unwrapped(
             f"column {samples.columns[k]!r}: goes around {turns.size} times, the first in "
             f"{samples.counts} {rows[0]}; made continuous"
         )
-        findings.append(Finding("angle wraps", text, turns.size, rows, True))
+        findings.append(LogFinding("angle wraps", text, turns.size, rows, True))
     return replace(samples, values=values)
 
 
@@ -102,11 +100,11 @@ class Cut:
     time: list[NDArray[np.float64]]
     values: list[NDArray[np.float64]]
     parts: list[Part]
-    left_out: list[Finding]
+    left_out: list[LogFinding]
     factor: int
 
 
-def cut(stretch: tuple[Samples, ...], options: Options, findings: list[Finding]) -> Cut:
+def cut(stretch: tuple[Samples, ...], options: Options, findings: list[LogFinding]) -> Cut:
     """Cut a stretch at its gaps, fill what is missing, and resample where asked for."""
     first = stretch[0]
     spans = []
@@ -119,19 +117,18 @@ def cut(stretch: tuple[Samples, ...], options: Options, findings: list[Finding])
         factor = max((oversampling(step, options.rate) for step in steps), default=1)
     made = Cut([], [], [], [], factor)
     for start, stop in _shared(spans):
-        lines = [_lines(one, start, stop) for one in stretch]
-        through = [line for group in lines for line in group]
         inside = np.flatnonzero((first.time >= start) & (first.time <= stop))
         if options.rate is None:
             time = first.time[inside]
             values = first.values[inside].copy()
-            for k, line in enumerate(through):
+            for k in range(values.shape[1]):
                 holes = np.isnan(values[:, k])
-                values[holes, k] = line(time[holes])
+                if holes.any():
+                    values[holes, k] = _line(first, k, start, stop)(time[holes])
         else:
             count = int(min(np.floor((stop - start) * options.rate + 1e-6), 1e12)) + 1
             values = resample(
-                through,
+                [_line(one, k, start, stop) for one in stretch for k in range(len(one.columns))],
                 start,
                 count,
                 rate=options.rate,
@@ -146,7 +143,7 @@ def cut(stretch: tuple[Samples, ...], options: Options, findings: list[Finding])
                 f"{first.counts}s {row[0]} to {row[1]}: {time.size} samples, {span:.4g} s, left "
                 "out as too short"
             )
-            made.left_out.append(Finding("short part", text, 1, tuple(row), True))
+            made.left_out.append(LogFinding("short part", text, 1, tuple(row), True))
             continue
         made.time.append(time)
         made.values.append(values)
@@ -166,20 +163,17 @@ def _uneven(samples: Samples, inside: NDArray[np.intp]) -> str:
     return f"{where}: {steps[worst]:.6g} s after the {samples.counts} before, on average {mean:.6g}"
 
 
-def _lines(samples: Samples, start: float, stop: float) -> list[Interpolant]:
-    """Return a function of time for each channel between two instants.
+def _line(samples: Samples, k: int, start: float, stop: float) -> Interpolant:
+    """Return a function of time for a column between two instants.
 
-    Samples beyond are used only where a channel has none at the instant itself.
+    Samples beyond are used only where it has none at the instant itself.
     """
-    found = []
-    for values in samples.values.T:
-        known = np.flatnonzero(np.isfinite(values))
-        time = samples.time[known]
-        low = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
-        high = min(int(np.searchsorted(time, stop, side="left")), time.size - 1)
-        keep = known[low : high + 1]
-        found.append(interpolant(samples.time[keep], values[keep]))
-    return found
+    known = np.flatnonzero(np.isfinite(samples.values[:, k]))
+    time = samples.time[known]
+    low = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
+    high = min(int(np.searchsorted(time, stop, side="left")), time.size - 1)
+    keep = known[low : high + 1]
+    return interpolant(samples.time[keep], samples.values[keep, k])
 
 
 def _shared(spans: Sequence[Sequence[tuple[float, float]]]) -> list[tuple[float, float]]:

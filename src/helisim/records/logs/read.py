@@ -16,8 +16,6 @@ from helisim.records.logs.autopilot import (
     read_dataflash,
     read_ulog,
 )
-from helisim.records.logs.columnar import MAGIC as PARQUET_MAGIC
-from helisim.records.logs.columnar import ParquetLog
 from helisim.records.logs.log import Log
 from helisim.records.logs.mapping import Clock, Column, Map, find_column, split_heading
 from helisim.records.logs.parts import Options
@@ -29,7 +27,7 @@ from helisim.records.storage import read_record
 
 REPAIRS: dict[str, str] = {
     "duplicates": "average rows that have the same stamp",
-    "frozen": "leave out stretches in which measured motion stands still, and split the log there "
+    "frozen": "leave out stretches in which measured motion is frozen, and split the log there "
     "as at gaps",
     "gaps": "split the log at its gaps",
     "missing": "interpolate cells without a number",
@@ -41,6 +39,7 @@ REPAIRS: dict[str, str] = {
 """What may be done to a log, each only on request."""
 
 _OURS_CSV = b"# helisim flight record"
+_PARQUET_MAGIC = b"PAR1"
 
 
 def read_log(
@@ -93,9 +92,9 @@ def read_log(
         map_ = map_.with_channels(_by_name(source, wanted, map_.channels))
     elif not map_.channels:
         map_ = map_.with_channels(_stated(source))
-    told = _ended(path) if mapped and _is_ours(data) else {}
+    ended = _ended(path) if mapped and _is_ours(data) else {}
     try:
-        return from_source(source, map_, digest(data), options, told)
+        return from_source(source, map_, digest(data), options, ended)
     except InputError as error:
         raise _named(path, error) from None
 
@@ -109,11 +108,11 @@ def screen(
     max_gap: float | None = None,
     min_duration: float = 0.0,
 ) -> Log:
-    """Look a record in memory through as `read_log` does one in a file, and repair it.
+    """Screen and repair a record in memory, as `read_log` does one in a file.
 
     Args:
-        record: to look through; it stays as it is.
-        channels: to look at for spikes and stretches that stand still; all if None.
+        record: to screen; it stays as it is.
+        channels: to look at for spikes and frozen runs; all if None.
         resample_hz: as for `read_log`, and so are all others.
         repair: see `REPAIRS`.
         max_gap: s.
@@ -124,9 +123,9 @@ def screen(
         InputError: an option doesn't exist.
     """
     options = _options(resample_hz, repair, max_gap, min_duration, (None, None))
-    fingerprint = digest(record.time.tobytes() + record.values.tobytes())
+    content = digest(record.time.tobytes() + record.values.tobytes())
     wanted = (channels,) if isinstance(channels, str) else channels
-    return from_record(Path("record"), record, fingerprint, options, wanted)
+    return from_record(Path("record"), record, content, options, wanted)
 
 
 def _named(path: Path, error: HelisimError) -> HelisimError:
@@ -184,11 +183,11 @@ def _as_map(
 def _is_ours(data: bytes) -> bool:
     if data.removeprefix(b"\xef\xbb\xbf").startswith(_OURS_CSV):
         return True
-    return data.startswith(PARQUET_MAGIC) and b"helisim" in data[-(1 << 16) :] and _has_key(data)
+    return data.startswith(_PARQUET_MAGIC) and b"helisim" in data[-(1 << 16) :] and _has_key(data)
 
 
 def _ended(path: Path) -> dict[str, Any]:
-    """Return the mark of a helisim record whose flight was over before its time, or nothing."""
+    """Return the mark of a helisim record whose flight was terminated early, or nothing."""
     try:
         provenance = read_record(path).provenance
     except (StorageError, RecordError):
@@ -197,6 +196,8 @@ def _ended(path: Path) -> dict[str, Any]:
 
 
 def _has_key(data: bytes) -> bool:
+    from helisim.records.logs.columnar import ParquetLog  # pyarrow is slow to import
+
     try:
         return b"helisim" in ParquetLog(Path("."), data).metadata
     except StorageError:
@@ -204,7 +205,9 @@ def _has_key(data: bytes) -> bool:
 
 
 def _open(path: Path, data: bytes, map_: Map, cut_tail: bool) -> Source:
-    if data.startswith(PARQUET_MAGIC):
+    if data.startswith(_PARQUET_MAGIC):
+        from helisim.records.logs.columnar import ParquetLog
+
         return ParquetLog(path, data)
     if data.startswith(ULOG_MAGIC):
         return read_ulog(path, data)

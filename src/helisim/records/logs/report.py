@@ -1,4 +1,4 @@
-"""What was found in a log and what was done about it."""
+"""The report of a log that was read: what was found, and what was repaired."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ _ROWS_KEPT = 20
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One thing about a log that a careful reader would want to know.
+class LogFinding:
+    """One fault or oddity of a log, and whether it was repaired.
 
     Attributes:
         kind: such as "gap", "duplicate stamp" or "missing number".
@@ -94,7 +94,7 @@ class LogReport:
     unused: tuple[str, ...]
     origin: str
     step: tuple[float, float, float]
-    findings: tuple[Finding, ...]
+    findings: tuple[LogFinding, ...]
     resampled_hz: float | None
     passband_hz: float | None
     parts: tuple[Part, ...]
@@ -103,7 +103,7 @@ class LogReport:
         object.__setattr__(self, "columns", MappingProxyType(dict(self.columns)))
 
     @property
-    def repairs(self) -> tuple[Finding, ...]:
+    def repairs(self) -> tuple[LogFinding, ...]:
         """The findings because of which data were changed."""
         return tuple(finding for finding in self.findings if finding.repaired)
 
@@ -145,12 +145,12 @@ class LogReport:
         if self.format != OURS:
             lines += [f"  {name} = {text}" for name, text in self.columns.items()]
         if self.resampled_hz is not None:
-            told = (
+            message = (
                 f"low-pass filtered, unchanged up to {self.passband_hz:.4g} Hz"
                 if self.passband_hz is not None
                 else "no filter: the log is not faster"
             )
-            lines.append(f"  resampled to {self.resampled_hz:g} Hz, {told}")
+            lines.append(f"  resampled to {self.resampled_hz:g} Hz, {message}")
         if len(self.parts) > 1:
             lines.append(f"  {len(self.parts)} records:")
             lines += [

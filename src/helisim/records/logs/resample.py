@@ -11,8 +11,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import Akima1DInterpolator
-from scipy.signal import firwin, kaiser_beta, upfirdn
 
 from helisim.errors import InputError
 
@@ -48,6 +46,8 @@ def interpolant(time: NDArray[np.float64], values: NDArray[np.float64]) -> Inter
     """Return a function of time through samples, (n_time,) each; constant beyond the ends."""
     if time.size < 3:
         return lambda at: np.interp(at, time, values)
+    from scipy.interpolate import Akima1DInterpolator  # slow to import, like all of scipy here
+
     try:
         with np.errstate(all="ignore"):
             through = Akima1DInterpolator(time, values, method="makima")
@@ -89,6 +89,8 @@ def resample(
     Raises:
         InputError: the grid is too large.
     """
+    from scipy.signal import upfirdn
+
     most = min(_MAX_SAMPLES, 100_000 + _MAX_EXPANSION * samples)
     if count * factor > most:
         raise InputError(
@@ -111,6 +113,8 @@ def _low_pass(factor: int) -> NDArray[np.float64]:
 
     Its length is so that its middle falls on a sample of the grid.
     """
+    from scipy.signal import firwin, kaiser_beta
+
     width = (1.0 - PASSBAND) / factor
     length = (_STOP_DECIBEL - 7.95) / (2.285 * math.pi * width)
     half = math.ceil(length / (2.0 * factor)) * factor

@@ -1,10 +1,11 @@
-"""What a log's channels and stamps say of its recorder: spikes, dead sensors, lost samples.
+"""Screens a log for faults of its recorder: spikes, frozen sensors, lost samples, wrong clocks.
 
 Each is noted, and left out where that was asked for.
 """
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,11 @@ from numpy.typing import NDArray
 from helisim.records.channels import Channel
 from helisim.records.logs.kinematics import clock_findings
 from helisim.records.logs.parts import Cut
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 from helisim.records.logs.timing import GAP, Samples
-from helisim.records.quality import spikes, still
+from helisim.records.quality import frozen_runs, spikes
 
-_TELLS_CLOCKS = 20.0
+_LONG_ENOUGH = 20.0
 """s, of a part whose clocks are looked at."""
 _REGULAR = 0.01
 """Share of the median step by which a step of a steady recorder is off at most."""
@@ -26,11 +27,11 @@ def screened(
     samples: Samples,
     channels: Sequence[Channel],
     repair: Collection[str],
-    findings: list[Finding],
+    findings: list[LogFinding],
     *,
     wanted: Collection[str] | None = None,
 ) -> Samples:
-    """Return the samples without what no sensor saw, as far as that was asked for.
+    """Look for spikes and frozen runs; return the samples without those that were to be repaired.
 
     Args:
         samples: in order, without duplicates.
@@ -43,77 +44,96 @@ def screened(
     for k, channel in enumerate(channels):
         if wanted is not None and channel.name not in wanted:
             continue
-        known = np.flatnonzero(np.isfinite(values[:, k]))
-        if channel.kind == "OUT":
-            _leave_out_still(samples, known, values[:, k], k, repair, findings)
+        for look in (_frozen, _spikes) if channel.kind == "OUT" else (_spikes,):
             known = np.flatnonzero(np.isfinite(values[:, k]))
-        _leave_out_spikes(samples, known, values[:, k], k, repair, findings)
+            fault = look(samples, known, values[known, k])
+            if fault is None:
+                continue
+            asked = fault.kind in repair
+            text = (
+                f"column {samples.columns[k]!r}: {fault.text}; "
+                f"{fault.done if asked else fault.advice}"
+            )
+            rows = tuple(samples.rows[fault.first].tolist())
+            findings.append(LogFinding(fault.kind, text, len(rows), rows, asked))
+            if asked:
+                values[fault.samples, k] = np.nan
     return replace(samples, values=values)
 
 
-def _leave_out_spikes(
-    samples: Samples,
-    known: NDArray[np.intp],
-    column: NDArray[np.float64],
-    k: int,
-    repair: Collection[str],
-    findings: list[Finding],
-) -> None:
-    out = known[spikes(column[known])]
+class _Fault(NamedTuple):
+    """What is wrong with a channel: which repair mends it, and what the report says.
+
+    Attributes:
+        kind: of the finding and of the repair.
+        text: what was found and where.
+        done: what the repair did.
+        advice: what the repair would do.
+        first: (n_place,) first sample of each place.
+        samples: (n_fault,) all samples that no sensor saw.
+    """
+
+    kind: str
+    text: str
+    done: str
+    advice: str
+    first: NDArray[np.intp]
+    samples: NDArray[np.intp]
+
+
+def _spikes(
+    samples: Samples, known: NDArray[np.intp], values: NDArray[np.float64]
+) -> _Fault | None:
+    """Look for spikes among the known samples of a column, (n_known,) positions and values."""
+    out = known[spikes(values)]
     if not out.size:
-        return
-    rows = tuple(samples.rows[out].tolist())
-    told = (
-        f"column {samples.columns[k]!r}: {out.size} of {known.size} samples are spikes, the first "
-        f"in {samples.counts} {rows[0]}, {samples.time[out[0]]:.6g} s after the start"
+        return None
+    return _Fault(
+        "spikes",
+        f"{out.size} of {known.size} samples are spikes, the first in {_where(samples, out[0])}",
+        "interpolated",
+        "interpolate them with the repair 'spikes' (--repair)",
+        out,
+        out,
     )
-    asked = "spikes" in repair
-    done = "interpolated" if asked else "interpolate them with the repair 'spikes' (--repair)"
-    findings.append(Finding("spikes", f"{told}; {done}", out.size, rows, asked))
-    if asked:
-        column[out] = np.nan
 
 
-def _leave_out_still(
-    samples: Samples,
-    known: NDArray[np.intp],
-    column: NDArray[np.float64],
-    k: int,
-    repair: Collection[str],
-    findings: list[Finding],
-) -> None:
-    stretches = still(column[known])
-    if not stretches:
-        return
-    first = np.array([known[one.first] for one in stretches])
-    last = np.array([known[one.last] for one in stretches])
+def _frozen(
+    samples: Samples, known: NDArray[np.intp], values: NDArray[np.float64]
+) -> _Fault | None:
+    """Look for frozen runs among the known samples of a column, as `_spikes` does for spikes."""
+    runs = [(known[run.first], known[run.last]) for run in frozen_runs(values)]
+    if not runs:
+        return None
+    first, last = (np.array(edge) for edge in zip(*runs))
     lost = float(np.sum(samples.time[last] - samples.time[first]))
-    rows = tuple(samples.rows[first].tolist())
-    told = (
-        f"column {samples.columns[k]!r}: stands still for {lost:.4g} s, "
-        f"{'in one stretch' if first.size == 1 else f'in {first.size} stretches, the first'} from "
-        f"{samples.counts} {rows[0]}, {samples.time[first[0]]:.6g} s after the start"
+    places = "in one run" if len(runs) == 1 else f"in {len(runs)} runs, the first"
+    return _Fault(
+        "frozen",
+        f"is frozen for {lost:.4g} s, {places} from {_where(samples, first[0])}",
+        "left out, and split there",
+        "leave it out with the repair 'frozen'",
+        first,
+        np.concatenate([np.arange(a, b + 1) for a, b in runs]),
     )
-    asked = "frozen" in repair
-    done = "left out, and split there" if asked else "leave it out with the repair 'frozen'"
-    findings.append(Finding("frozen", f"{told}; {done}", first.size, rows, asked))
-    if asked:
-        for a, b in zip(first, last):
-            column[a : b + 1] = np.nan
 
 
-def clocks_of(made: Sequence[Cut], names: Sequence[str]) -> list[Finding]:
-    """Return what uniform parts that are long enough say of their clocks."""
+def _where(samples: Samples, k: int) -> str:
+    return f"{samples.counts} {samples.rows[k]}, {samples.time[k]:.6g} s after the start"
+
+
+def check_clocks(made: Sequence[Cut], names: Sequence[str]) -> list[LogFinding]:
+    """Return the errors of the clocks, of uniform parts that are long enough to show them."""
     parts = [
         (time, values)
         for one in made
         for time, values, part in zip(one.time, one.values, one.parts)
-        if not part.uneven and part.duration >= _TELLS_CLOCKS
+        if not part.uneven and part.duration >= _LONG_ENOUGH
     ]
     return clock_findings(parts, names)
 
 
-def note_lost_samples(samples: Samples, filled: bool, findings: list[Finding]) -> None:
+def note_lost_samples(samples: Samples, filled: bool, findings: list[LogFinding]) -> None:
     """Note how many samples a steady recorder lost between those that it wrote, gaps apart.
 
     Args:
@@ -139,4 +159,4 @@ def note_lost_samples(samples: Samples, filled: bool, findings: list[Finding]) -
         f"{samples.time.size} that are there; the longest step is {steps[short].max():.4g} s"
     )
     done = "interpolated" if filled else "resample the log (--resample HZ)"
-    findings.append(Finding("lost samples", f"{text}; {done}", count, rows, filled))
+    findings.append(LogFinding("lost samples", f"{text}; {done}", count, rows, filled))

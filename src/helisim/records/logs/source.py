@@ -1,4 +1,4 @@
-"""What every kind of log offers to the reader: columns of numbers, and when they were taken."""
+"""The interface of every kind of log: columns of numbers, and when they were taken."""
 
 import hashlib
 from pathlib import Path
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from helisim.errors import RecordError, StorageError
 from helisim.records.files import read_bytes
 from helisim.records.logs.mapping import Clock
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 
 MAX_COLUMNS = 20_000
 
@@ -22,7 +22,7 @@ class Source(Protocol):
     format: str
     counts: str
     names: tuple[str, ...]
-    findings: list[Finding]
+    findings: list[LogFinding]
 
     def stated_unit(self, name: str) -> str | None:
         """Return the unit that the log states for a column, if it is one."""
@@ -52,7 +52,7 @@ def place(path: Path, counts: str, row: int, column: str | None = None) -> str:
 
 
 def check_no_infinity(path: Path, counts: str, name: str, values: NDArray[np.float64]) -> None:
-    """Raise RecordError, with the place, if a number of a column is infinite."""
+    """Raise RecordError, with the place, if a number of a column, (n_time,), is infinite."""
     infinite = np.flatnonzero(np.isinf(values))
     if infinite.size:
         where = place(path, counts, int(infinite[0]), name)

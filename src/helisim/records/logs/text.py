@@ -1,4 +1,4 @@
-"""CSV by any program: delimiter, encoding and header are found out, every cell is checked."""
+"""Reads CSV files of any program: finds delimiter, encoding and header, checks every cell."""
 
 import csv
 from collections import Counter
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import InputError, RecordError, StorageError
 from helisim.records.logs.mapping import Clock, Layout, find_column, split_heading
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 from helisim.records.logs.source import MAX_COLUMNS, place
 from helisim.records.logs.units import DATES, TIME_UNITS, is_unit, time_unit
 
@@ -47,7 +47,7 @@ class TextLog:
 
     def __init__(self, path: Path, data: bytes, layout: Layout, *, cut_tail: bool) -> None:
         self.path = path
-        self.findings: list[Finding] = []
+        self.findings: list[LogFinding] = []
         self._layout = layout
         comment, header, body, self._first = self._split(self._decode(data))
         self.delimiter = layout.delimiter or _delimiter([header, *body[:_SAMPLE_LINES]])
@@ -67,8 +67,8 @@ class TextLog:
 
     def stated_unit(self, name: str) -> str | None:
         """Return the unit in the heading's brackets, if it is one."""
-        told = split_heading(name)[1]
-        return told if told is not None and is_unit(told) else None
+        unit = split_heading(name)[1]
+        return unit if unit is not None and is_unit(unit) else None
 
     def clock(self, name: str) -> str:
         """Return the name of the file's one clock."""
@@ -79,7 +79,7 @@ class TextLog:
         return np.array(self._lines, dtype=np.int64)
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """Return a column, NaN where a cell says that it has none.
+        """Return a column, (n_time,), NaN where a cell says that it has none.
 
         Raises:
             StorageError: a cell isn't a number.
@@ -92,7 +92,7 @@ class TextLog:
         return values
 
     def stamps(self, clock: str, time: Clock | None) -> tuple[NDArray[np.float64], str, str]:
-        """Return seconds since the first stamp, that stamp, and the column.
+        """Return seconds since the first stamp (n_time,), that stamp, and the column.
 
         Differences are taken exactly, so a clock that counts from 1970 loses nothing.
         """
@@ -170,8 +170,8 @@ class TextLog:
             start = error.start if isinstance(error, UnicodeDecodeError) else 0
             line = data.count(b"\n", 0, start) + 1
             text = data.decode("latin-1")
-            told = f"not UTF-8 from line {line}, byte {start}: read as Latin-1"
-            self.findings.append(Finding("encoding", told, rows=(line,)))
+            message = f"not UTF-8 from line {line}, byte {start}: read as Latin-1"
+            self.findings.append(LogFinding("encoding", message, rows=(line,)))
         text = text.removeprefix("\ufeff")
         if "\0" in text:
             line = text.count("\n", 0, text.index("\0")) + 1
@@ -236,8 +236,8 @@ class TextLog:
         self._check_widths(cut_tail)
         inside = [line for line in blank if self._lines and line < self._lines[-1]]
         if inside:
-            told = f"{len(inside)} blank lines, the first is line {inside[0]}"
-            self.findings.append(Finding("blank line", told, len(inside), tuple(inside)))
+            message = f"{len(inside)} blank lines, the first is line {inside[0]}"
+            self.findings.append(LogFinding("blank line", message, len(inside), tuple(inside)))
         if not self._cells:
             raise StorageError(f"{self.path}: no numbers below the header")
 
@@ -247,18 +247,18 @@ class TextLog:
         if not wrong:
             return
         k = wrong[0]
-        told = (
+        message = (
             f"{place(self.path, self.counts, self._lines[k])}: {len(self._cells[k])} columns, "
             f"the header has {width}"
         )
         if len(wrong) == 1 and k == len(self._cells) - 1 and len(self._cells[k]) < width:
             if not cut_tail:
                 raise StorageError(
-                    f"{told}; the last line is incomplete: finish it, or leave it out "
+                    f"{message}; the last line is incomplete: finish it, or leave it out "
                     "with the repair 'tail'"
                 )
             self.findings.append(
-                Finding(
+                LogFinding(
                     "incomplete last line",
                     f"line {self._lines[k]}, the last, is incomplete and was left out",
                     rows=(self._lines[k],),
@@ -267,7 +267,7 @@ class TextLog:
             )
             del self._cells[k], self._lines[k]
             return
-        raise StorageError(f"{told} (in all {len(wrong)} such lines)")
+        raise StorageError(f"{message} (in all {len(wrong)} such lines)")
 
 
 def time_column(path: Path, names: Sequence[str], time: Clock | None) -> tuple[str, str]:
@@ -279,9 +279,9 @@ def time_column(path: Path, names: Sequence[str], time: Clock | None) -> tuple[s
     if time is None or time.column is None:
         likely = [name for name in names if split_heading(name)[0].lower() in TIME_NAMES]
         if len(likely) != 1:
-            told = f"several columns may be time: {likely}" if likely else "no column is time"
+            message = f"several columns may be time: {likely}" if likely else "no column is time"
             raise InputError(
-                f"{path}: {told}; say which, and its unit (--time COLUMN:UNIT), or the rate "
+                f"{path}: {message}; say which, and its unit (--time COLUMN:UNIT), or the rate "
                 f"(--rate HZ); columns: {', '.join(repr(name) for name in names[:60])}"
             )
         name, given = likely[0], None
@@ -291,9 +291,9 @@ def time_column(path: Path, names: Sequence[str], time: Clock | None) -> tuple[s
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         given = time.unit
-    bare, told = split_heading(name)
+    bare, bracketed = split_heading(name)
     ending = bare.lower().rpartition("_")[2]
-    stated = given or told or (ending if ending in TIME_UNITS else None)
+    stated = given or bracketed or (ending if ending in TIME_UNITS else None)
     if bare.lower() == "timeus":
         stated = stated or "us"
     if stated is None:

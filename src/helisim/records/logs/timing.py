@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import RecordError
-from helisim.records.logs.report import Finding
+from helisim.records.logs.report import LogFinding
 from helisim.records.logs.source import place
+from helisim.records.quality import Run
 
 GAP = 4.5
 """A step longer than so many median steps is a gap."""
@@ -42,7 +43,7 @@ class Samples:
     clock: str
 
     def take(self, keep: slice | NDArray) -> "Samples":
-        """Return some of the samples."""
+        """Return the samples at a slice, at positions (n_kept,), or where (n_time,) is true."""
         return Samples(
             self.path,
             self.counts,
@@ -58,8 +59,13 @@ class Samples:
         return place(self.path, self.counts, int(self.rows[k]), column)
 
 
-def within(samples: Samples, limits: NDArray[np.float64], findings: list[Finding]) -> Samples:
+def within(samples: Samples, limits: NDArray[np.float64], findings: list[LogFinding]) -> Samples:
     """Return the samples between two instants, inclusive; a sample without a time stays.
+
+    Args:
+        samples: of one clock.
+        limits: (2,) first and last instant, s; infinite for none.
+        findings: what is left out is added.
 
     Raises:
         RecordError: there are fewer than two.
@@ -79,7 +85,7 @@ def within(samples: Samples, limits: NDArray[np.float64], findings: list[Finding
         f"{samples.counts}s {found.rows[0]} to {found.rows[-1]} are used, {kept} of {count} "
         f"samples: {_limits(low, high)}"
     )
-    findings.append(Finding("limits", text, count - kept, (), True))
+    findings.append(LogFinding("limits", text, count - kept, (), True))
     return found
 
 
@@ -101,7 +107,7 @@ def _empty(samples: Samples, column: str) -> RecordError:
 
 
 def in_order(
-    samples: Samples, repair: Collection[str], findings: list[Finding]
+    samples: Samples, repair: Collection[str], findings: list[LogFinding]
 ) -> tuple[Samples, ...]:
     """Return stretches in which time doesn't fall: one, or more where a clock was reset.
 
@@ -118,28 +124,28 @@ def in_order(
     if not back.size:
         return (samples,)
     k = int(back[0])
-    told = (
+    what = (
         f"time goes back from {samples.time[k - 1]:.9g} to {samples.time[k]:.9g} s after the "
         f"start ({back.size} times in all)"
     )
     rows = tuple(samples.rows[back].tolist())
     if "resets" in repair:
-        text = f"{samples.counts} {rows[0]}: {told}; split there"
-        findings.append(Finding("reset", text, back.size, rows, True))
+        text = f"{samples.counts} {rows[0]}: {what}; split there"
+        findings.append(LogFinding("reset", text, back.size, rows, True))
         edges = [0, *back.tolist(), samples.time.size]
         return tuple(samples.take(slice(a, b)) for a, b in pairwise(edges))
     if "order" in repair:
-        text = f"{samples.counts} {rows[0]}: {told}; sorted by time"
-        findings.append(Finding("order", text, back.size, rows, True))
+        text = f"{samples.counts} {rows[0]}: {what}; sorted by time"
+        findings.append(LogFinding("order", text, back.size, rows, True))
         return (samples.take(np.argsort(samples.time, kind="stable")),)
     raise RecordError(
-        f"{samples.at(k, samples.clock)}: {told}; if the clock was reset, split the log there with "
+        f"{samples.at(k, samples.clock)}: {what}; if the clock was reset, split the log there with "
         "the repair 'resets', if rows are out of order, sort them with 'order' (--repair)"
     )
 
 
 def without_duplicates(
-    samples: Samples, repair: Collection[str], findings: list[Finding]
+    samples: Samples, repair: Collection[str], findings: list[LogFinding]
 ) -> Samples:
     """Return the samples with rows of one stamp averaged.
 
@@ -150,11 +156,11 @@ def without_duplicates(
     if not same.size:
         return samples
     k = int(same[0])
-    told = f"the same time as the {samples.counts} before, {samples.time[k]:.9g} s after the start"
+    what = f"the same time as the {samples.counts} before, {samples.time[k]:.9g} s after the start"
     rows = tuple(samples.rows[same].tolist())
     if "duplicates" not in repair:
         raise RecordError(
-            f"{samples.at(k, samples.clock)}: {told} ({same.size} times in all); average such "
+            f"{samples.at(k, samples.clock)}: {what} ({same.size} times in all); average such "
             "rows with the repair 'duplicates' (--repair), or use a finer clock"
         )
     first = np.flatnonzero(np.diff(samples.time, prepend=-np.inf) != 0.0)
@@ -163,8 +169,8 @@ def without_duplicates(
     count = np.add.reduceat(known.astype(np.int64), first, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / count
-    text = f"{samples.counts} {rows[0]}: {told}; {same.size} such rows averaged"
-    findings.append(Finding("duplicate stamp", text, same.size, rows, True))
+    text = f"{samples.counts} {rows[0]}: {what}; {same.size} such rows averaged"
+    findings.append(LogFinding("duplicate stamp", text, same.size, rows, True))
     merged = samples.take(first)
     return Samples(
         merged.path,
@@ -177,34 +183,26 @@ def without_duplicates(
     )
 
 
-def check_missing(samples: Samples, repair: Collection[str], findings: list[Finding]) -> None:
+def check_missing(samples: Samples, repair: Collection[str], findings: list[LogFinding]) -> None:
     """Report the cells without a number. Raises RecordError unless they are to be filled."""
     for column, values in zip(samples.columns, samples.values.T):
         holes = np.flatnonzero(np.isnan(values))
         if not holes.size:
             continue
-        told = f"{holes.size} of {values.size} numbers are missing"
+        what = f"{holes.size} of {values.size} numbers are missing"
         where = samples.at(int(holes[0]), column)
         if "missing" not in repair:
             raise RecordError(
-                f"{where}: no number ({told}); interpolate with the repair 'missing' (--repair), "
+                f"{where}: no number ({what}); interpolate with the repair 'missing' (--repair), "
                 "or cut the log"
             )
         text = (
-            f"column {column!r}: {told}, the first in {samples.counts} {samples.rows[holes[0]]}; "
+            f"column {column!r}: {what}, the first in {samples.counts} {samples.rows[holes[0]]}; "
             "interpolated"
         )
         rows = tuple(samples.rows[holes].tolist())
         if not any(finding.text == text for finding in findings):
-            findings.append(Finding("missing number", text, holes.size, rows, True))
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """An interval without a gap: from sample `first` to sample `last`, inclusive."""
-
-    first: int
-    last: int
+            findings.append(LogFinding("missing number", text, holes.size, rows, True))
 
 
 def pieces(
@@ -212,8 +210,8 @@ def pieces(
     repair: Collection[str],
     max_gap: float | None,
     strict: bool,
-    findings: list[Finding],
-) -> tuple[Piece, ...]:
+    findings: list[LogFinding],
+) -> tuple[Run, ...]:
     """Return the intervals in which every channel has numbers close enough together.
 
     Args:
@@ -245,17 +243,17 @@ def pieces(
             if known[-1] < time.size - 1:
                 cuts.append((float(time[known[-1]]), np.inf))
     if not cuts:
-        return (Piece(0, time.size - 1),)
+        return (Run(0, time.size - 1),)
     starts, stops = (np.array(edge) for edge in zip(*sorted(set(cuts))))
     _report_gaps(samples, starts, stops, repair, strict or holed, findings)
     if "gaps" not in repair:
-        return (Piece(0, time.size - 1),)
+        return (Run(0, time.size - 1),)
     return _between(time, starts, stops)
 
 
 def _between(
     time: NDArray[np.float64], starts: NDArray[np.float64], stops: NDArray[np.float64]
-) -> tuple[Piece, ...]:
+) -> tuple[Run, ...]:
     """Return the runs of samples that no open interval (start, stop) holds or separates."""
     n = time.size
     inside = np.zeros(n + 1, dtype=np.int64)
@@ -270,7 +268,7 @@ def _between(
     found = []
     for label in np.unique(run[keep]):
         members = np.flatnonzero((run == label) & keep)
-        found.append(Piece(int(members[0]), int(members[-1])))
+        found.append(Run(int(members[0]), int(members[-1])))
     return tuple(found)
 
 
@@ -284,7 +282,7 @@ def _report_gaps(
     stops: NDArray[np.float64],
     repair: Collection[str],
     strict: bool,
-    findings: list[Finding],
+    findings: list[LogFinding],
 ) -> None:
     start = np.clip(starts, samples.time[0], None)
     stop = np.clip(stops, None, samples.time[-1])
@@ -294,18 +292,18 @@ def _report_gaps(
     span = float(samples.time[-1] - samples.time[0])
     k = int(after[0])
     share = f"{100.0 * lost / span:.2g} %" if span > 0.0 else "all"
-    told = (
+    what = (
         f"a gap of {stop[0] - start[0]:.4g} s from {start[0]:.6g} s after the start "
         f"({starts.size} gaps, {lost:.4g} s, {share} of the log)"
     )
     rows = tuple(samples.rows[after].tolist())
     if "gaps" in repair:
-        text = f"{samples.counts} {rows[0]}: {told}; split there"
-        findings.append(Finding("gap", text, starts.size, rows, True))
+        text = f"{samples.counts} {rows[0]}: {what}; split there"
+        findings.append(LogFinding("gap", text, starts.size, rows, True))
         return
     if strict:
         raise RecordError(
-            f"{samples.at(k, samples.clock)}: {told}; split the log at its gaps with the repair "
+            f"{samples.at(k, samples.clock)}: {what}; split the log at its gaps with the repair "
             "'gaps' (--repair), or allow longer ones (--max-gap S)"
         )
-    findings.append(Finding("gap", f"{samples.counts} {rows[0]}: {told}", starts.size, rows))
+    findings.append(LogFinding("gap", f"{samples.counts} {rows[0]}: {what}", starts.size, rows))

@@ -90,11 +90,11 @@ def unit(name: str) -> Unit:
 
 def time_unit(name: str) -> str:
     """Return the usual name of a unit of time, or `iso8601`. Raises UnknownNameError."""
-    told = name.strip().lower()
-    told = _TIME_ALIASES.get(told, told)
-    if told not in (*TIME_UNITS, DATES):
+    usual = name.strip().lower()
+    usual = _TIME_ALIASES.get(usual, usual)
+    if usual not in (*TIME_UNITS, DATES):
         raise UnknownNameError("unit of time", name, (*TIME_UNITS, DATES))
-    return told
+    return usual
 
 
 def check_same(channel: str, expected: str, given: str, si: str) -> None:

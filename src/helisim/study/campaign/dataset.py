@@ -1,8 +1,8 @@
 """The dataset of a campaign: a part for each replicate, one Parquet file in the end.
 
-A row is one parameter of one model, identified once (`Estimate`). Its columns are the
+A row is one parameter of one model, identified once (`ReplicateRow`). Its columns are the
 replicate, its point and seed, what varied by key, such as "recorder.noise", and the fields of
-`Estimate`. The schema's metadata has one key, `helisim`, a JSON object with `format`,
+`ReplicateRow`. The schema's metadata has one key, `helisim`, a JSON object with `format`,
 `version` and `provenance`: the plan of the campaign and the versions that computed it.
 """
 
@@ -22,7 +22,7 @@ from helisim.records.header import one_line
 from helisim.records.parquet import read_table
 from helisim.records.provenance import difference, made_by, plain
 from helisim.study.campaign.plan import Campaign, Replicate
-from helisim.study.campaign.replicate import Estimate
+from helisim.study.campaign.replicate import ReplicateRow
 from helisim.study.campaign.variation import Levels, Variation
 
 FORMAT = "campaign"
@@ -56,15 +56,16 @@ class Dataset:
         """The columns, and the provenance."""
         columns = [("replicate", pa.int64()), ("point", pa.int64()), ("seed", pa.int64())]
         columns += [(one.key, _type_of(one)) for one in self.campaign.varied]
-        hints = get_type_hints(Estimate)
-        columns += [(one.name, _arrow_type(hints[one.name])) for one in fields(Estimate)]
+        hints = get_type_hints(ReplicateRow)
+        columns += [(one.name, _arrow_type(hints[one.name])) for one in fields(ReplicateRow)]
         header = {"format": FORMAT, "version": VERSION, "provenance": self.provenance}
         return pa.schema(columns, metadata={_METADATA: one_line(header)})
 
     @cached_property
     def provenance(self) -> dict[str, Any]:
         """The plan and the versions that compute its numbers."""
-        return plain(made_by("campaign", campaign=self.campaign.to_dict()))
+        truth = {"truth": "mean over the air met"} if self.campaign.turbulent else {}
+        return plain(made_by("campaign", campaign=self.campaign.to_dict(), **truth))
 
     def prepare(self) -> None:
         """Make the folder. Raises StorageError."""
@@ -80,7 +81,7 @@ class Dataset:
             return []
         return [one for one in self.campaign if not self._holds(self._part(one.number))]
 
-    def add(self, number: int, rows: Sequence[Estimate]) -> None:
+    def add(self, number: int, rows: Sequence[ReplicateRow]) -> None:
         """Write the part of a replicate, complete or not at all. Raises StorageError."""
         one = self.campaign.replicate(number)
         own = {"replicate": number, "point": one.point, "seed": one.seed, **one.values}

@@ -1,7 +1,7 @@
 """The plan of a campaign, as its file says it: what varies, what is flown and identified."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -58,6 +58,7 @@ class Campaign:
         seeds: "own": every replicate has a seed of its own; "common": the k-th replicates of
             all points share one, so that differences between points stand out.
         models: to identify, names of the experiment's.
+        sweeps: of a model, the axes whose sweeps are pooled in place of the experiment's.
         methods: by which, each in turn: "designed", as the experiment says; "direct"; or
             "joint", by the sticks as reference where the inputs are servo signals.
         flights: on each axis that the models need.
@@ -74,6 +75,7 @@ class Campaign:
     seed: int = 1
     seeds: Seeds = "own"
     models: tuple[str, ...] = MODEL_NAMES
+    sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     methods: tuple[Method, ...] = ("designed",)
     flights: int = 10
     identified_after: tuple[int, ...] = ()
@@ -88,6 +90,9 @@ class Campaign:
         _check_choice("integrator", self.integrator, get_args(Integrator))
         _check_choice("seeds", self.seeds, get_args(Seeds))
         _check_list("models", self.models, MODEL_NAMES)
+        for name, axes in _table("campaign.sweeps", self.sweeps).items():
+            _check_choice("model of campaign.sweeps", name, self.models)
+            _check_list(f"campaign.sweeps.{name}", axes, AXES)
         _check_list("methods", self.methods, get_args(Method))
         if self.identified_after == ():
             object.__setattr__(self, "identified_after", (self.flights,))
@@ -128,7 +133,11 @@ class Campaign:
     @property
     def chosen(self) -> tuple[ModelSpec, ...]:
         """The models to identify, in the experiment's order."""
-        return tuple(model for model in MODELS if model.name in self.models)
+        return tuple(
+            replace(model, sweeps=self.sweeps.get(model.name, model.sweeps))
+            for model in MODELS
+            if model.name in self.models
+        )
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -136,9 +145,18 @@ class Campaign:
         needed = {axis for model in self.chosen for axis in model.sweeps}
         return tuple(axis for axis in AXES if axis in needed)
 
+    @property
+    def turbulent(self) -> bool:
+        """Whether any replicate is flown in turbulence."""
+        numbers = range(len(self.design_points))
+        return any(self.replicate(number).settings.weather().dryden for number in numbers)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain data, for provenance."""
-        return asdict(self)
+        plan = asdict(self)
+        if not self.sweeps:
+            del plan["sweeps"]  # as in the datasets of earlier versions, which are gone on with
+        return plan
 
 
 def read_campaign(path: str | Path) -> Campaign:
@@ -172,10 +190,15 @@ def campaign_from(content: Mapping[str, Any]) -> Campaign:
     for key in keys:
         if keys.count(key) > 1:
             raise InputError(f"{key} is both set and varied")
-    given: dict[str, Any] = {
-        key: tuple(item) if isinstance(item, list) else item for key, item in plan.items()
-    }
+    given: dict[str, Any] = {key: _frozen(item) for key, item in plan.items()}
     return Campaign(**given, settings=tuple(settings))
+
+
+def _frozen(item: Any) -> Any:
+    """Return lists as tuples, inside tables too."""
+    if isinstance(item, Mapping):
+        return {key: _frozen(inner) for key, inner in item.items()}
+    return tuple(item) if isinstance(item, list) else item
 
 
 _KEYS = tuple(one.name for one in fields(Campaign) if one.name != "settings")

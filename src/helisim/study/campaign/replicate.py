@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from helisim.errors import DivergedError, HelisimError
 from helisim.ident import ClosedLoopWarning, CrossControlWarning, Fit
@@ -16,20 +16,30 @@ from helisim.study.flights import Flights
 from helisim.study.identification import GroundTests, comparison_table, identify_model
 from helisim.study.models import ModelSpec
 from helisim.study.results import ComparisonTable
+from helisim.study.truth import air_met
 from helisim.vehicle import Vehicle
 
 T = TypeVar("T")
 
 
+class _Task(NamedTuple):
+    """What is identified: a model, by a method, from the first flights of each axis."""
+
+    flights: int
+    method: Method
+    model: ModelSpec
+
+
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """One parameter of one model, identified once: a row of the dataset.
+class ReplicateRow:
+    """One parameter of one model as one replicate found it: a row of the dataset.
 
     Attributes:
         flights: on each axis that were used.
         flight_time: s, of all records that the model was identified from.
         model, method, parameter, unit: what was identified, and how.
-        truth: of the vehicle that flew; None if it has none, or the flights failed.
+        truth: of the vehicle that flew, in the air that it met; None if it has none, or the
+            flights failed.
         estimate, cramer_rao, insensitivity, standard_error: in `unit`; None if it failed.
         cost: average J of the fit.
         converged: the fit ended at a minimum.
@@ -39,7 +49,7 @@ class Estimate:
     """
 
     flights: int
-    flight_time: float | None
+    flight_time: float | None = None
     model: str
     method: str
     parameter: str
@@ -56,34 +66,37 @@ class Estimate:
     failure: str | None = None
 
 
-def fly_and_identify(campaign: Campaign, one: Replicate) -> list[Estimate]:
-    """Return every estimate of a replicate, those that failed with the reason."""
+def fly_and_identify(campaign: Campaign, one: Replicate) -> list[ReplicateRow]:
+    """Fly a replicate, identify its models, and return a row for each parameter.
+
+    What failed has rows too, with the reason.
+    """
     try:
         vehicle = one.settings.load()
         plans = {axis: one.settings.plan(axis, vehicle) for axis in campaign.axes}
         recorder = one.settings.recorder(vehicle)
-        # the truth is of the hover in the steady wind
-        steady = one.settings.weather().trimmed(vehicle)
+        air = air_met(vehicle, one.settings.weather())  # the truth is of the hover in it
     except HelisimError as error:
-        return [row for item in _tasks(campaign) for row in _failed(*item, str(error))]
+        return [row for task in _tasks(campaign) for row in _failed(task, str(error))]
     flown = {axis: _flights(campaign, one, vehicle, plan) for axis, plan in plans.items()}
     ground = _ground_tests(campaign, one, vehicle, recorder)
-    rows: list[Estimate] = []
+    rows: list[ReplicateRow] = []
     found: dict[tuple[int, Method], dict[str, ComparisonTable]] = {}
-    for count, method, model in _tasks(campaign):
-        before = found.setdefault((count, method), {})
+    for task in _tasks(campaign):
+        model = task.model
+        before = found.setdefault((task.flights, task.method), {})
         try:
-            flights = {axis: _done(flown[axis])[:count] for axis in model.sweeps}
-            estimated = by_method(model, method)
+            flights = {axis: _done(flown[axis])[: task.flights] for axis in model.sweeps}
+            estimated = by_method(model, task.method)
             tested = _done(ground) if _needs_ground(model) else {}
             fit = _identified(estimated, flights, before, tested)
-            table = comparison_table(steady, estimated, fit, recorder)
+            table = comparison_table(vehicle, estimated, fit, recorder, air=air)
         except HelisimError as error:
-            rows += _failed(count, method, model, str(error))
+            rows += _failed(task, str(error))
             continue
         before[model.name] = table
         time = sum(record.duration for records in flights.values() for record in records)
-        rows += _estimates(count, time, method, fit, table)
+        rows += _identified_rows(task, time, fit, table)
     return rows
 
 
@@ -113,11 +126,11 @@ def _identified(
         return identify_model(model, flights, before=before, ground=ground)
 
 
-def _tasks(campaign: Campaign) -> Iterator[tuple[int, Method, ModelSpec]]:
+def _tasks(campaign: Campaign) -> Iterator[_Task]:
     for count in campaign.identified_after:
         for method in campaign.methods:
             for model in campaign.chosen:
-                yield count, method, model
+                yield _Task(count, method, model)
 
 
 def _flights(
@@ -157,17 +170,13 @@ def _done(work: T | HelisimError) -> T:
     return work
 
 
-def _estimates(
-    count: int, time: float, method: Method, fit: Fit, table: ComparisonTable
-) -> list[Estimate]:
+def _identified_rows(
+    task: _Task, time: float, fit: Fit, table: ComparisonTable
+) -> list[ReplicateRow]:
     return [
-        Estimate(
-            flights=count,
+        replace(
+            _row(task, row.name, row.unit),
             flight_time=time,
-            model=table.name,
-            method=method,
-            parameter=row.name,
-            unit=row.unit,
             truth=row.truth,
             estimate=row.identified,
             cramer_rao=fit[row.name].cramer_rao,
@@ -183,17 +192,20 @@ def _estimates(
     ]
 
 
-def _failed(count: int, method: Method, model: ModelSpec, reason: str) -> list[Estimate]:
+def _failed(task: _Task, reason: str) -> list[ReplicateRow]:
     return [
-        Estimate(
-            flights=count,
-            flight_time=None,
-            model=model.name,
-            method=method,
-            parameter=parameter.name,
-            unit=parameter.unit,
-            failure=reason,
-        )
-        for parameter in model.structure.free
-        if parameter.name not in model.given
+        replace(_row(task, parameter.name, parameter.unit), failure=reason)
+        for parameter in task.model.structure.free
+        if parameter.name not in task.model.given
     ]
+
+
+def _row(task: _Task, parameter: str, unit: str) -> ReplicateRow:
+    """Return the row of a parameter, of which nothing is found yet."""
+    return ReplicateRow(
+        flights=task.flights,
+        model=task.model.name,
+        method=task.method,
+        parameter=parameter,
+        unit=unit,
+    )

@@ -11,7 +11,7 @@ from helisim.records.provenance import difference, versions
 from helisim.study.campaign.dataset import Dataset
 from helisim.study.campaign.executors import ONE_THREAD, Executor, local
 from helisim.study.campaign.plan import Campaign, Replicate
-from helisim.study.campaign.replicate import Estimate, fly_and_identify
+from helisim.study.campaign.replicate import ReplicateRow, fly_and_identify
 
 
 @dataclass(frozen=True)
@@ -52,20 +52,20 @@ def run_campaign(
     """
     dataset = Dataset(Path(folder), campaign)
     missing = dataset.missing()
-    tell = on_replicate or (lambda: None)
+    on_replicate = on_replicate or (lambda: None)
     for _ in range(len(campaign) - len(missing)):
-        tell()
+        on_replicate()
     if missing:
         dataset.prepare()
         tasks = [_Task(campaign, one, dict(versions())) for one in missing]
         with closing((executor or local())(_work, tasks)) as finished:  # stops what still runs
             for number, rows in finished:
                 dataset.add(number, rows)
-                tell()
+                on_replicate()
     return dataset.compact()
 
 
-def _work(task: _Task) -> tuple[int, list[Estimate]]:
+def _work(task: _Task) -> tuple[int, list[ReplicateRow]]:
     """Do one replicate, in a worker. Raises WorkerError where its numbers would differ."""
     change = difference(versions(), task.versions)
     if change:

@@ -44,11 +44,6 @@ class Summary:
     covered: float
     covered_by_cr: float
 
-    @property
-    def bias_error(self) -> float:
-        """Standard error of the bias."""
-        return self.scatter / math.sqrt(self.count) if self.count else math.nan
-
 
 def summarise(table: pa.Table, *, by: Sequence[str] = ()) -> list[Summary]:
     """Summarise a campaign's dataset, a row for each parameter of each model in each group.

@@ -1,0 +1,87 @@
+"""Where the time of `helisim reproduce --rerun` goes, part by part, from a cold start.
+
+Nothing compiled before is used, and nothing is left behind. Printed are wall and processor seconds
+of each part, the load of the machine before, and apart from them the identification of all models
+from the flights. With other programs at work only the processor seconds mean something.
+
+    OPENBLAS_NUM_THREADS=1 python scripts/benchmark/experiment.py [FLIGHTS]
+"""
+
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+
+class Clock:
+    """Sums up wall and processor seconds by part."""
+
+    def __init__(self) -> None:
+        self.parts: dict[str, list[float]] = {}
+        self._last = (time.perf_counter(), time.process_time())
+
+    def __call__(self, part: str) -> None:
+        """Count what has passed since the last call for a part."""
+        now = (time.perf_counter(), time.process_time())
+        spent = self.parts.setdefault(part, [0.0, 0.0])
+        for k in range(2):
+            spent[k] += now[k] - self._last[k]
+        self._last = now
+
+    def __str__(self) -> str:
+        """Return the table."""
+        whole = [sum(spent[k] for spent in self.parts.values()) for k in range(2)]
+        rows = [("", "wall s", "CPU s")] + [
+            (part, f"{wall:.1f}", f"{cpu:.1f}")
+            for part, (wall, cpu) in (*self.parts.items(), ("all", whole))
+        ]
+        return "\n".join(f"{part:<42}{wall:>8}{cpu:>8}" for part, wall, cpu in rows)
+
+
+def main(flights: int = 10) -> None:
+    """Print the table."""
+    load = os.getloadavg()[0]
+    clock = Clock()
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["NUMBA_CACHE_DIR"] = f"{folder}/compiled"
+        from helisim.output.report import write_report
+        from helisim.output.rerun_log import write_recording
+        from helisim.physics import native
+        from helisim.study.flights import named_records
+        from helisim.study.identification import identify_model
+        from helisim.study.models import MODELS
+        from helisim.study.reproduce import reproduce
+        from helisim.vehicle import load as load_vehicle
+
+        clock("imports")
+        native.compiled()
+        clock("compilation")
+        names = {model.name for model in MODELS}
+        out = Path(folder) / "run"
+        run = reproduce(
+            out=out,
+            flights=flights,
+            rotor=True,
+            on_progress=lambda what: clock(
+                "ground tests, identification, truth" if what in names else "flights, recorded"
+            ),
+        )
+        write_report(out, run)
+        clock("report")
+        records, model = named_records(run.flights), load_vehicle("jr700").visual_model()
+        write_recording(Path(folder) / "run.rrd", records, model=model, run=run)
+        clock("Rerun recording")
+    count = sum(map(len, run.flights.values()))
+    print(f"helisim reproduce --rerun, {count} flights kept, load of the machine {load:.1f}")
+    print(clock)
+    alone = Clock()
+    found = {table.name: table for table in run.results.tables}
+    for model in MODELS:
+        identify_model(model, run.flights, before=found, ground=run.results.ground)
+    alone(f"identification of {len(MODELS)} models alone")
+    print("\n".join(str(alone).splitlines()[1:-1]))
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))

@@ -1,0 +1,232 @@
+"""What the identification's error bars are worth, from a campaign's dataset.
+
+Printed are, for every parameter, how often the 95 % intervals and the Cramér-Rao bounds hold the
+truth, over all conditions and against each; how bias and scatter grow with noise and turbulence
+and fall with the length of the records; and the shortest flight time that keeps N_r, L_b and M_a
+within the paper's bounds of the truth. Conditions are the values of what the campaign varied.
+
+    helisim campaign scripts/campaigns/study.toml --out study
+    python scripts/proof/campaign_study.py study
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from helisim.ident import identify
+from helisim.paper import jr700
+from helisim.sim import Recorder
+from helisim.study.campaign import read_dataset
+from helisim.study.campaign.summary import Summary, errors, render, summarise
+from helisim.study.models import MODELS
+from helisim.study.truth import exact_response
+from helisim.vehicle import load
+
+WANTED = (("yaw_base", "N_r"), ("rollpitch_in1", "L_b"), ("rollpitch_in1", "M_a"))
+SHARE = 0.95
+"""Of the replicates that must be within a bound."""
+LENGTH = "sweep.duration"
+"""The condition that is mildest where it is greatest."""
+
+Row = dict[str, Any]
+
+
+def conditions(provenance: Row) -> tuple[str, ...]:
+    """Return the columns that the campaign varied."""
+    settings = provenance["campaign"]["settings"]
+    columns = [f"{one['section']}.{one['name']}" for one in settings if varies(one["law"])]
+    return tuple(columns)
+
+
+def varies(law: Row) -> bool:
+    """Return whether a law of the plan has more than one value."""
+    return len(law.get("values", (0, 1))) > 1
+
+
+def levels(rows: Sequence[Row], column: str) -> list[Any]:
+    """Return the values of a column, least first."""
+    return sorted({row[column] for row in rows})
+
+
+def mildest(rows: Sequence[Row], columns: Sequence[str]) -> Row:
+    """Return the condition with least noise and turbulence and the longest records."""
+    return {name: levels(rows, name)[-1 if name == LENGTH else 0] for name in columns}
+
+
+def select(rows: Sequence[Row], condition: Row) -> list[Row]:
+    """Return the rows of a condition."""
+    return [row for row in rows if all(row[name] == value for name, value in condition.items())]
+
+
+def in_words(condition: Row) -> str:
+    """Return a condition in words."""
+    return ", ".join(f"{name.split('.')[-1]} {value:g}" for name, value in condition.items())
+
+
+def coverage(rows: Sequence[Row], columns: Sequence[str]) -> None:
+    """Print the shares of the intervals that hold the truth, at each level of each column."""
+    above, below = f"{'':<24}", f"{'% in 95 % / in CR':<24}"
+    cells: dict[str, str] = {}
+    for column in columns:
+        values = levels(rows, column)
+        above += f"{column.partition('.')[2]:>{8 * len(values)}}"
+        below += "".join(f"{value:>8g}" for value in values)
+        for name, line in by_level(rows, column, covered).items():
+            cells[name] = cells.get(name, "") + line
+    print(f"\n{above}\n{below}")
+    for name, line in cells.items():
+        print(f"{name:<24}{line}")
+
+
+def against(rows: Sequence[Row], column: str, condition: Row) -> None:
+    """Print bias and scatter of each parameter at each level of a column, in one condition."""
+    kept = select(rows, condition)
+    values = levels(kept, column)
+    number = len({row["replicate"] for row in kept}) // (1 if column == "flights" else len(values))
+    print(f"\nbias +- scatter, %, against {column}")
+    print(f"({in_words(condition)}; {number} replicates each)")
+    print(f"{'':<24}" + "".join(f"{value:>18g}" for value in values))
+    for name, line in by_level(kept, column, scattered).items():
+        print(f"{name:<24}{line}")
+
+
+def by_level(rows: Sequence[Row], column: str, cell: Callable[[Summary], str]) -> dict[str, str]:
+    """Return a line for each parameter, with a cell for each level of a column."""
+    found = summarise(pa.Table.from_pylist(rows), by=(column,))
+    lines: dict[str, str] = {}
+    for one in sorted(found, key=lambda one: one.group[column]):
+        lines[named(one)] = lines.get(named(one), "") + cell(one)
+    return lines
+
+
+def covered(one: Summary) -> str:
+    """Return the shares of the 95 % intervals and of the bounds that hold the truth, %."""
+    return f"{f'{100 * one.covered:.0f}/{100 * one.covered_by_cr:.0f}':>8}"
+
+
+def scattered(one: Summary) -> str:
+    """Return bias and scatter, %."""
+    return f"{100 * one.bias:9.2f} +-{100 * one.scatter:6.2f}"
+
+
+def named(one: Summary) -> str:
+    """Return whose numbers these are."""
+    method = one.group["method"]
+    return f"{one.model} {one.parameter}{'' if method == 'designed' else f' {method}'}"
+
+
+def apart(rows: Sequence[Row], columns: Sequence[str], exact: dict[tuple[str, str], float]) -> None:
+    """Print what the 95 % intervals hold: the truth, and the mean that estimates scatter about.
+
+    Beside them the bias, and how much of it is the structure's: the error of the structure that
+    is fitted to the exact response.
+    """
+    print(f"\n{'':<24}{'% of intervals that hold':>26}{'bias of the':>26}")
+    print(f"{'':<24}{'the truth':>13}{'their mean':>13}{'estimate, %':>13}{'structure, %':>13}")
+    for key in dict.fromkeys((row["model"], row["parameter"]) for row in rows):
+        mine = [row for row in rows if (row["model"], row["parameter"]) == key and row["estimate"]]
+        error, size = errors(mine), np.array([abs(row["truth"]) for row in mine])
+        half = 1.96 * np.array([row["standard_error"] for row in mine]) / size
+        where = [tuple(row[name] for name in columns) for row in mine]
+        means = {one: np.mean([e for e, at in zip(error, where) if at == one]) for one in where}
+        about = error - np.array([means[one] for one in where])
+        held = [100.0 * np.mean(np.abs(off) <= half) for off in (error, about)]
+        line = (
+            f"{f'{key[0]} {key[1]}':<24}{held[0]:>13.1f}{held[1]:>13.1f}{100 * error.mean():>13.2f}"
+        )
+        if key in exact:
+            line += f"{100.0 * (exact[key] - mine[0]['truth']) / size[0]:>13.2f}"
+        print(line)
+
+
+def tended_to(plan: Row) -> dict[tuple[str, str], float]:
+    """Return what the structures make of the vehicle's exact response, without any flight.
+
+    Empty if the campaign changed the vehicle, its steady wind or its recorder's latencies.
+    """
+    sections = {one["section"] for one in plan["settings"]}
+    names = {one["name"].split(".")[0] for one in plan["settings"]}
+    if "vehicle" in sections or names & {"wind", "latency"}:
+        return {}
+    vehicle = load(plan["vehicle"])
+    found = {}
+    for model in MODELS:
+        if model.truth != "derivatives" or model.name not in plan["models"]:
+            continue
+        omega = np.geomspace(*model.band, 200)
+        exact = exact_response(vehicle, model, Recorder.of(vehicle), omega)
+        fit = identify(exact, model.structure, weighting=model.weighting)
+        found |= {(model.name, name): float(value) for name, value in fit.values.items()}
+    return found
+
+
+def shortest(rows: Sequence[Row], columns: Sequence[str]) -> None:
+    """Print the shortest flight time within the paper's bounds, for each condition."""
+    found = {row["model"] for row in rows}
+    bounds = {(model, name): bound(model, name) for model, name in WANTED if model in found}
+    if not bounds:
+        return
+    limits = ", ".join(f"{name} {100 * limit:.3g} %" for (_, name), limit in bounds.items())
+    print(f"\nshortest flight time with {SHARE:.0%} of the replicates within the paper's bounds")
+    print(f"({limits} of the truth)")
+    print("(s of all sweeps together; in brackets sweeps of each axis x s)")
+    print(f"{'':<24}" + "".join(f"{name:>18}" for _, name in bounds))
+    others = [name for name in columns if name != LENGTH]
+    for values in sorted({tuple(row[name] for name in others) for row in rows}):
+        condition = dict(zip(others, values))
+        here = select(rows, condition)
+        cells = "".join(f"{need(here, key, limit):>18}" for key, limit in bounds.items())
+        print(f"{in_words(condition):<24}{cells}")
+
+
+def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
+    """Return in words the shortest flights from which on enough replicates are within a limit."""
+    model, parameter = key
+    wanted = {"model": model, "parameter": parameter, "method": "designed"}
+    enough: list[tuple[float, str]] = []
+    for duration in levels(rows, LENGTH) if LENGTH in rows[0] else [None]:
+        of_length = wanted if duration is None else {**wanted, LENGTH: duration}
+        for flights in reversed(levels(rows, "flights")):
+            some = select(rows, {**of_length, "flights": flights})
+            if not some:
+                continue
+            if (np.abs(errors(some)) <= limit).sum() < SHARE * len(some):
+                break
+            time = max(row["flight_time"] for row in some if row["flight_time"] is not None)
+            how = f"{flights}" if duration is None else f"{flights} x {duration:g}"
+            enough.append((time, f"{time:.0f} ({how})"))
+    return min(enough)[1] if enough else "not reached"
+
+
+def bound(model: str, parameter: str) -> float:
+    """Return the paper's bound on a parameter relative to its size, or what stands in for it."""
+    (one,) = (item for item in MODELS if item.name == model)
+    published = jr700.table(model)[parameter]
+    return one.paper_tolerance(parameter, published.cr_percent).percent / 100.0
+
+
+def main(path: str) -> None:
+    """Print the study."""
+    table, provenance = read_dataset(path)
+    rows = table.to_pylist()
+    columns = conditions(provenance)
+    replicates = len({row["replicate"] for row in rows})
+    most = {"flights": max(levels(rows, "flights"))}
+    calm = mildest(rows, columns)
+    print(f"{replicates} replicates, {len(rows)} estimates; varied: {', '.join(columns)}")
+    print(f"\nall conditions together, {in_words(most)} on each axis\n")
+    print(render(summarise(pa.Table.from_pylist(select(rows, most)))))
+    apart(select(rows, most), columns, tended_to(provenance["campaign"]))
+    coverage(select(rows, most), columns)
+    for name in columns:
+        others = {other: value for other, value in calm.items() if other != name}
+        against(rows, name, {**others, **most})
+    against(rows, "flights", calm)
+    shortest(rows, columns)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,353 @@
+"""Mutation testing of `ident` and `physics`: the share of small faults that the tests notice.
+
+    pip install cosmic-ray coverage
+    python scripts/proof/mutation_study.py physics --count 120 --seed 1
+    python scripts/proof/mutation_study.py ident --count 120 --seed 1 --only spectra,cost
+
+cosmic-ray's operators make the mutants. A seeded sample of places in the sources is drawn, each
+with one of the mutants possible there that is still Python; annotations and decorators are left
+out. The tests run once under coverage, so that a mutant meets only tests that execute its line,
+the restated laws and then the fastest first, until one fails. Its CPU time is limited: an endless
+loop counts as killed. The physics runs interpreted (tests/interpreted.py). Everything happens in
+a copy of the checkout.
+
+Prints the survivors as differences, then killed and tried of each module, and of all with the
+Wilson interval of 95 %.
+"""
+
+import argparse
+import ast
+import difflib
+import os
+import random
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+TESTS = {
+    "physics": (
+        "tests/physics",
+        "tests/sim/test_dryden.py::test_filters_have_the_standards_spectra",
+        "tests/vehicle/test_trim.py",
+        "tests/vehicle/test_hover.py",
+        "tests/vehicle/test_atmosphere.py",
+        "tests/verification/test_momentum_theory.py",
+    ),
+    "ident": ("tests/ident", "tests/records/test_quality.py"),
+}
+LIBRARIES = (
+    "control",
+    "hypothesis",
+    "matplotlib.pyplot",
+    "mujoco.batch",
+    "mujoco.rollout",
+    "numba",
+    "pyarrow.parquet",
+    "scipy.linalg",
+    "scipy.optimize",
+    "scipy.signal",
+    "scipy.stats",
+)
+FIRST = "restated"
+"""In the name of tests that hold whole laws against a second statement of them: tried first."""
+SKIPPED = ("core/NoOp", "core/VariableReplacer", "core/VariableInserter")
+CPU_LIMIT = 30
+"""s of a mutant's tests beyond twice what they take by themselves."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change of one file: an operator's name, which of its occurrences, and the line."""
+
+    path: str
+    operator: str
+    occurrence: int
+    line: int
+
+
+def operators() -> dict[str, object]:
+    """Return cosmic-ray's operators that need no arguments."""
+    from cosmic_ray.plugins import get_operator, operator_names
+
+    names = [name for name in operator_names() if name not in SKIPPED]
+    return {name: get_operator(name)() for name in names if not get_operator(name).arguments()}
+
+
+def left_out(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Return where no mutant could show: annotations and the decorator that compiles."""
+    found: list[ast.expr] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef):
+            found += [one for one in [node.returns] if one]
+            found += [one for one in node.decorator_list if "kernel" in ast.unparse(one)]
+        elif isinstance(node, ast.arg | ast.AnnAssign) and node.annotation:
+            found.append(node.annotation)
+    return [((n.lineno, n.col_offset), (n.end_lineno, n.end_col_offset)) for n in found]
+
+
+def mutants(path: Path, name: str, known: dict) -> Iterator[tuple[object, Mutant]]:
+    """Yield every mutant of a file, each with the place where it changes something."""
+    from cosmic_ray.ast import ast_nodes, get_ast_from_path
+
+    source = path.read_text(encoding="utf-8")
+    lines, hidden = source.split("\n"), left_out(source)
+    nodes = list(ast_nodes(get_ast_from_path(path)))
+    for operator, made in known.items():
+        occurrence = -1
+        for node in nodes:
+            for start, end in made.mutation_positions(node):
+                occurrence += 1
+                marker = lines[start[0] - 1][start[1] :].startswith("*,")  # keywords follow
+                decorator = operator == "core/RemoveDecorator"
+                unseen = any(low <= start and end <= high for low, high in hidden)
+                if not (marker or decorator or unseen):
+                    yield (name, start, end), Mutant(name, operator, occurrence, start[0])
+
+
+def compiles(root: Path, mutant: Mutant) -> bool:
+    """Tell whether a mutant is Python at all: one that isn't would only flatter the tests."""
+    try:
+        ast.parse(changed(root, mutant))
+    except SyntaxError:
+        return False
+    return True
+
+
+def changed(root: Path, mutant: Mutant) -> str:
+    """Return the mutant's source."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    source = (root / mutant.path).read_text(encoding="utf-8")
+    return mutate_code(source, get_operator(mutant.operator)(), mutant.occurrence)
+
+
+def sample(files: list[Path], root: Path, count: int, seed: int) -> list[Mutant]:
+    """Return one mutant of each of a number of places, drawn without replacement."""
+    places = defaultdict(list)
+    known = operators()
+    for path in files:
+        for place, mutant in mutants(path, str(path.relative_to(root)), known):
+            places[place].append(mutant)
+    dice = random.Random(seed)
+    drawn = []
+    for place in dice.sample(sorted(places), len(places)):
+        here = dice.sample(places[place], len(places[place]))
+        if (found := next((one for one in here if compiles(root, one)), None)) is not None:
+            drawn.append(found)
+        if len(drawn) == count:
+            break
+    print(f"{len(drawn)} of {len(places)} places, {sum(map(len, places.values()))} mutants")
+    return drawn
+
+
+class Watch:
+    """A plugin of pytest: how long each test takes, and under which name coverage counts it."""
+
+    def __init__(self, coverage) -> None:
+        self.coverage = coverage
+        self.seconds: dict[str, float] = {}
+        self.started = 0.0
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """Count what no test executes by itself as nobody's."""
+        self.coverage.switch_context("")
+
+    def pytest_runtest_call(self, item) -> None:
+        """Count a test's lines as its own."""
+        self.coverage.switch_context(item.nodeid)
+        self.started = time.process_time()
+
+    def pytest_runtest_teardown(self, item) -> None:
+        """End that, and keep how much CPU time it took."""
+        self.seconds[item.nodeid] = time.process_time() - self.started
+        self.coverage.switch_context("")
+
+
+def in_child(work: Callable[[], int], cpu: float | None, log: Path) -> int:
+    """Return the exit status of some work in a fork of this process; negative when killed."""
+    child = os.fork()
+    if child:
+        _, status = os.waitpid(child, 0)
+        return os.waitstatus_to_exitcode(status)
+    target = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(target, 1)
+    os.dup2(target, 2)
+    if cpu is not None:
+        resource.setrlimit(resource.RLIMIT_CPU, (int(cpu) + 1, int(cpu) + 2))
+    try:
+        status = work()
+    except BaseException:
+        status = 99
+    os._exit(int(status))
+
+
+class Baseline:
+    """Which tests execute which lines, and how long each takes."""
+
+    def __init__(self, root: Path, package: str) -> None:
+        import json
+
+        self.root = root
+        answer = root / "baseline.json"
+        tests = TESTS[package]
+        status = in_child(lambda: self._measure(package, tests, answer), None, root / "log.txt")
+        if status:
+            sys.exit(f"the tests fail without a mutant:\n{(root / 'log.txt').read_text()[-3000:]}")
+        read = json.loads(answer.read_text(encoding="utf-8"))
+        self.seconds: dict[str, float] = read["seconds"]
+        self.lines: dict[str, dict[str, list[str]]] = read["lines"]
+
+    def _measure(self, package: str, tests: tuple[str, ...], answer: Path) -> int:
+        import json
+
+        import coverage
+        import pytest
+
+        watching = coverage.Coverage(
+            data_file=None, include=[f"*/helisim/{package}/*"], config_file=False
+        )
+        watching.start()
+        watch = Watch(watching)
+        status = pytest.main(["-q", "-n0", "-m", "not slow", *tests], plugins=[watch])
+        watching.stop()
+        data = watching.get_data()
+        lines = {
+            str(Path(file).relative_to(self.root)): data.contexts_by_lineno(file)
+            for file in data.measured_files()
+        }
+        answer.write_text(json.dumps({"seconds": watch.seconds, "lines": lines}), encoding="utf-8")
+        return int(status)
+
+    def tests_of(self, mutant: Mutant, budget: float) -> tuple[list[str], float]:
+        """Return the tests that execute a mutant's line, fastest first, and their time together.
+
+        A line that runs while a module is imported, or in a fixture, meets all tests.
+        """
+        by_line = self.lines.get(mutant.path, {})
+        contexts = set(by_line.get(str(mutant.line), []))
+        if "" in contexts or not contexts:
+            contexts = set(self.seconds)
+        chosen, total = [], 0.0
+        known = (test for test in contexts if test in self.seconds)
+        order = sorted((FIRST not in test, self.seconds[test], test) for test in known)
+        for _, seconds, test in order:
+            if total + seconds > budget and chosen:
+                break
+            chosen.append(test)
+            total += seconds
+        return chosen, total
+
+
+def tried(root: Path, mutant: Mutant, baseline: Baseline, budget: float) -> tuple[str, str]:
+    """Return what became of a mutant (killed, time, survived, unseen) and its difference."""
+    path = root / mutant.path
+    source, stamp = path.read_text(encoding="utf-8"), path.stat()
+    mutated = changed(root, mutant)
+    name = mutant.path.removeprefix("src/helisim/")
+    difference = "\n".join(
+        difflib.unified_diff(source.split("\n"), mutated.split("\n"), name, name, "", "", 0, "")
+    )
+    tests, seconds = baseline.tests_of(mutant, budget)
+    if not tests:
+        return "unseen", difference
+
+    def run() -> int:
+        import pytest
+
+        sys.dont_write_bytecode = True
+        return int(pytest.main(["-x", "-q", "-n0", "-p", "no:cacheprovider", *tests]))
+
+    try:
+        path.write_text(mutated, encoding="utf-8")
+        status = in_child(run, CPU_LIMIT + 2.0 * seconds, root / "log.txt")
+    finally:
+        path.write_text(source, encoding="utf-8")
+        os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    if status < 0:
+        return "time", difference
+    return ("killed" if status else "survived"), difference
+
+
+def preload() -> None:
+    """Import what every mutant's tests need and no mutant changes, once."""
+    for name in LIBRARIES:
+        import_module(name)
+
+
+def table(outcomes: dict[str, list[str]]) -> str:
+    """Return killed and tried of each module, and of all with its confidence interval."""
+    from scipy.stats import binomtest
+
+    rows, dead, count = [f"{'module':<28}{'killed':>8}{'tried':>8}"], 0, 0
+    for module, found in sorted(outcomes.items()):
+        killed = sum(one in ("killed", "time") for one in found)
+        rows.append(f"{module:<28}{killed:>8}{len(found):>8}")
+        dead, count = dead + killed, count + len(found)
+    if count:
+        low, high = binomtest(dead, count).proportion_ci(method="wilson")
+        rate = f"{100 * dead / count:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
+        rows.append(f"{'all':<28}{dead:>8}{count:>8}  {rate}")
+    return "\n".join(rows)
+
+
+def main() -> int:
+    """Print survivors and the table; return 1 if fewer than --least percent were killed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("package", choices=TESTS)
+    parser.add_argument("--count", type=int, default=120, help="places that are mutated")
+    parser.add_argument("--seed", type=int, default=1, help="of the sample")
+    parser.add_argument("--only", help="modules, separated by commas")
+    parser.add_argument("--budget", type=float, default=30.0, help="s of tests for one mutant")
+    parser.add_argument("--least", type=float, default=80.0, help="percent to be killed")
+    options = parser.parse_args()
+    if options.package == "physics":
+        os.environ["NUMBA_DISABLE_JIT"] = "1"
+    with tempfile.TemporaryDirectory(prefix="helisim-mutants-") as folder:
+        root = Path(folder)
+        for part in ("src", "tests", "models", "scripts"):
+            shutil.copytree(ROOT / part, root / part, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(ROOT / "pyproject.toml", root)
+        os.chdir(root)
+        os.environ["PYTHONPATH"] = str(root / "src")
+        sys.path.insert(0, str(root / "src"))
+        preload()
+        return study(root, options)
+
+
+def study(root: Path, options: argparse.Namespace) -> int:
+    """Try the sampled mutants in a copy of the checkout."""
+    files = sorted((root / "src" / "helisim" / options.package).rglob("*.py"))
+    if options.only:
+        files = [path for path in files if path.stem in options.only.split(",")]
+    chosen = sample(files, root, options.count, options.seed)
+    started = time.process_time()
+    baseline = Baseline(root, options.package)
+    print(f"{len(baseline.seconds)} tests, {sum(baseline.seconds.values()):.0f} s", flush=True)
+    outcomes = defaultdict(list)
+    for mutant in chosen:
+        outcome, difference = tried(root, mutant, baseline, options.budget)
+        outcomes[mutant.path.removeprefix("src/helisim/")].append(outcome)
+        print(f"{outcome} {mutant.path}:{mutant.line}", file=sys.stderr, flush=True)
+        if outcome in ("survived", "unseen"):
+            print(f"\n{outcome}: {mutant.operator.removeprefix('core/')}")
+            print(difference, flush=True)
+    print(f"\n{table(outcomes)}")
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    total = spent.ru_utime + spent.ru_stime + time.process_time() - started
+    print(f"{total / 60:.1f} minutes of CPU time")
+    found = [one for many in outcomes.values() for one in many]
+    killed = sum(one in ("killed", "time") for one in found)
+    return 0 if killed >= 0.01 * options.least * len(found) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,146 @@
+"""What a fit has seen: a record, and any part of its flight, is known again; no other is."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from helisim.errors import InputError
+from helisim.ident import Fit, FrequencyResponse, frequency_response, identify, verify
+from helisim.ident.seen import FlightSpan, flight_span, record_digest, share_seen
+from helisim.ident.transfer import first_order_delay
+from helisim.records.channels import channel
+from helisim.records.logs import read_log, screen
+from helisim.records.record import FlightRecord
+from helisim.records.storage import write_record
+
+FLOWN = {"made_by": "helisim 1, simulation", "seed": 7, "flight": 0, "versions": {"numpy": "2"}}
+
+
+def flight(seed=0, **provenance):
+    """80 s of a stick and the rate that follows it, at 50 Hz."""
+    random = np.random.default_rng(seed)
+    stick = np.cumsum(random.normal(size=4000)) * 0.01
+    rate = np.convolve(stick, np.exp(-np.arange(200) / 40.0))[:4000]
+    values = np.column_stack([stick, rate])
+    return FlightRecord(
+        0.02 * np.arange(4000), values, (channel("lat"), channel("p")), {**FLOWN, **provenance}
+    )
+
+
+SEEN = flight()
+KNOWN = (flight_span(SEEN),)
+
+
+def fitted(record):
+    frf = frequency_response(record, inputs="lat", outputs="p", band=(1.0, 20.0))
+    return identify(frf, first_order_delay(input="lat", output="p"))
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fitted(SEEN)
+
+
+@given(start=st.floats(0.0, 79.0), length=st.floats(0.1, 80.0))
+def test_any_part_of_a_flight_is_known(start, length):
+    """Wherever a part begins and ends, all of it was seen."""
+    part = SEEN.slice(start, start + length)
+    assert share_seen(part, KNOWN) == 1.0
+
+
+@given(
+    first=st.tuples(st.floats(0.0, 79.0), st.floats(0.1, 80.0)),
+    second=st.tuples(st.floats(0.0, 79.0), st.floats(0.1, 80.0)),
+)
+def test_time_that_two_parts_share_counts_once(first, second):
+    """The share is the length of the union of what was seen, over the record's own length."""
+    parts = [SEEN.slice(start, start + length) for start, length in (first, second)]
+    seen = np.zeros(len(SEEN) - 1, dtype=bool)  # the steps between samples
+    for part in parts:
+        low, high = np.searchsorted(SEEN.time, part.time[[0, -1]])
+        seen[low:high] = True
+    share = share_seen(SEEN, [flight_span(part) for part in parts])
+    # sums of at most three differences of doubles below 100 s
+    assert share == pytest.approx(np.mean(seen), abs=1e-12)
+
+
+def test_another_flight_is_not_known():
+    """Of the same vehicle and pilot with another seed, or of another number."""
+    assert share_seen(flight(seed=8), KNOWN) == 1.0  # it says that it is the same flight
+    assert share_seen(flight(seed=8, flight=1), KNOWN) == 0.0
+
+
+def test_versions_and_repairs_do_not_make_another_flight():
+    """Flown again by other programs, terminated, or screened, it is the same flight."""
+    for facts in ({"versions": {}}, {"ended": {"at": 3.0}}, {"log": {"digest": "x"}, "part": 0}):
+        assert flight_span(flight(**facts)) == KNOWN[0]
+
+
+def test_a_record_without_provenance_says_no_flight():
+    """It is known only whole."""
+    bare = FlightRecord(SEEN.time, SEEN.values, SEEN.channels)
+    assert flight_span(bare) is None
+    assert share_seen(bare, KNOWN) == 0.0
+
+
+def test_a_log_whose_clock_was_reset_says_no_part(tmp_path):
+    """Its parts have the same times, so that they can't be told apart by them."""
+    path = tmp_path / "log.csv"
+    twice = [*np.arange(300), *np.arange(300)]
+    rows = [f"{0.02 * k:.2f},{np.sin(0.1 * k * k):.6f}" for k in twice]
+    path.write_text("\n".join(["t [s],p [rad/s]", *rows]))
+    first, second = read_log(path, repair=["resets"]).records
+    assert flight_span(first) is None
+    assert record_digest(first) == record_digest(second)  # the samples are the same here
+
+
+def test_a_fit_refuses_its_records_and_their_parts(fit, tmp_path):
+    """Whole, cut, screened, resampled, and from a file: each in a message with the share."""
+    path = tmp_path / "flight.parquet"
+    write_record(SEEN.slice(5.0, 60.0), path)
+    (resampled,) = screen(SEEN, resample_hz=40.0).records
+    (late,) = read_log(path, start=20.0).records
+    for part in (SEEN, SEEN.slice(10.0, 30.0), resampled, late):
+        with pytest.raises(InputError, match=r"used in the fit \(about 100 % of its time\)"):
+            verify(fit, part)
+
+
+def test_a_fit_of_a_part_takes_the_rest():
+    """The first minute is fitted, the last 20 s are new; more than a quarter of overlap is not."""
+    first = fitted(SEEN.slice(0.0, 60.0))
+    assert verify(first, SEEN.slice(60.0, 80.0)).acceptable
+    assert verify(first, SEEN.slice(56.0, 80.0)).acceptable  # 4 of 24 s are seen
+    with pytest.raises(InputError, match=r"about 33 % of its time"):
+        verify(first, SEEN.slice(50.0, 80.0))
+
+
+def test_a_stored_fit_refuses_the_same(fit):
+    """What was seen goes through the file, and takes little of it."""
+    text = json.dumps(fit.to_dict())
+    again = Fit.from_dict(json.loads(text))
+    assert again.data.spans == KNOWN
+    assert isinstance(again.data.spans[0], FlightSpan)
+    with pytest.raises(InputError, match="was used in the fit"):
+        verify(again, SEEN.slice(10.0, 30.0))
+    assert len(json.dumps(fit.to_dict()["data"]["spans"])) < 0.01 * len(text)
+
+
+def test_a_fit_of_an_earlier_file_is_read(fit):
+    """Its marks of records are left out; whole records are refused still."""
+    data = fit.to_dict()
+    data["data"].pop("spans")
+    data["data"]["marks"] = ["00d7c6b1a0f0e9d8"]
+    again = Fit.from_dict(json.loads(json.dumps(data)))
+    assert again.data.spans == ()
+    with pytest.raises(InputError, match="was used in the fit, so"):
+        verify(again, SEEN)
+
+
+def test_spans_of_another_shape_are_refused(fit):
+    """As all fields of a frequency response are."""
+    plain = {**fit.data.to_dict(), "spans": [["a", 1.0]]}
+    with pytest.raises(InputError, match="can't read the frequency response"):
+        FrequencyResponse.from_dict(plain)

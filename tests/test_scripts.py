@@ -1,0 +1,99 @@
+"""The scripts that a user copies: each runs, and says what it is for."""
+
+import runpy
+import subprocess
+import sys
+
+import pytest
+
+from helisim.records.storage import write_record
+from script import SCRIPTS
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+
+    def script(name, *arguments):
+        monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
+        runpy.run_path(str(SCRIPTS / name), run_name="__main__")
+        return capsys.readouterr().out
+
+    return script
+
+
+def test_five_scripts_are_for_users():
+    """Proofs and benchmarks have folders of their own."""
+    assert sorted(path.name for path in SCRIPTS.glob("*.py")) == [
+        "fly_and_identify.py",
+        "identify_log.py",
+        "own_structure.py",
+        "run_campaign.py",
+        "write_report.py",
+    ]
+
+
+def test_proofs_and_benchmarks_find_what_they_import():
+    """Each is loaded, beside its neighbours as when it is run; none does anything yet."""
+    paths = sorted(str(path) for path in SCRIPTS.glob("*/*.py"))
+    assert len(paths) > 10
+    code = (
+        "import runpy, sys\n"
+        "for path in sys.argv[1:]:\n"
+        "    sys.path[0] = path.rpartition('/')[0]\n"
+        "    runpy.run_path(path, run_name='loaded')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *paths], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+
+
+def test_flights_are_identified_and_verified(run):
+    """Parameters, the truth beside them, and the prediction of a doublet."""
+    printed = run("fly_and_identify.py", 1)
+    assert "rollpitch: " in printed
+    assert "truth: L_b 539.5, M_a 315.1" in printed
+    assert "TIC" in printed
+
+
+def test_a_log_is_identified(run, jr700, tmp_path):
+    """Records that were written to disk; without any, the usage is printed."""
+    import helisim as hs
+
+    paths = [tmp_path / f"ped_{k}.parquet" for k in range(2)]
+    for path, record in zip(paths, hs.fly(jr700, hs.Sweep(axis="ped"), count=2, seed=1)):
+        write_record(record, path)
+    printed = run("identify_log.py", *paths)
+    assert "N_ped" in printed
+    with pytest.raises(SystemExit, match="usage"):
+        run("identify_log.py")
+
+
+def test_a_structure_of_ones_own_is_identified_and_written(run):
+    """The structure that is printed as TOML is one that can be read again."""
+    from helisim.ident import Structure
+
+    printed = run("own_structure.py", 1)
+    assert "poorly" not in printed
+    start = printed.index('name = "roll"')
+    with open("roll.toml", "w", encoding="utf-8") as file:
+        file.write(printed[start:])
+    again = Structure.from_toml("roll.toml")
+    assert again.names == ("L_b", "tau_f", "B_lat", "tau_lat")
+
+
+def test_a_report_of_a_fit_is_one_page(run, tmp_path):
+    """Parameters, Bode plots, and the verification."""
+    assert "Written: yaw.html" in run("write_report.py", "yaw.html", 2)
+    page = (tmp_path / "yaw.html").read_text(encoding="utf-8")
+    for part in ("N_ped", "r / ped", "Verification in the time domain"):
+        assert part in page
+
+
+def test_a_campaign_is_flown_and_looked_at(run):
+    """Both levels of noise; a second run flies nothing and prints the same."""
+    printed = run("run_campaign.py", "noise", 1)
+    assert "heave (recorder.noise 4, flights 2, method designed)" in printed
+    assert len(printed.split("replicate  noise", 1)[1].splitlines()) == 3
+    assert run("run_campaign.py", "noise", 1) == printed
