@@ -45,7 +45,8 @@ def install() -> None:
         id(memory.doubles_at): _pointer(ctypes.c_double),
         id(memory._ints_at): _pointer(ctypes.c_int32),
         id(memory._longs_at): _pointer(ctypes.c_int64),
-        id(memory.room): lambda count: [0.0] * count,
+        id(memory.buffer): lambda count: [0.0] * count,
+        id(memory.from_element): _from_element,
     }
     physics = [one for name, one in sys.modules.items() if name.startswith("helisim.physics.")]
     for module in physics:
@@ -58,6 +59,10 @@ def install() -> None:
 def _pointer(element: Any) -> Callable[[int], Any]:
     kind = ctypes.POINTER(element)
     return lambda address: ctypes.cast(int(address), kind)
+
+
+def _from_element(array: Any, first: int) -> Any:
+    return _pointer(ctypes.c_double)(ctypes.addressof(array.contents) + 8 * first)
 
 
 def _cfunc(signature: Any, **_: Any) -> Callable[[Callable], SimpleNamespace]:

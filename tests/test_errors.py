@@ -9,7 +9,7 @@ from helisim.cli import main
 from helisim.errors import UnknownNameError, similar
 
 AXES = ("col", "lon", "lat", "ped")
-MANY = tuple(f"rotor.part_{k:02d}" for k in range(30))
+MANY = tuple(f"rotor.part_{k:02d}" for k in range(40))
 
 
 def test_a_short_list_is_in_the_message():
@@ -22,7 +22,7 @@ def test_a_short_list_is_in_the_message():
 def test_of_a_long_list_only_those_alike_are():
     """Their number is said, and the error keeps them all."""
     error = UnknownNameError("parameter", "rotor.part_7", MANY)
-    assert "there are 30" in str(error)
+    assert "there are 40" in str(error)
     assert "did you mean rotor.part_07 or " in str(error)
     assert error.available == MANY
     assert error.unlisted == MANY

@@ -20,9 +20,9 @@ def done(status, text=""):
 
 
 def test_the_tools_come_with_the_bounds_of_the_test_extra(matrix):
-    """Pytest and hypothesis as pyproject.toml has them, and nothing else of that extra."""
+    """The programs that run tests as pyproject.toml has them, and nothing else of that extra."""
     names = [one.split(">")[0] for one in matrix.needs()]
-    assert sorted(names) == ["hypothesis", "pytest"]
+    assert sorted(names) == ["hypothesis", "pytest", "pytest-xdist"]
     assert all(">=" in one for one in matrix.needs())
 
 

@@ -121,9 +121,7 @@ def tested(python: str, which: str, wheel: Path, tests: list[str]) -> bool | Non
         except NotToBeHad as message:
             print(f"Python {python} {which}: not to be had: {message}", flush=True)
             return None
-        done = run(
-            interpreter, "-m", "pytest", "-n0", "-p", "no:cacheprovider", *tests, check=False
-        )
+        done = run(interpreter, "-m", "pytest", "-n0", *tests, check=False)
         said = done.stdout.strip().splitlines()
         print(f"Python {python} {which}: {said[-1] if said else done.stderr.strip()}")
         print(f"    {versions(pinned)}", flush=True)

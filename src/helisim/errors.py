@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from difflib import SequenceMatcher
 from typing import Any
 
-_MOST_LISTED = 20
+_MOST_LISTED = 30
 """Names in a message; of more, only those alike and their number."""
 _ALIKE = 0.6
 """Likeness from which on a name may have been meant; difflib's own default."""

@@ -211,7 +211,7 @@ def test_structures_are_listed(capsys):
         (["--structure", "heave", "--json", "model.txt"], ".json"),
         (["--structure", "heave", "--map", "none.toml"], "none.toml"),
         (["--structure", "heave", "--channel", "w"], "--channel"),
-        (["--structure", "heave", "--channel", "w=w:furlong"], "--names lists them"),
+        (["--structure", "heave", "--channel", "w=w:furlong"], "deg/s"),
         (["--structure", "heave", "--channel", "w=w:ft:trim=x"], "trim=x"),
         (["--structure", "heave", "--channel", "w=w:deg"], "m/s"),
         (["--structure", "heave", "--time", "clock:s"], "'clock'"),

@@ -5,8 +5,9 @@ import pytest
 
 from helisim.ident import FrequencyResponse, identify, structures
 from helisim.ident.evaluate import response, state_space
+from helisim.units import STANDARD_GRAVITY
 
-G = structures.GRAVITY
+G = STANDARD_GRAVITY
 HOVER = {
     "X_u": -0.05, "X_a": -G, "Y_v": -0.15, "Y_b": G, "L_u": -0.5, "L_v": 0.4, "L_b": 170.0,
     "M_u": -0.2, "M_v": -0.2, "M_a": 80.0, "tau_f": 0.05, "A_b": -0.2, "B_a": 0.35,

@@ -17,8 +17,7 @@ from helisim.physics.native import installed
 from helisim.study.tune import margins
 from helisim.vehicle import load, read_parameters
 from helisim.vehicle.assembly import check_interface, mass_and_gravity, model_folder, total_inertia
-from helisim.vehicle.calibrate import DIRECT, SOLVED, calibrate
-from helisim.vehicle.first_guess import first_guess
+from helisim.vehicle.calibrate import DIRECT, SOLVED, calibrate, first_guess
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.rate_command import sensitivity
 

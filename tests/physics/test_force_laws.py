@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helisim.physics import loads, servo
+from helisim.physics.body import Velocities
 from helisim.physics.layout import PARAM, STATE
 
 speed = st.floats(-4.0, 4.0)
@@ -27,9 +28,13 @@ def activations(a=0.0, b=0.0, col=0.0, ped=0.0):
 
 def wrench(par, act, motion, speed_ratio=1.0):
     col, _, _ = servo.unmix(*act[STATE.front_position : STATE.tail_position : 2])
-    thrust, torque, *_ = loads.main_rotor(par, *motion[:5], speed_ratio, col)
+    main = main_rotor(par, *motion, speed_ratio=speed_ratio, col=col)
     pedal, a, b = act[[STATE.tail_position, STATE.flap_a, STATE.flap_b]]
-    return np.array(loads.wrench(par, pedal, a, b, *motion, speed_ratio, thrust, torque))
+    return np.array(loads.wrench(par, pedal, a, b, Velocities(*motion), speed_ratio, main))
+
+
+def main_rotor(par, u=0.0, v=0.0, w=0.0, p=0.0, q=0.0, r=0.0, *, speed_ratio=1.0, col=0.0):
+    return loads.main_rotor(par, Velocities(u, v, w, p, q, r), speed_ratio, col)
 
 
 @given(u=speed, v=speed, w=speed, p=rate, q=rate, r=rate, a=tilt, b=tilt, col=stick)
@@ -42,8 +47,8 @@ def test_mirror_symmetry(jr700, u, v, w, p, q, r, a, b, col):
     one = wrench(numbers, activations(a, b, col), (u, v, w, p, q, r))
     other = wrench(numbers, activations(a, -b, col), (u, -v, w, -p, q, -r))
     # what is left of the torque, the climb's work, has one sense only
-    one[5] += loads.main_rotor(numbers, u, v, w, p, q, 1.0, col)[1]
-    other[5] += loads.main_rotor(numbers, u, -v, w, -p, q, 1.0, col)[1]
+    one[5] += main_rotor(numbers, u, v, w, p, q, col=col).torque
+    other[5] += main_rotor(numbers, u, -v, w, -p, q, col=col).torque
     assert other == pytest.approx(ODD * one, abs=1e-9)  # rounding of 100 N, and of the solver
 
 
@@ -52,8 +57,8 @@ def test_tail_rotor_is_odd(jr700, v, p, r, ped):
     """Without pitch at centre the tail pushes left as it pushes right."""
     numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
     numbers[PARAM.tail_pitch_trim] = 0.0
-    one = loads.tail_rotor(numbers, v, p, r, 1.0, ped)
-    other = loads.tail_rotor(numbers, -v, -p, -r, 1.0, -ped)
+    one = loads.tail_rotor(numbers, Velocities(0.0, v, 0.0, p, 0.0, r), 1.0, ped)
+    other = loads.tail_rotor(numbers, Velocities(0.0, -v, 0.0, -p, 0.0, -r), 1.0, -ped)
     assert other == pytest.approx(-one, abs=1e-10)  # rounding of the solver times 20 kN
 
 
@@ -62,8 +67,8 @@ def test_rotor_has_no_favourite_heading(jr700, speed_, heading, w, col):
     """Thrust and torque depend on the airspeed in the disc, not on its direction."""
     numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
     u, v = speed_ * math.cos(heading), speed_ * math.sin(heading)
-    turned = loads.main_rotor(numbers, u, v, w, 0.0, 0.0, 1.0, col)
-    ahead = loads.main_rotor(numbers, speed_, 0.0, w, 0.0, 0.0, 1.0, col)
+    turned = main_rotor(numbers, u, v, w, col=col)
+    ahead = main_rotor(numbers, speed_, 0.0, w, col=col)
     assert turned == pytest.approx(ahead, rel=1e-9, abs=1e-9)  # rounding of hypot
 
 
@@ -72,11 +77,11 @@ def test_rotor_power_balance(jr700, w, col):
     """With kappa = 1 and no profile drag, torque times speed is thrust times the inflow."""
     numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
     numbers[PARAM.main_induced_factor], numbers[PARAM.main_profile_drag] = 1.0, 0.0
-    thrust, torque, inflow, tip_speed, _ = loads.main_rotor(
-        numbers, 0.0, 0.0, w, 0.0, 0.0, 1.0, col
-    )
-    shaft = torque * numbers[PARAM.main_speed]
-    assert shaft == pytest.approx(thrust * inflow * tip_speed, rel=1e-10, abs=1e-9)  # rounding
+    main = main_rotor(numbers, w=w, col=col)
+    shaft = main.torque * numbers[PARAM.main_speed]
+    assert shaft == pytest.approx(
+        main.thrust * main.inflow * main.tip_speed, rel=1e-10, abs=1e-9
+    )  # rounding
 
 
 @given(u=speed, v=speed, w=speed, p=rate, q=rate, r=rate)
@@ -130,7 +135,7 @@ def test_signs_of_the_controls(par):
 
 def test_hub_velocity_drives_the_rotor(par):
     """The hub, 0.28 m above, moves right in a right roll and back in a nose-up pitch."""
-    rolling = loads.main_rotor(par, 0.0, 1.0, 0.0, 3.0, 0.0, 1.0, 0.0)
-    assert rolling == loads.main_rotor(par, 0.0, 1.0 + 3.0 * 0.28, 0.0, 0.0, 0.0, 1.0, 0.0)
-    pitching = loads.main_rotor(par, 1.0, 0.0, 0.0, 0.0, 3.0, 1.0, 0.0)
-    assert pitching == loads.main_rotor(par, 1.0 - 3.0 * 0.28, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    rolling = main_rotor(par, v=1.0, p=3.0)
+    assert rolling == main_rotor(par, v=1.0 + 3.0 * 0.28)
+    pitching = main_rotor(par, u=1.0, q=3.0)
+    assert pitching == main_rotor(par, u=1.0 - 3.0 * 0.28)

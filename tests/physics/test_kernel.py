@@ -11,6 +11,7 @@ from numba.core.errors import TypingError
 
 import interpreted
 from helisim.physics import loads, rotor
+from helisim.physics.body import Velocities
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
 
@@ -26,7 +27,7 @@ main_rotor = njit(loads.main_rotor)
 def test_compiled_laws_give_what_python_gives(jr700, u, v, w, p, q, collective):
     """Thrust, torque, inflow, tip speed and pitch of the main rotor, to rounding."""
     par = jr700.model.actuator_user[jr700.model.actuator("rotor").id]
-    given_ = (par, u, v, w, p, q, 1.0, collective, 0.0)
+    given_ = (par, Velocities(u, v, w, p, q, 0.0), 1.0, collective, 0.0)
     # LLVM may turn x**2 and the like into other operations: some units in the last place
     assert main_rotor(*given_) == pytest.approx(loads.main_rotor(*given_), rel=1e-12, abs=1e-12)
 

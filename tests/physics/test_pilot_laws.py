@@ -119,9 +119,9 @@ def test_remnant_is_continuous_with_unit_variance():
 
 
 @given(angle=st.floats(-50.0, 50.0))
-def test_turn_is_the_same_direction(angle):
+def test_wrapped_angle_is_the_same_direction(angle):
     """The result lies within half a turn and points where the angle points."""
-    turned = pilot.turn(angle)
-    assert -math.pi <= turned <= math.pi
-    assert math.cos(turned) == pytest.approx(math.cos(angle), abs=1e-13)  # 50 rad of rounding
-    assert math.sin(turned) == pytest.approx(math.sin(angle), abs=1e-13)
+    wrapped = pilot.wrap_to_pi(angle)
+    assert -math.pi <= wrapped <= math.pi
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-13)  # 50 rad of rounding
+    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-13)

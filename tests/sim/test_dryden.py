@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mujoco import rollout
 
-from helisim.physics import weather as law
+from helisim.physics import air as law
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.sim import FlightPlan, Pilot, Sweep, Weather

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.physics import weather as law
+from helisim.physics import air as law
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.records.channels import AIR

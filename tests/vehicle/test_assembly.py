@@ -1,12 +1,14 @@
 """What the compiled vehicle weighs and is made of."""
 
+import copy
+
 import mujoco
 import numpy as np
 import pytest
 
 from helisim.errors import ModelError
 from helisim.paper.jr700 import table
-from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, STATE
+from helisim.physics.layout import ACTUATORS, CONTROL, MAGIC, PARAM, ROTOR, SENSOR, SENSORS, STATE
 from helisim.physics.native import installed
 from helisim.vehicle import load
 from helisim.vehicle.assembly import assemble, check_interface, total_inertia
@@ -87,6 +89,37 @@ def test_states_are_where_the_layout_says(jr700):
     assert addresses(model).state == model.actuator_actadr[model.actuator("LON").id] == 0
     assert model.actuator_actadr[model.actuator("PED").id] == STATE.gyro_r_lead
     assert model.actuator_actadr[model.actuator("servo_tail").id] == STATE.tail_position
+
+
+def test_controls_are_where_the_layout_says(jr700):
+    """Nine controls, one an actuator and in the same order: COL is col."""
+    assert tuple(name.lower() for name in ACTUATORS) == CONTROL._fields
+
+
+def test_sensors_are_where_the_layout_says(jr700):
+    """Each sensor's numbers start at its first name, whatever sensors stand before."""
+    model, names = jr700.model, SENSOR._fields
+    first = model.sensor("gyro_rate").adr[0]
+    starts = {name: names[model.sensor(name).adr[0] - first] for name in SENSORS}
+    assert list(starts.values()) == [
+        "gyro_x",
+        "stick_col",
+        "command_front",
+        "position_front",
+        "flap_a",
+        "thrust",
+        "air_u",
+        "clock",
+    ]
+    assert sum(SENSORS.values()) == len(SENSOR)
+
+
+def test_a_sensor_of_another_size_is_refused(jr700):
+    """The callbacks would write behind it, into the next one."""
+    model = copy.copy(jr700.model)
+    model.sensor_dim[model.sensor("air").id] = 5
+    with pytest.raises(ModelError, match="'air' must have 6 numbers, it has 5"):
+        check_interface(model, "jr700")
 
 
 def test_the_model_to_look_at_flies_the_same(jr700):

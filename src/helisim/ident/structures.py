@@ -12,6 +12,7 @@ from helisim.ident.transfer import (
     second_order_delay,
     transfer_function,
 )
+from helisim.units import STANDARD_GRAVITY
 
 __all__ = [
     "BUILT_IN",
@@ -29,9 +30,6 @@ __all__ = [
     "yaw_overall",
     "yaw_sway",
 ]
-
-GRAVITY = 9.80665
-"""Standard gravity, m/s^2."""
 
 _ROTOR_LAG_BOUNDS = (1e-3, 1.0)
 """s: from far below a rotor turn to far above any rotor's lag."""
@@ -104,7 +102,7 @@ yaw_sway = Structure(
     F=(("N_r", "-N_r / l_tail", "0"), ("0", "Y_v", "g"), ("0", "P_v", "0")),
     G=(("N_ped",), ("0",), ("0",)),
     output_delays={"r": "tau_r_base", "v": "tau_v"},
-    constants={"g": GRAVITY},
+    constants={"g": STANDARD_GRAVITY},
 )
 
 _led = ("-k_a*(lead + lead_filter)/lead_filter", "k_a*lead/lead_filter")
@@ -278,7 +276,7 @@ def _hover(name: str, outputs: tuple[str, ...], meaning: str) -> Structure:
                 }
                 for one in _hover_parameters
             },
-            "constants": {"g": GRAVITY},
+            "constants": {"g": STANDARD_GRAVITY},
             "states": _HOVER_STATES,
             "inputs": ("lat", "lon"),
             "outputs": outputs,

@@ -1,1 +1,11 @@
-"""The force laws, compiled, and the callbacks that lend them to MuJoCo."""
+"""The force laws, compiled, and the callbacks that lend them to MuJoCo.
+
+layout, fields          where a vehicle's numbers and MuJoCo's fields are
+kernel, memory          how functions are compiled; how they read mjModel and mjData
+callbacks, native       what MuJoCo calls, and how it is lent to it
+frames, body, timing    axes, motion and wrenches; the gyro's ticks and the integrators' steps
+rotor, loads, flapping  thrust and power, forces and moments, the tip-path plane
+air                     wind, gust, turbulence and the ground's nearness
+pilot, gyro, servo      from what is seen to sticks, from sticks to commands, to positions
+faults                  what a fault leaves of servos and gyro
+"""

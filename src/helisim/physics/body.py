@@ -1,57 +1,77 @@
 """How a body moves through space, and a wrench that acts on it."""
 
+from typing import NamedTuple
+
 from helisim.physics import frames
 from helisim.physics.kernel import kernel
 from helisim.physics.memory import doubles, doubles_from, ints
 
 
-@kernel()
-def rotation(d, offsets, body):
-    """Return the nine numbers of a body's rotation to the world."""
-    return doubles_from(d, offsets.xmat, 9 * body)
+class Velocities(NamedTuple):
+    """A velocity (m/s) and a rotation (rad/s), body axes: forward, right, down."""
+
+    u: float
+    v: float
+    w: float
+    p: float
+    q: float
+    r: float
+
+
+class Wrench(NamedTuple):
+    """A force (N) and a moment (N m) at the body's origin, body axes."""
+
+    fx: float
+    fy: float
+    fz: float
+    mx: float
+    my: float
+    mz: float
 
 
 @kernel()
-def rates(d, offsets, body):
+def rotation(view):
+    """Return the body's rotation to the world, MuJoCo's axes, row-major, (9,)."""
+    return doubles_from(view.d, view.offsets.xmat, 9 * view.body)
+
+
+@kernel()
+def rates(view):
     """Return p, q, r (rad/s)."""
-    cvel = doubles(d, offsets.cvel)
-    k = 6 * body
-    return frames.to_body(rotation(d, offsets, body), cvel[k], cvel[k + 1], cvel[k + 2])
+    cvel = doubles_from(view.d, view.offsets.cvel, 6 * view.body)
+    return frames.to_body(rotation(view), cvel[0], cvel[1], cvel[2])
 
 
 @kernel()
-def arm(m, d, offsets, body):
+def arm(view):
     """Return the body's origin from its tree's centre of mass, where MuJoCo counts moments."""
-    position = doubles(d, offsets.xpos)
-    centre = doubles(d, offsets.subtree_com)
-    root = ints(m, offsets.body_rootid)[body]
-    return (
-        position[3 * body] - centre[3 * root],
-        position[3 * body + 1] - centre[3 * root + 1],
-        position[3 * body + 2] - centre[3 * root + 2],
-    )
+    m, d, offsets = view.m, view.d, view.offsets
+    root = ints(m, offsets.body_rootid)[view.body]
+    position = doubles_from(d, offsets.xpos, 3 * view.body)
+    centre = doubles_from(d, offsets.subtree_com, 3 * root)
+    return position[0] - centre[0], position[1] - centre[1], position[2] - centre[2]
 
 
 @kernel()
-def velocity(m, d, offsets, body):
+def velocity(view):
     """Return the velocity of the body's origin in the world, north-west-up, m/s."""
-    cvel = doubles(d, offsets.cvel)
-    x, y, z = arm(m, d, offsets, body)
-    k = 6 * body
+    cvel = doubles_from(view.d, view.offsets.cvel, 6 * view.body)
+    x, y, z = arm(view)
     return (
-        cvel[k + 3] + cvel[k + 1] * z - cvel[k + 2] * y,
-        cvel[k + 4] + cvel[k + 2] * x - cvel[k] * z,
-        cvel[k + 5] + cvel[k] * y - cvel[k + 1] * x,
+        cvel[3] + cvel[1] * z - cvel[2] * y,
+        cvel[4] + cvel[2] * x - cvel[0] * z,
+        cvel[5] + cvel[0] * y - cvel[1] * x,
     )
 
 
 @kernel()
-def apply_wrench(m, d, offsets, body, fx, fy, fz, mx, my, mz):
+def apply_wrench(view, wrench):
     """Add a wrench at the body's origin, body axes, to the passive forces of its joints."""
-    matrix = rotation(d, offsets, body)
-    fx, fy, fz = frames.to_world(matrix, fx, fy, fz)
-    mx, my, mz = frames.to_world(matrix, mx, my, mz)
-    x, y, z = arm(m, d, offsets, body)
+    m, d, offsets, body = view.m, view.d, view.offsets, view.body
+    matrix = rotation(view)
+    fx, fy, fz = frames.to_world(matrix, wrench.fx, wrench.fy, wrench.fz)
+    mx, my, mz = frames.to_world(matrix, wrench.mx, wrench.my, wrench.mz)
+    x, y, z = arm(view)
     mx += y * fz - z * fy
     my += z * fx - x * fz
     mz += x * fy - y * fx

@@ -3,27 +3,22 @@
 A fault comes, and goes, at one of the gyro's ticks, whatever the time step.
 """
 
-from helisim.physics.addresses import REPORTS
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, READS_HELD, READS_ZERO, STATE
-from helisim.physics.memory import doubles
-from helisim.physics.ticks import last_tick
-
-_ROUNDING = 1e-9
-"""s, by which a tick may be early."""
-
-
-@kernel()
-def now(d, offsets, par, seen):
-    """Return the time of the gyro's last tick, s; 0 where there is no clock."""
-    return last_tick(par, doubles(d, offsets.sensordata)[seen + REPORTS]) if seen >= 0 else 0.0
+from helisim.physics.timing import TIME_TOLERANCE, last_tick
 
 
 @kernel()
 def servos_left(par, time, commands, limits):
-    """Return the commands that the four servos can follow, and how fast each can be, 1/s.
+    """Return the commands that the four servos can follow, and how fast each can be.
 
     A servo that is stuck where it is has no speed, one that is stuck elsewhere one command.
+
+    Args:
+        par: parameters.
+        time: of the gyro's last tick, s.
+        commands: of the front, left, right and tail servo, unitised, (4,).
+        limits: their rate limits, 1/s, (4,).
     """
     front, front_limit = servo_left(par, time, PARAM.front_fault_at, commands[0], limits[0])
     left, left_limit = servo_left(par, time, PARAM.left_fault_at, commands[1], limits[1])
@@ -34,32 +29,51 @@ def servos_left(par, time, commands, limits):
 
 @kernel()
 def servo_left(par, time, fault, command, limit):
-    """Return command and speed that one servo's fault leaves; its numbers start at `fault`."""
-    if time < par[fault] - _ROUNDING:
+    """Return command and speed that one servo's fault leaves.
+
+    Args:
+        par: parameters.
+        time: of the gyro's last tick, s.
+        fault: index of the fault's four parameters: since when (s), rate limit (1/s), lowest and
+            highest command.
+        command: unitised.
+        limit: the servo's own rate limit, 1/s.
+    """
+    since, rate_limit, low, high = par[fault], par[fault + 1], par[fault + 2], par[fault + 3]
+    if time < since - TIME_TOLERANCE:
         return command, limit
-    return min(par[fault + 3], max(par[fault + 2], command)), min(par[fault + 1], limit)
+    return min(high, max(low, command)), min(rate_limit, limit)
 
 
 @kernel()
-def restarts(d, offsets, par, seen):
+def restarts(view):
     """Tell whether the gyro is restarting now."""
+    par = view.par
     if par[PARAM.faults] == 0.0:
         return False
-    time = now(d, offsets, par, seen) + _ROUNDING
+    time = last_tick(view) + TIME_TOLERANCE
     return par[PARAM.restart_at] <= time < par[PARAM.restart_until]
 
 
 @kernel()
-def forget(numbers):
+def reset_gyro(numbers):
     """Set what belongs to the gyro's states to zero: the states, or their derivatives."""
     for k in range(STATE.gyro_q_filter, STATE.gyro_r_integral + 1):
         numbers[k] = 0.0
 
 
 @kernel()
-def rates_left(par, act, time, p, q, r):
-    """Return the rates that the gyro reads, rad/s: a dropped one is 0, or what its filter holds."""
-    if not par[PARAM.dropout_at] <= time + _ROUNDING < par[PARAM.dropout_until]:
+def rates_left(view, p, q, r):
+    """Return the rates that the gyro reads, rad/s: a dropped one is 0, or what its filter holds.
+
+    Args:
+        view: of the vehicle.
+        p: sensed roll rate, rad/s.
+        q: sensed pitch rate, rad/s.
+        r: sensed yaw rate, rad/s.
+    """
+    par, act, time = view.par, view.act, last_tick(view) + TIME_TOLERANCE
+    if not par[PARAM.dropout_at] <= time < par[PARAM.dropout_until]:
         return p, q, r
     return (
         dropped(par[PARAM.dropout_p], p, act[STATE.gyro_p_filter]),

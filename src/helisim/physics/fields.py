@@ -13,7 +13,7 @@ import numpy as np
 from mujoco.introspect import ast_nodes, structs
 
 from helisim.errors import CallbackError
-from helisim.physics.constants import known
+from helisim.physics.kernel import known
 
 _SCALARS: dict[str, Any] = {
     "int": ctypes.c_int,

@@ -4,6 +4,9 @@ Wu and Chen, eq. (8) of section 3.2, rows three and four; with the flap-back of 
 """
 
 from helisim.physics.kernel import kernel
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.loads import STOPPED
+from helisim.physics.servo import unmix
 
 
 @kernel()
@@ -13,6 +16,11 @@ def flap_back(pitch, inflow, advance):
     The classical a1 = 2 mu (4/3 theta - lambda) of a rotor with free flapping (Bramwell,
     Helicopter Dynamics, ch. 3, for small mu). The airspeed is
     that of the centre of gravity: the hub's own, from turning, would add 0.7 % to tau_f q.
+
+    Args:
+        pitch: collective pitch of the blades, rad.
+        inflow: inflow ratio.
+        advance: advance ratio.
     """
     return 2.0 * advance * (4.0 / 3.0 * pitch - inflow)
 
@@ -50,4 +58,45 @@ def flapping_rates(a, b, p, q, a_target, b_target, tau_f, a_b, b_a):
     """
     a_rate = (-a + a_b * b + a_target) / tau_f - q
     b_rate = (-b + b_a * a + b_target) / tau_f - p
+    return a_rate, b_rate
+
+
+@kernel()
+def tilt_rates(view, flow, step):
+    """Return the mean da/dt and db/dt of the tip-path plane over a time step (s), or now at 0.
+
+    Args:
+        view: of the vehicle.
+        flow: the `Flow` past it.
+        step: s.
+    """
+    par, act = view.par, view.act
+    motion, main, air = flow.motion, flow.main, flow.air
+    _, lon, lat = unmix(
+        act[STATE.front_position], act[STATE.left_position], act[STATE.right_position]
+    )
+    a_target = par[PARAM.a_lat] * lat + par[PARAM.a_lon] * lon
+    b_target = par[PARAM.b_lat] * lat + par[PARAM.b_lon] * lon
+    if flow.speed >= STOPPED:
+        ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
+        a_target += par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, ahead)
+        b_target -= par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, right)
+        a_turn, b_turn = cyclic_of_turning_air(air.p, air.q, flow.speed * par[PARAM.main_speed])
+        a_target, b_target = a_target + a_turn, b_target + b_turn
+    p, q = motion.p + air.p, motion.q + air.q  # the blades' inertia knows no air
+    a, b = act[STATE.flap_a], act[STATE.flap_b]
+    tau_f, a_b, b_a = par[PARAM.tau_f], par[PARAM.a_b], par[PARAM.b_a]
+    a_rate, b_rate = 0.0, 0.0
+    for _ in range(2):
+        a_rate, b_rate = flapping_rates(
+            a + 0.5 * step * a_rate,
+            b + 0.5 * step * b_rate,
+            p,
+            q,
+            a_target,
+            b_target,
+            tau_f,
+            a_b,
+            b_a,
+        )
     return a_rate, b_rate

@@ -1,13 +1,14 @@
-"""Where a vehicle's numbers live inside MuJoCo's arrays.
+"""Where a vehicle's numbers live inside MuJoCo's arrays: parameters, states, controls, sensors.
 
 A vehicle is nine consecutive actuators: four sticks, four servos and
 the rotor. The first two user numbers of each tell that it is ours and which of the nine it
 is; the rotor's user numbers carry every parameter of the vehicle, in the order of `PARAM`.
+Each of the four index tuples names the numbers of one array, from the vehicle's first on.
 """
 
 from typing import NamedTuple
 
-from helisim.physics.constants import known
+from helisim.physics.kernel import known
 
 MAGIC = 48756173.0
 """First user number of every actuator of a helisim vehicle; any other model is left alone."""
@@ -25,8 +26,84 @@ ACTUATORS = (
 )
 """The vehicle's actuators, consecutive and in this order."""
 
-ROTOR = 8
+
+@known
+class ControlIndex(NamedTuple):
+    """Controls of a vehicle, one an actuator: sticks, servo commands (unitised), rotor speed."""
+
+    col: int
+    lon: int
+    lat: int
+    ped: int
+    servo_front: int
+    servo_left: int
+    servo_right: int
+    servo_tail: int
+    rotor: int
+
+
+CONTROL = ControlIndex(*range(len(ControlIndex._fields)))
+ROTOR = CONTROL.rotor
 """Ordinal of the rotor among the vehicle's actuators."""
+
+SENSORS = {
+    "gyro_rate": 3,
+    "stick": 4,
+    "servo_command": 4,
+    "servo_position": 4,
+    "flapping": 2,
+    "rotor": 4,
+    "air": 6,
+    "clock": 1,
+}
+"""The sensors that a vehicle needs, consecutive and in this order, and the numbers of each.
+
+The first and the last are MuJoCo's own; those between are user sensors that the callbacks fill.
+"""
+
+
+@known
+class SensorIndex(NamedTuple):
+    """Numbers of a vehicle's `SENSORS`, from the first of what the gyro sees."""
+
+    # gyro_rate: rad/s, MuJoCo's axes (forward, left, up)
+    gyro_x: int
+    gyro_y: int
+    gyro_z: int
+    # stick and servo_command: the controls but the rotor's
+    stick_col: int
+    stick_lon: int
+    stick_lat: int
+    stick_ped: int
+    command_front: int
+    command_left: int
+    command_right: int
+    command_tail: int
+    # servo_position: unitised
+    position_front: int
+    position_left: int
+    position_right: int
+    position_tail: int
+    # flapping: rad
+    flap_a: int
+    flap_b: int
+    # rotor: N, N m, inflow ratio, N
+    thrust: int
+    torque: int
+    inflow: int
+    tail_thrust: int
+    # air: its own velocity and rotation, m/s and rad/s, body axes
+    air_u: int
+    air_v: int
+    air_w: int
+    air_p: int
+    air_q: int
+    air_r: int
+    # s, of the start of the step
+    clock: int
+
+
+SENSOR = SensorIndex(*range(len(SensorIndex._fields)))
 
 
 @known
@@ -236,11 +313,13 @@ class ParamIndex(NamedTuple):
 
 PARAM = ParamIndex(*range(len(ParamIndex._fields)))
 
-NO_EXCITATION = 0
 SWEEP = 1
 DOUBLET = 2
+"""What `PARAM.excitation` says; 0 is no excitation."""
 
 READS_ZERO = 1
 READS_HELD = 2
+"""How a rate that dropped out reads: what `PARAM.dropout_p` and the like say; 0 is as ever."""
+
 NEVER = 1e9
 """s, of a fault that does not come; also a limit that none reaches."""

@@ -1,37 +1,87 @@
-"""The air's loads on the airframe: rotors, hub, fuselage and fin, body axes."""
+"""The air's flow past the airframe and its loads: rotors, hub, fuselage and fin, body axes."""
 
 import math
+from typing import NamedTuple
 
-from helisim.physics import rotor
+from helisim.physics import air, rotor
+from helisim.physics.body import Velocities, Wrench
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.memory import speed_ratio
+from helisim.physics.servo import unmix
+from helisim.physics.timing import position_ahead
 
 STOPPED = 0.05
 """Below this fraction of its speed the rotor counts as stopped."""
 
 
+class MainRotor(NamedTuple):
+    """What the main rotor does.
+
+    Attributes:
+        thrust: N.
+        torque: N m.
+        inflow: ratio of the air's velocity through the disc to the tip speed.
+        tip_speed: m/s.
+        pitch: collective pitch of the blades, rad.
+    """
+
+    thrust: float
+    torque: float
+    inflow: float
+    tip_speed: float
+    pitch: float
+
+
+class Flow(NamedTuple):
+    """The flow past a vehicle, and what its main rotor does in it.
+
+    Attributes:
+        motion: velocities of the body through the air.
+        speed: rotor speed over the nominal one.
+        main: what the main rotor does.
+        air: velocities of the air itself.
+    """
+
+    motion: Velocities
+    speed: float
+    main: MainRotor
+    air: Velocities
+
+
 @kernel()
-def main_rotor(par, u, v, w, p, q, speed_ratio, collective, nearness=0.0):
-    """Return thrust (N), torque (N m), inflow ratio, tip speed (m/s) and pitch (rad).
+def flow(view, ahead):
+    """Return the `Flow` past a vehicle; the collective is that of a time `ahead` (s)."""
+    moving = air.motion(view)
+    motion = air.relative_motion(view, moving)
+    speed = speed_ratio(view)
+    collective, _, _ = unmix(
+        position_ahead(view, STATE.front_position, ahead),
+        position_ahead(view, STATE.left_position, ahead),
+        position_ahead(view, STATE.right_position, ahead),
+    )
+    nearness = air.ground_nearness(view)
+    return Flow(motion, speed, main_rotor(view.par, motion, speed, collective, nearness), moving)
+
+
+@kernel()
+def main_rotor(par, motion, speed, collective, nearness=0.0):
+    """Return what the main rotor does.
 
     Args:
         par: parameters.
-        u: and the next four, motion through the air, m/s and rad/s, body axes.
-        v: m/s.
-        w: m/s.
-        p: rad/s.
-        q: rad/s.
-        speed_ratio: rotor speed over the nominal one.
+        motion: `Velocities` of the body through the air.
+        speed: rotor speed over the nominal one.
         collective: unitised.
         nearness: (R / 4z)^2 of the ground, 0 far from it.
     """
-    tip_speed = par[PARAM.main_speed] * speed_ratio * par[PARAM.main_radius]
+    tip_speed = par[PARAM.main_speed] * speed * par[PARAM.main_radius]
     pitch = par[PARAM.main_pitch_trim] + par[PARAM.main_pitch_range] * collective
-    if speed_ratio < STOPPED:
-        return 0.0, 0.0, 0.0, tip_speed, pitch
-    hub_u = u + q * par[PARAM.hub_z]
-    hub_v = v - p * par[PARAM.hub_z]
-    climb = -(w - q * par[PARAM.hub_x]) / tip_speed
+    if speed < STOPPED:
+        return MainRotor(0.0, 0.0, 0.0, tip_speed, pitch)
+    hub_u = motion.u + motion.q * par[PARAM.hub_z]
+    hub_v = motion.v - motion.p * par[PARAM.hub_z]
+    climb = -(motion.w - motion.q * par[PARAM.hub_x]) / tip_speed
     advance = math.sqrt(hub_u**2 + hub_v**2) / tip_speed
     inflow, ct = rotor.inflow_and_thrust(
         pitch,
@@ -54,17 +104,24 @@ def main_rotor(par, u, v, w, p, q, speed_ratio, collective, nearness=0.0):
     )
     radius = par[PARAM.main_radius]
     force = par[PARAM.air_density] * math.pi * radius**2 * tip_speed**2
-    return force * ct, force * radius * cp, inflow, tip_speed, pitch
+    return MainRotor(force * ct, force * radius * cp, inflow, tip_speed, pitch)
 
 
 @kernel()
-def tail_rotor(par, v, p, r, speed_ratio, pedal):
-    """Return the tail rotor's thrust, N; it pushes the tail to the left (nose right)."""
-    tip_speed = par[PARAM.tail_speed] * speed_ratio * par[PARAM.tail_radius]
-    if speed_ratio < STOPPED:
+def tail_rotor(par, motion, speed, pedal):
+    """Return the tail rotor's thrust, N; it pushes the tail to the left (nose right).
+
+    Args:
+        par: parameters.
+        motion: `Velocities` of the body through the air.
+        speed: rotor speed over the nominal one.
+        pedal: of the tail servo, unitised.
+    """
+    tip_speed = par[PARAM.tail_speed] * speed * par[PARAM.tail_radius]
+    if speed < STOPPED:
         return 0.0
     pitch = par[PARAM.tail_pitch_trim] + par[PARAM.tail_pitch_range] * pedal
-    climb = -(v + r * par[PARAM.tail_x] - p * par[PARAM.tail_z]) / tip_speed
+    climb = -tail_v(par, motion) / tip_speed
     _, ct = rotor.inflow_and_thrust(
         pitch,
         climb,
@@ -79,44 +136,45 @@ def tail_rotor(par, v, p, r, speed_ratio, pedal):
 
 
 @kernel()
-def wrench(par, pedal, a, b, u, v, w, p, q, r, speed_ratio, thrust, torque):
-    """Return the aerodynamic force (N) and moment (N m) at the body's origin, body axes.
+def tail_v(par, motion):
+    """Return the velocity through the air of the tail rotor and fin to the right, m/s."""
+    return motion.v + motion.r * par[PARAM.tail_x] - motion.p * par[PARAM.tail_z]
+
+
+@kernel()
+def wrench(par, pedal, a, b, motion, speed, main):
+    """Return the aerodynamic force and moment at the body's origin, a `Wrench`.
 
     Args:
         par: parameters.
         pedal: of the tail servo, unitised.
         a: rearward tilt, rad.
         b: right tilt, rad.
-        u: and the next five, motion through the air, m/s and rad/s, body axes.
-        v: m/s.
-        w: m/s.
-        p: rad/s.
-        q: rad/s.
-        r: rad/s.
-        speed_ratio: rotor speed over the nominal one.
-        thrust: of the main rotor, N.
-        torque: of the main rotor, N m.
+        motion: `Velocities` of the body through the air.
+        speed: rotor speed over the nominal one.
+        main: what the main rotor does, a `MainRotor`.
     """
-    tail = tail_rotor(par, v, p, r, speed_ratio, pedal)
+    u, v, w = motion.u, motion.v, motion.w
+    tail = tail_rotor(par, motion, speed, pedal)
     stop = par[PARAM.flap_stop]
     a = rotor.soft_limit(a, stop, 0.7)
     b = rotor.soft_limit(b, stop, 0.7)
-    stiffness = par[PARAM.hub_stiffness] if speed_ratio >= STOPPED else 0.0
+    stiffness = par[PARAM.hub_stiffness] if speed >= STOPPED else 0.0
     # hub: thrust along the tip-path plane's normal, springs, torque (blades turn clockwise)
-    hub_x = -thrust * math.sin(a)
-    hub_y = thrust * math.sin(b)
-    hub_z = -thrust * math.cos(a) * math.cos(b)
+    hub_x = -main.thrust * math.sin(a)
+    hub_y = main.thrust * math.sin(b)
+    hub_z = -main.thrust * math.cos(a) * math.cos(b)
     arm_x, arm_z = par[PARAM.hub_x], par[PARAM.hub_z]
     moment_l = stiffness * b - arm_z * hub_y
     moment_m = stiffness * a + arm_z * hub_x - arm_x * hub_z
-    moment_n = arm_x * hub_y - torque
+    moment_n = arm_x * hub_y - main.torque
     # drag of fuselage and fin
     density = par[PARAM.air_density]
     pressure = 0.5 * density * math.sqrt(u**2 + v**2 + w**2)
-    tail_v = v + r * par[PARAM.tail_x] - p * par[PARAM.tail_z]
-    fin = -0.5 * density * par[PARAM.fin_area] * abs(tail_v) * tail_v
+    side_speed = tail_v(par, motion)
+    fin = -0.5 * density * par[PARAM.fin_area] * abs(side_speed) * side_speed
     side = fin - tail
-    return (
+    return Wrench(
         hub_x - pressure * par[PARAM.drag_x] * u,
         hub_y - pressure * par[PARAM.drag_y] * v + side,
         hub_z - pressure * par[PARAM.drag_z] * w,

@@ -1,10 +1,19 @@
-"""Read fields of mjModel and mjData by address: the pointers that compiled code can follow."""
+"""mjModel and mjData as compiled code reads them: fields by address, our vehicles among them."""
 
+from typing import Any, NamedTuple
+
+import mujoco
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from helisim.physics.kernel import kernel
+from helisim.physics.layout import CONTROL, MAGIC, PARAM, ROTOR, SENSOR, SENSORS, STATE
+
+_USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
+_BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+_PARAMETERS = len(PARAM)
+_STICKS = SENSORS["stick"]
 
 
 def _pointer_intrinsic(element: types.Type):
@@ -63,8 +72,23 @@ def double(base, offset):
 
 
 @intrinsic
-def room(typingctx, count):
-    """Return an array of doubles on the caller's own stack; `count` is a literal number."""
+def from_element(typingctx, array, first):
+    """Return an array of doubles from its element `first` on."""
+    del typingctx
+
+    def codegen(context, builder, signature, args):
+        del context, signature
+        return builder.gep(args[0], [args[1]])
+
+    return array(array, first), codegen
+
+
+@intrinsic
+def buffer(typingctx, count):
+    """Return an uninitialised array of doubles, (count,), on the caller's own stack.
+
+    `count` is a literal number.
+    """
     del typingctx
     if not isinstance(count, types.IntegerLiteral):
         return None
@@ -76,3 +100,110 @@ def room(typingctx, count):
         return cgutils.alloca_once(builder, element, size=signature.args[0].literal_value)
 
     return signature, codegen
+
+
+class VehicleView(NamedTuple):
+    """One of our vehicles inside mjModel and mjData, as the kernels hand it on.
+
+    The pointers lead into MuJoCo's own arrays: what is written there is written in mjData.
+
+    Attributes:
+        m: address of mjModel.
+        d: address of mjData.
+        offsets: byte offsets of their fields, `fields.Offsets`.
+        rotor: the vehicle's rotor actuator.
+        body: the body that its forces act on.
+        sensors: where its `SENSORS` start in `sensordata`; negative if it has none.
+        par: its parameters, by `PARAM`.
+        act: its activations, by `STATE`.
+        rate: their derivatives, per second.
+        controls: its controls, by `CONTROL`.
+    """
+
+    m: int
+    d: int
+    offsets: Any
+    rotor: int
+    body: int
+    sensors: int
+    par: Any
+    act: Any
+    rate: Any
+    controls: Any
+
+
+@kernel()
+def vehicles(m, d, offsets):
+    """Yield a view of every vehicle of ours in the model."""
+    for actuator in range(ROTOR, long(m, offsets.nactuator)):
+        if is_rotor(m, offsets, actuator):
+            yield view_of(m, d, offsets, actuator)
+
+
+@kernel()
+def is_rotor(m, offsets, actuator):
+    """Tell whether an actuator is the rotor of one of our vehicles, all the others before it."""
+    if long(m, offsets.nuser_actuator) < _PARAMETERS:
+        return False
+    user = user_numbers(m, offsets, actuator)
+    if user[PARAM.magic] != MAGIC or user[PARAM.ordinal] != ROTOR or actuator < ROTOR:
+        return False
+    first = user_numbers(m, offsets, actuator - ROTOR)
+    return first[PARAM.magic] == MAGIC and first[PARAM.ordinal] == 0.0
+
+
+@kernel()
+def user_numbers(m, offsets, actuator):
+    """Return the user numbers of an actuator; the rotor's are the vehicle's parameters."""
+    stride = long(m, offsets.nuser_actuator)
+    return doubles_from(m, offsets.actuator_user, actuator * stride)
+
+
+@kernel()
+def view_of(m, d, offsets, rotor):
+    """Return a view of the vehicle to which a rotor actuator belongs."""
+    joint = ints(m, offsets.actuator_trnid)[2 * rotor]
+    body = ints(m, offsets.jnt_bodyid)[joint]
+    state = ints(m, offsets.actuator_actadr)[rotor] - STATE.flap_a
+    control = ints(m, offsets.actuator_ctrladr)[rotor] - ROTOR
+    return VehicleView(
+        m,
+        d,
+        offsets,
+        rotor,
+        body,
+        first_sensor(m, offsets, body),
+        user_numbers(m, offsets, rotor),
+        doubles_from(d, offsets.act, state),
+        doubles_from(d, offsets.act_dot, state),
+        doubles_from(d, offsets.ctrl, control),
+    )
+
+
+@kernel()
+def first_sensor(m, offsets, body):
+    """Return where a vehicle's `SENSORS` start in `sensordata`; negative where it has none.
+
+    The sticks are the first user sensor on its body, and what the gyro sees stands before them.
+    """
+    for k in range(long(m, offsets.nsensor)):
+        ours = ints(m, offsets.sensor_type)[k] == _USER_SENSOR
+        ours = ours and ints(m, offsets.sensor_objtype)[k] == _BODY
+        ours = ours and ints(m, offsets.sensor_dim)[k] == _STICKS
+        if ours and ints(m, offsets.sensor_objid)[k] == body:
+            return ints(m, offsets.sensor_adr)[k] - SENSOR.stick_col
+    return -1
+
+
+@kernel()
+def sensor_numbers(view):
+    """Return the numbers of a vehicle's sensors, by `SENSOR`."""
+    return doubles_from(view.d, view.offsets.sensordata, view.sensors)
+
+
+@kernel()
+def speed_ratio(view):
+    """Return the rotor's speed over its nominal one; a pilot flies with the governor on."""
+    if view.par[PARAM.pilot_on] != 0.0:
+        return 1.0
+    return view.controls[CONTROL.rotor]

@@ -12,6 +12,7 @@ from typing import Any
 
 import mujoco
 import numba
+import numpy as np
 from numba import cfunc, types
 
 from helisim.errors import CallbackError
@@ -88,7 +89,8 @@ def _compile(layout: Offsets, *, cached: bool) -> dict[str, Any]:
 
     @cfunc(types.float64(address, address, types.int32), cache=cached)
     def act_dyn(m, d, actuator):
-        return callbacks.activation_rates(m, d, layout, actuator)
+        # as wide as an index elsewhere, or most kernels would be compiled a second time
+        return callbacks.activation_rates(m, d, layout, np.int64(actuator))
 
     @cfunc(types.void(address, address, types.int32), cache=cached)
     def sensor(m, d, stage):

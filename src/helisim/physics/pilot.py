@@ -8,7 +8,11 @@ import math
 
 import numpy as np
 
+from helisim.physics import frames
+from helisim.physics.body import rotation, velocity
 from helisim.physics.kernel import kernel
+from helisim.physics.layout import CONTROL, DOUBLET, PARAM, SWEEP
+from helisim.physics.memory import double, doubles_from
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -93,6 +97,81 @@ def doublet(time, duration):
 
 
 @kernel()
-def turn(angle):
+def wrap_to_pi(angle):
     """Return an angle's equal in [-pi, pi], rad."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+@kernel()
+def excitation(par, time):
+    """Return what the pilot does on purpose, a sweep or a doublet of about unit amplitude."""
+    since = time - par[PARAM.excitation_start]
+    duration = par[PARAM.excitation_duration]
+    if par[PARAM.excitation] == SWEEP:
+        return sweep(
+            since,
+            duration,
+            par[PARAM.sweep_w_min],
+            par[PARAM.sweep_w_max],
+            par[PARAM.sweep_fade],
+            par[PARAM.sweep_unsteadiness],
+            par[PARAM.pilot_seed],
+        )
+    if par[PARAM.excitation] == DOUBLET:
+        return doublet(since, duration)
+    return 0.0
+
+
+@kernel()
+def hold(par, matrix, north, east, down, u, v, w):
+    """Return the sticks COL, LON, LAT, PED that keep the hover, slowly.
+
+    Args:
+        par: parameters.
+        matrix: rotation of the body to the world, MuJoCo's axes, row-major, (9,).
+        north: of the body's origin, m.
+        east: m.
+        down: m.
+        u: velocity over the ground forward, m/s, body axes.
+        v: to the right, m/s.
+        w: down, m/s.
+    """
+    phi, theta, psi = frames.euler_angles(matrix)
+    cosine, sine = math.cos(psi), math.sin(psi)
+    off_north = par[PARAM.pilot_north] - north
+    off_east = par[PARAM.pilot_east] - east
+    ahead = cosine * off_north + sine * off_east
+    right = -sine * off_north + cosine * off_east
+    u_error = par[PARAM.pilot_k_position] * ahead - u
+    v_error = par[PARAM.pilot_k_position] * right - v
+    theta_error = par[PARAM.pilot_theta] - par[PARAM.pilot_k_velocity] * u_error - theta
+    phi_error = par[PARAM.pilot_phi] + par[PARAM.pilot_k_velocity] * v_error - phi
+    w_error = par[PARAM.pilot_k_height] * (par[PARAM.pilot_down] - down) - w
+    psi_error = wrap_to_pi(par[PARAM.pilot_psi] - psi)
+    return (
+        par[PARAM.pilot_col] - par[PARAM.pilot_k_heave] * w_error,
+        par[PARAM.pilot_lon] + par[PARAM.pilot_k_attitude] * theta_error,
+        par[PARAM.pilot_lat] + par[PARAM.pilot_k_attitude] * phi_error,
+        par[PARAM.pilot_ped] + par[PARAM.pilot_k_heading] * psi_error,
+    )
+
+
+@kernel()
+def fly(view):
+    """Write the pilot's four sticks, and keep the rotor's governor on."""
+    par, controls = view.par, view.controls
+    time = double(view.d, view.offsets.time)
+    matrix = rotation(view)
+    position = doubles_from(view.d, view.offsets.xpos, 3 * view.body)
+    north, east, down = frames.flip(position[0], position[1], position[2])
+    u, v, w = frames.to_body(matrix, *velocity(view))
+    held = hold(par, matrix, north, east, down, u, v, w)
+    seed, interval = par[PARAM.pilot_seed], par[PARAM.remnant_interval]
+    excited = excitation(par, time)
+    for axis in range(4):
+        stick = held[axis] + par[PARAM.excitation_col + axis] * excited
+        level = par[PARAM.remnant_col + axis]
+        if level > 0.0:
+            stick += level * remnant(time, interval, seed, axis)
+        controls[CONTROL.col + axis] = min(0.5, max(-0.5, stick))
+    controls[CONTROL.rotor] = 1.0

@@ -20,11 +20,11 @@ _STALL_CORE = 0.7
 def soft_limit(x, limit, core):
     """Return x itself while |x| <= core * limit, then approach the limit smoothly."""
     edge = core * limit
-    room = limit - edge
+    rest = limit - edge
     if x > edge:
-        return edge + room * math.tanh((x - edge) / room)
+        return edge + rest * math.tanh((x - edge) / rest)
     if x < -edge:
-        return -edge + room * math.tanh((x + edge) / room)
+        return -edge + rest * math.tanh((x + edge) / rest)
     return x
 
 

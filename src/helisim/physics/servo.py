@@ -3,6 +3,7 @@
 import math
 
 from helisim.physics.kernel import kernel
+from helisim.physics.layout import PARAM, STATE
 
 _HALF_ROOT_3 = 0.5 * math.sqrt(3.0)
 
@@ -57,6 +58,14 @@ def held_back(position, rate, command, frequency, damping, rate_limit):
 
     A second-order servo's rate follows frequency / (2 damping) times the error; here it follows
     that no further than the limit, so that it is also what the servo will do next.
+
+    Args:
+        position: unitised.
+        rate: 1/s.
+        command: unitised.
+        frequency: natural frequency, rad/s.
+        damping: damping ratio.
+        rate_limit: 1/s.
     """
     wanted = 0.5 * frequency / damping * (command - position)
     wanted = min(rate_limit, max(-rate_limit, wanted))
@@ -67,3 +76,34 @@ def held_back(position, rate, command, frequency, damping, rate_limit):
 def equivalent_delay(frequency, damping):
     """Return the delay that a second-order servo looks like at low frequency, s."""
     return 2.0 * damping / frequency
+
+
+@kernel()
+def write_servo_rates(par, act, rate, commands, limits):
+    """Write the derivatives of the four servos' states.
+
+    Args:
+        par: parameters.
+        act: states of the vehicle.
+        rate: their derivatives, written.
+        commands: of the front, left, right and tail servo, unitised, (4,).
+        limits: how fast each can be, 1/s, (4,).
+    """
+    for k in range(4):
+        position = STATE.front_position + 2 * k
+        frequency, damping = par[PARAM.swash_frequency], par[PARAM.swash_damping]
+        if k == 3:
+            frequency, damping = par[PARAM.tail_frequency], par[PARAM.tail_damping]
+        rate[position], rate[position + 1] = servo_rates(
+            act[position],
+            act[position + 1],
+            commands[k],
+            frequency,
+            damping,
+            limits[k],
+            par[PARAM.servo_travel],
+        )
+        if limits[k] < par[PARAM.servo_rate_limit]:
+            rate[position + 1] = held_back(
+                act[position], act[position + 1], commands[k], frequency, damping, limits[k]
+            )

@@ -5,7 +5,6 @@ metadata; the schema metadata has one key, `helisim`, a JSON object with `format
 and `provenance`. The same record gives the same bytes, for one version of pyarrow.
 """
 
-import io
 from pathlib import Path
 from typing import Any
 
@@ -68,18 +67,24 @@ def read_parquet(path: Path) -> Contents:
 def read_table(path: Path, data: bytes) -> pa.Table:
     """Return the table that the bytes of a Parquet file hold, by any program.
 
+    It is decoded on the calling thread. A worker of Arrow lets go of `data`, a Python object,
+    only some time after the read has returned; when the interpreter has ended by then, CPython
+    ends the worker in the middle of a destructor, and the process aborts.
+
     Raises:
         StorageError: not Parquet, truncated, corrupt or too large.
     """
     try:
-        with pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True) as file:
+        with pq.ParquetFile(
+            pa.BufferReader(data), page_checksum_verification=True, pre_buffer=False
+        ) as file:
             found = file.metadata
             if found.num_rows * max(found.num_columns, 1) > MAX_NUMBERS:
                 raise StorageError(
                     f"{path}: {found.num_rows} rows of {found.num_columns} columns, and at most "
                     f"{MAX_NUMBERS} numbers are read; cut it"
                 )
-            return file.read()
+            return file.read(use_threads=False)
     except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise StorageError(f"{path}: not Parquet, truncated or corrupt: {reason}") from None

@@ -8,15 +8,18 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.physics import weather as law
+from helisim.physics import air as law
 from helisim.physics.layout import PARAM
+from helisim.units import METRE_PER_FOOT, METRE_S_PER_KNOT
 from helisim.vehicle import Vehicle
 
-KNOT = 1852.0 / 3600.0
-_FOOT = 0.3048
-LEVELS = {"light": 15.0 * KNOT, "moderate": 30.0 * KNOT, "severe": 45.0 * KNOT}
+LEVELS = {
+    "light": 15.0 * METRE_S_PER_KNOT,
+    "moderate": 30.0 * METRE_S_PER_KNOT,
+    "severe": 45.0 * METRE_S_PER_KNOT,
+}
 """Turbulence by name: wind at 20 ft above the ground, m/s (MIL-F-8785C, section 3.7.3)."""
-_LOWEST, _HIGHEST = 10.0 * _FOOT, 1000.0 * _FOOT
+_LOWEST, _HIGHEST = 10.0 * METRE_PER_FOOT, 1000.0 * METRE_PER_FOOT
 """m, of the low-altitude model."""
 _STATES = 8
 
@@ -187,7 +190,7 @@ class Weather:
         """The turbulence of a hover over the ground; None if calm."""
         if self.low_wind == 0.0:
             return None
-        shape = 0.177 + 0.000823 * self.height / _FOOT
+        shape = 0.177 + 0.000823 * self.height / METRE_PER_FOOT
         down = 0.1 * self.low_wind
         level = down / shape**0.4
         long = self.height / shape**1.2

@@ -3,8 +3,7 @@
 from helisim.vehicle.atmosphere import isa_density
 from helisim.vehicle.calibrate import calibrate
 from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
-from helisim.vehicle.parameters import Parameter, Parameters, read_parameters
-from helisim.vehicle.settings import GyroSettings
+from helisim.vehicle.parameters import GyroSettings, Parameter, Parameters, read_parameters
 from helisim.vehicle.trim import Trim, find_trim
 from helisim.vehicle.vehicle import Vehicle, load, standard_parameters
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError, UnknownNameError
-from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, STATE
+from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, SENSORS, STATE
+from helisim.physics.timing import TICK_TOLERANCE
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.parameters import Parameters
 
@@ -18,18 +19,6 @@ Integrator = Literal["RK4", "Euler"]
 _INTEGRATORS = {
     name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }
-
-USER_SENSORS = (
-    "gyro_rate",
-    "stick",
-    "servo_command",
-    "servo_position",
-    "flapping",
-    "rotor",
-    "air",
-    "clock",
-)
-"""The vehicle's own sensors, consecutive, after what the gyro sees and before the clock."""
 
 _LONGEST = 10.0
 """s, of the gyro's period and latencies: MuJoCo keeps what happened in all that time."""
@@ -124,8 +113,8 @@ def assemble(
         spec.compiler.fusestatic = not visual
         model = spec.compile()
     except (ValueError, KeyError) as error:
-        told = " ".join(str(error).split())  # MuJoCo's run over several lines
-        raise ModelError(f"{path}: {told}{_advice(told)}") from None
+        reason = " ".join(str(error).split())  # MuJoCo's run over several lines
+        raise ModelError(f"{path}: {reason}{_advice(reason)}") from None
     check_interface(model, name)
     return model
 
@@ -145,7 +134,7 @@ def _set_gyro_rate(spec: mujoco.MjSpec, period: float, latency: float, sampled: 
         sensor.interval, sensor.delay, sensor.nsample = [0.0, 0.0], 0.0, 0
         return
     steps = period / spec.option.timestep
-    if abs(steps - round(steps)) > 1e-6 or steps < 0.5:
+    if abs(steps - round(steps)) > TICK_TOLERANCE or steps < 0.5:
         raise ModelError(
             f"gyro.period must be a whole number of time steps of {spec.option.timestep:g} s, "
             f"got {period:g} s"
@@ -234,7 +223,12 @@ def check_interface(model: mujoco.MjModel, root: str) -> None:
     actuators = [model.actuator(k).name for k in range(model.nactuator)]
     sensors = [model.sensor(k).name for k in range(model.nsensor)]
     _require_run(actuators, ACTUATORS, "actuators")
-    _require_run(sensors, USER_SENSORS, "user sensors")
+    _require_run(sensors, SENSORS, "sensors")
+    for name, numbers in SENSORS.items():
+        if model.sensor(name).dim[0] != numbers:
+            raise ModelError(
+                f"sensor {name!r} must have {numbers} numbers, it has {model.sensor(name).dim[0]}"
+            )
     rotor = model.actuator("rotor").id
     states = int(np.sum(model.actuator_actnum[rotor - ROTOR : rotor + 1]))
     if states != len(STATE):

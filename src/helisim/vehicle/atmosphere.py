@@ -3,13 +3,14 @@
 import math
 
 from helisim.errors import InputError
+from helisim.units import STANDARD_GRAVITY
 
 _SEA_LEVEL_K = 288.15
 _SEA_LEVEL_PA = 101325.0
 _LAPSE_K_M = 0.0065
 _GAS_CONSTANT = 287.05287
 """J/(kg K), of dry air."""
-_EXPONENT = 9.80665 / (_LAPSE_K_M * _GAS_CONSTANT)
+_EXPONENT = STANDARD_GRAVITY / (_LAPSE_K_M * _GAS_CONSTANT)
 _TOP_M = 11000.0
 _ZERO_CELSIUS_K = 273.15
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from helisim.errors import ModelError
 from helisim.physics.gyro import held_lag
 from helisim.physics.layout import MAGIC, NEVER, PARAM, ROTOR
-from helisim.vehicle.parameters import Parameters
-from helisim.vehicle.settings import check_settings
+from helisim.vehicle.parameters import Parameters, check_settings
 
 _DIRECT = {
     "air_density": "air.density",
@@ -133,7 +132,7 @@ _NOT_NEGATIVE = (
 
 
 def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
-    """Return the numbers that the compiled force laws read, (len(PARAM),), pilot at rest.
+    """Return the numbers that the compiled force laws read, (n_param,) by `PARAM`, pilot at rest.
 
     Raises:
         ModelError: a parameter has a sign that it can't have.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError
 from helisim.physics import servo
-from helisim.physics.layout import PARAM, ROTOR, STATE, StateIndex
+from helisim.physics.layout import CONTROL, PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
 from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
@@ -143,9 +143,9 @@ class _Dynamics:
         rates = self.data.act_dot[start : start + n - n_motion]
         felt = specific_force(self.data, self.model, motion)
         seen = [getattr(motion, name) for name in OUTPUTS[:-3]]
-        commands = self.data.ctrl[self.where.control + 4 : self.where.control + 8]
-        swash = servo.unmix(*commands[:3])
-        asked = [*swash, commands[3]]
+        control = self.data.ctrl[self.where.control : self.where.control + ROTOR]
+        *swashplate, tail = control[CONTROL.servo_front :]
+        asked = [*servo.unmix(*swashplate), tail]
         return np.concatenate([motion_rates(self.data, motion), rates, seen, felt, asked])
 
     def _command(self, deviation: NDArray[np.float64]) -> None:
@@ -153,10 +153,10 @@ class _Dynamics:
         control[:] = self.ctrl[self.where.control : self.where.control + ROTOR + 1]
         if self.inputs == IN1:
             col, lon, lat, ped = deviation
-            control[4:7] += servo.mix(col, lon, lat)
-            control[7] += ped
+            control[CONTROL.servo_front : CONTROL.servo_tail] += servo.mix(col, lon, lat)
+            control[CONTROL.servo_tail] += ped
         else:
-            control[:4] += deviation
+            control[: CONTROL.servo_front] += deviation
 
 
 def stability_derivatives(base: Linearization) -> dict[str, float]:

@@ -95,7 +95,13 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
 
 
 def sensitivity(vehicle: Vehicle, axis: str, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return |1 / (1 + L)| of the gyro's loop at one servo command, the other loops closed."""
+    """Return |1 / (1 + L)| of the gyro's loop at one servo command, the other loops closed.
+
+    Args:
+        vehicle: trimmed.
+        axis: of the servo command, such as "lat".
+        omega: rad/s, (n_freq,), like the result.
+    """
     loop = vehicle.loop(axis)
     positive = np.asarray(loop(np.exp(1j * omega * loop.dt), squeeze=True))
     return np.abs(1.0 / (1.0 - positive))

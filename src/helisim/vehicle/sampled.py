@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from helisim.errors import ModelError
+from helisim.physics.timing import TIME_TOLERANCE
 from helisim.records.channels import IN1, RATES
 from helisim.vehicle.linearize import OUTPUTS, Linearization
 
@@ -62,7 +63,7 @@ def close(
     plant_c, plant_d = np.asarray(base.system.C)[shown], np.asarray(base.system.D)[shown]
     rates = [OUTPUTS.index(name) for name in RATES]
     waits = round(gyro.latency / gyro.period)
-    if abs(waits * gyro.period - gyro.latency) > 1e-9:
+    if abs(waits * gyro.period - gyro.latency) > TIME_TOLERANCE:
         raise ModelError("the gyro's latency must be a whole number of its periods")
     law = gyro.system
     law_a, law_b = np.asarray(law.A), np.asarray(law.B)

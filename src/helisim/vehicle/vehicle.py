@@ -14,7 +14,7 @@ import numpy as np
 
 from helisim.errors import InputError
 from helisim.physics.frames import flip
-from helisim.physics.layout import PARAM
+from helisim.physics.layout import PARAM, SENSOR
 from helisim.physics.native import installed
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
@@ -22,9 +22,8 @@ from helisim.vehicle.assembly import Integrator, assemble, model_folder
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.parameters import Parameters, read_parameters, untuned
+from helisim.vehicle.parameters import GyroSettings, Parameters, read_parameters, untuned
 from helisim.vehicle.sampled import SampledGyro, close, sampled_gyro
-from helisim.vehicle.settings import GyroSettings
 from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
 
 _SETTABLE = ("gyro", "gyro_tuned", "recorder_latency")
@@ -87,7 +86,7 @@ class Vehicle:
         data = self.hovering()
         with installed():
             mujoco.mj_forward(self.model, data)
-        torque = data.sensor("rotor").data[1]
+        torque = data.sensor("rotor").data[SENSOR.torque - SENSOR.thrust]
         return float(torque * self.parameters["main_rotor.speed"])
 
     def hovering(self) -> mujoco.MjData:

@@ -4,14 +4,15 @@ import math
 from dataclasses import dataclass
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.units import METRE_PER_FOOT, RAD_PER_DEG, RAD_S_PER_RPM
-
-METRE_PER_NAUTICAL_MILE = 1852.0
-"""Exact, by the International Hydrographic Conference of 1929."""
+from helisim.units import (
+    METRE_PER_FOOT,
+    METRE_S_PER_KNOT,
+    RAD_PER_DEG,
+    RAD_S_PER_RPM,
+    STANDARD_GRAVITY,
+)
 
 METRE_PER_MILE = 5280.0 * METRE_PER_FOOT
-STANDARD_GRAVITY = 9.80665
-"""m/s^2, exact, by the 3rd General Conference on Weights and Measures, 1901."""
 
 PULSE = "us"
 """Unit of a servo or radio pulse: its trim and range must be given."""
@@ -47,7 +48,7 @@ _TABLE = (
     ("km/h", "m/s", 1000.0 / 3600.0, ("kph", "kmh")),
     ("ft/s", "m/s", METRE_PER_FOOT, ("ft/sec", "fps")),
     ("ft/min", "m/s", METRE_PER_FOOT / 60.0, ("fpm",)),
-    ("kt", "m/s", METRE_PER_NAUTICAL_MILE / 3600.0, ("kts", "knot", "knots", "kn")),
+    ("kt", "m/s", METRE_S_PER_KNOT, ("kts", "knot", "knots", "kn")),
     ("mph", "m/s", METRE_PER_MILE / 3600.0, ()),
     ("m/s^2", "m/s^2", 1.0, ("m/s/s", "m/s2", "m/s²")),
     ("ft/s^2", "m/s^2", METRE_PER_FOOT, ("ft/s/s", "ft/s2", "ft/s²")),
