@@ -9,11 +9,20 @@ from helisim import ident
 from helisim.ident.evaluate import response
 from helisim.ident.verify import Trace
 from helisim.paper import jr700
+from helisim.paper.eq8 import Coefficient, OverallCheck
+from helisim.paper.gyro_effect import Change, GyroEffect, Statement
 from helisim.records.channels import CHANNELS, POSITIONS
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
-from helisim.study.identified import Evidence, write_evidence
-from helisim.study.results import ComparisonTable, ParameterRow, Results
+from helisim.sim.rigs import Finding, RigTest
+from helisim.study.identified import IdentifiedModel, write_models
+from helisim.study.results import (
+    ComparisonTable,
+    Exclusion,
+    ParameterRow,
+    Results,
+    VerificationFigures,
+)
 
 MODELS = {
     "heave": (ident.structures.heave, {"Z_w": -0.9403, "Z_col": -41.8503, "tau_col": 0.008}),
@@ -23,72 +32,48 @@ MODELS = {
     ),
 }
 
-FURTHER = {
-    "ground": {
-        "bench": {
-            "rig": "bench, rotor off",
-            "findings": [
-                {
-                    "name": "k_p",
-                    "unit": "1",
-                    "value": 0.865123,
-                    "truth": 0.8646,
-                    "error": 0.000523,
-                    "standard_error": 0.0021,
-                    "how": "jump of the pedal over the step",
-                },
-                {
-                    "name": "tau_r",
-                    "unit": "s",
-                    "value": 0.0405,
-                    "truth": None,
-                    "error": None,
-                    "standard_error": None,
-                    "how": "late",
-                },
-            ],
-            "notes": ["one factor is a convention"],
-        }
-    },
-    "before_after": {
-        "changes": [
-            {
-                "name": "tau_f",
-                "unit": "s",
-                "paper_before": 0.04456,
-                "paper_after": 0.0323,
-                "before": 0.0441,
-                "after": 0.0325,
-                "paper_ratio": 0.72487,
-                "ratio": 0.73696,
-            }
-        ],
-        "statements": [
-            {"said": "tau_f rises", "paper": "tau_f -27.5 %", "identified": "tau_f -26.3 %"}
-        ],
-    },
-    "eq_8": {
-        "coefficients": [
-            {
-                "name": "b1",
-                "unit": "rad/s^2",
-                "paper": 175.969,
-                "parts": 176.5,
-                "direct": 174.9,
-                "difference_percent": 0.91481,
-            }
-        ],
-        "band_rad_s": [0.6, 25.0],
-        "gain_db": -0.1234,
-        "gain_at_rad_s": 20.0,
-        "phase_deg": 1.5,
-        "phase_at_rad_s": 25.0,
-    },
-}
-"""What a run finds beyond its models."""
+GROUND = RigTest(
+    rig="bench",
+    findings=(
+        Finding(
+            name="k_p",
+            unit="1",
+            value=0.865123,
+            truth=0.8646,
+            standard_error=0.0021,
+            how="jump of the pedal over the step",
+        ),
+        Finding(name="tau_r", unit="s", value=0.0405, how="late"),
+        Finding(name="offset", unit="m", value=0.0003, truth=2.776e-17, standard_error=0.0005),
+    ),
+    notes=("one factor is a convention",),
+)
+GYRO_EFFECT = GyroEffect(
+    changes=(
+        Change(
+            name="tau_f",
+            unit="s",
+            paper_before=0.04456,
+            paper_after=0.0323,
+            before=0.0441,
+            after=0.0325,
+        ),
+    ),
+    statements=(Statement(said="tau_f rises", paper="tau_f -27.5 %", identified="tau_f -26.3 %"),),
+)
+EQ_8 = OverallCheck(
+    coefficients=(
+        Coefficient(name="b1", unit="rad/s^2", paper=175.969, parts=176.5, direct=174.9),
+    ),
+    band_rad_s=(0.6, 25.0),
+    gain_db=-0.1234,
+    gain_at_rad_s=20.0,
+    phase_deg=1.5,
+    phase_at_rad_s=25.0,
+)
 
 
-def make_evidence(name: str, *, verified: bool = False) -> Evidence:
+def make_model(name: str, *, verified: bool = False) -> IdentifiedModel:
     """Return a model fitted to its exact response."""
     structure, values = MODELS[name]
     omega = np.geomspace(0.5, 30.0, 60)
@@ -99,7 +84,7 @@ def make_evidence(name: str, *, verified: bool = False) -> Evidence:
         outputs=structure.outputs,
     )
     fit = ident.identify(exact, structure)
-    return Evidence(
+    return IdentifiedModel(
         name,
         fit,
         exact=exact,
@@ -148,7 +133,7 @@ def make_flight(names=tuple(CHANNELS), n: int = 300, **provenance) -> FlightReco
 
 def write_run(folder: Path) -> Results:
     """Write a run's files into a folder, and return its results."""
-    items = [make_evidence("heave"), make_evidence("rollpitch_in1", verified=True)]
+    items = [make_model("heave"), make_model("rollpitch_in1", verified=True)]
     tables = []
     for item in items:
         published = jr700.table(item.name)
@@ -189,10 +174,22 @@ def write_run(folder: Path) -> Results:
             "parameters": {},
             "recorder": {"rate_hz": 100.0, "antialias_hz": 40.0},
         },
-        excluded=("flight lat_01: its mean coherence is not among the best 1",),
+        excluded=(
+            Exclusion(
+                flight="lat_01", reason="less coherent", coherence=0.98765, limit=0.99, kept=1
+            ),
+        ),
+        ground={"bench": GROUND},
+        verification={
+            item.name: VerificationFigures.of(item.verification)
+            for item in items
+            if item.verification is not None
+        },
+        gyro_effect=GYRO_EFFECT,
+        eq_8=EQ_8,
     )
-    (folder / "results.json").write_text(json.dumps({**results.to_dict(), **FURTHER}))
-    write_evidence(folder / "fits.json", items)
+    (folder / "results.json").write_text(json.dumps(results.to_dict()))
+    write_models(folder / "fits.json", items)
     (folder / "flights").mkdir()
     flown = {"kind": "Sweep", "axis": "lat", "duration": 3.0, "trim_time": 0.5}
     for name in ("lat_01", "lat_02", "col_01"):

@@ -12,7 +12,6 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 
 class Clock:
@@ -53,7 +52,6 @@ def main(flights: int = 10) -> None:
         from helisim.study.identification import identify_model
         from helisim.study.models import MODELS
         from helisim.study.reproduce import reproduce
-        from helisim.study.run import read_run
         from helisim.vehicle import load as load_vehicle
 
         clock("imports")
@@ -61,7 +59,7 @@ def main(flights: int = 10) -> None:
         clock("compilation")
         names = {model.name for model in MODELS}
         out = Path(folder) / "run"
-        results, kept = reproduce(
+        run = reproduce(
             out=out,
             flights=flights,
             rotor=True,
@@ -69,21 +67,18 @@ def main(flights: int = 10) -> None:
                 "ground tests, identification, truth" if what in names else "flights, recorded"
             ),
         )
-        run = read_run(out)
-        clock("files")
         write_report(out, run)
         clock("report")
-        records, model = named_records(kept), load_vehicle("jr700").visual_model()
+        records, model = named_records(run.flights), load_vehicle("jr700").visual_model()
         write_recording(Path(folder) / "run.rrd", records, model=model, run=run)
         clock("Rerun recording")
-    count = sum(map(len, kept.values()))
+    count = sum(map(len, run.flights.values()))
     print(f"helisim reproduce --rerun, {count} flights kept, load of the machine {load:.1f}")
     print(clock)
     alone = Clock()
-    found = {table.name: table for table in results.tables}
-    ground: Any = results.further["ground"]
+    found = {table.name: table for table in run.results.tables}
     for model in MODELS:
-        identify_model(model, kept, before=found, ground=ground)
+        identify_model(model, run.flights, before=found, ground=run.results.ground)
     alone(f"identification of {len(MODELS)} models alone")
     print("\n".join(str(alone).splitlines()[1:-1]))
 

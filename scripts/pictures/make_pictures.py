@@ -68,7 +68,7 @@ def write_models() -> None:
 
 def write_bode(run: Run, path: Path) -> None:
     """Put p/lat and q/lon of the roll-pitch model side by side."""
-    (item,) = (item for item in run.evidence if item.name == "rollpitch_in1")
+    (item,) = (item for item in run.models if item.name == "rollpitch_in1")
     drawings = {drawing.name.split("_", 3)[3]: drawing for drawing in bode_drawings(item)}
     pictures = [Image.open(BytesIO(drawings[pair].png)) for pair in ("p_lat", "q_lon")]
     both = Image.new("RGB", (sum(p.width for p in pictures), pictures[0].height), "white")

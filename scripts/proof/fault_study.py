@@ -19,8 +19,8 @@ import numpy as np
 import helisim as hs
 from helisim.errors import DivergedError, HelisimError
 from helisim.sim import parse_fault
+from helisim.study.identification import identify_model
 from helisim.study.models import YAW_BASE
-from helisim.study.reproduce import identify_model
 
 FAULTS = (
     "servo_front:stuck@45",

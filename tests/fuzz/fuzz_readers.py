@@ -37,7 +37,7 @@ with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING])
     from helisim.records.logs.mapping import EXAMPLE
     from helisim.records.record import FlightRecord
     from helisim.records.storage import read_record, write_record
-    from helisim.study.identified import read_evidence
+    from helisim.study.identified import read_models
     from helisim.study.replay import arguments_of
     from helisim.study.run import read_run
     from helisim.vehicle import read_parameters
@@ -84,7 +84,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "parameters": ("parameters.toml", read_parameters),
     "expression": ("expression.txt", _expression),
     "fit": ("fit.json", _fit),
-    "evidence": ("fits.json", read_evidence),
+    "fits": ("fits.json", read_models),
     "run": ("results.json", lambda path: (arguments_of(path.parent), read_run(path.parent))),
 }
 """Reader -> the name of the file that it is given, and the call."""
@@ -111,7 +111,7 @@ def seeds(name: str, folder: Path) -> list[bytes]:
         "parameters": [(model_folder("jr700") / "tuned.toml").read_bytes()],
         "expression": [b"-tau_f * sqrt(N_v) ** 2 + exp(-1.5e3)"],
         "fit": [json.dumps({"format": "helisim fit, version 1", "structure": heave}).encode()],
-        "evidence": [b'{"format": "helisim fits, version 1", "models": [{"name": "heave"}]}'],
+        "fits": [b'{"format": "helisim fits, version 1", "models": [{"name": "heave"}]}'],
         "run": [json.dumps(run).encode()],
     }
     return sound[name]

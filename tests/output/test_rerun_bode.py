@@ -16,7 +16,7 @@ def drawn(tmp_path_factory):
     write_run(folder)
     run = read_run(folder)
     found = read(write_recording(folder / "run.rrd", {"lat_02": make_flight()}, run=run))
-    (item,) = (item for item in run.evidence if item.name == "heave")
+    (item,) = (item for item in run.models if item.name == "heave")
     root = "/models/heave/w_col/bode"
     return item, {name.removeprefix(f"{root}/"): one for name, one in found.items() if root in name}
 

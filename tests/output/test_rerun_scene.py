@@ -112,7 +112,7 @@ def test_a_run_is_recorded_with_its_models(tmp_path):
     write_run(tmp_path)
     run = read_run(tmp_path)
     found = read(write_recording(tmp_path / "run.rrd", {"lat_02": run.sweeps["lat"]}, run=run))
-    item = run.evidence[1]
+    item = run.models[1]
     for output in ("p", "q"):
         for input_ in ("lat", "lon"):
             entity = found[f"/models/rollpitch_in1/{output}_{input_}/numbers"]
@@ -138,7 +138,7 @@ def test_a_run_is_recorded_with_its_models(tmp_path):
     events = [str(text) for text in found["/lat_02/log"]["TextLog:text"].ravel()]
     assert events == ["trimmed hover", "lat sweep begins", "lat sweep ends, trimmed hover"]
     results = found["/__properties/run"]["results"].ravel()[0]
-    assert json.loads(results) == dict(run.results)
+    assert json.loads(results) == run.results.to_dict()
 
 
 def test_a_flight_of_90_seconds_is_small(tmp_path, jr700):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from helisim.cli import main
-from helisim.output.ground import render_errata
+from helisim.output.terminal import render_errata
 from helisim.paper import jr700
 from helisim.paper.errata import errata
 

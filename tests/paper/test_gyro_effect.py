@@ -5,7 +5,7 @@ import json
 import pytest
 
 from helisim.paper import jr700
-from helisim.paper.gyro_effect import before_and_after
+from helisim.paper.gyro_effect import gyro_effect
 
 
 def identified(reference, scale=1.0, *, without=()):
@@ -17,7 +17,7 @@ def identified(reference, scale=1.0, *, without=()):
 def found():
     """IN1 as printed, IN2 a tenth larger than printed, where A_b is tied to B_a."""
     before = identified(jr700.ROLLPITCH_IN1)
-    return before_and_after(before, identified(jr700.ROLLPITCH_IN2, 1.1, without=("A_b",)))
+    return gyro_effect(before, identified(jr700.ROLLPITCH_IN2, 1.1, without=("A_b",)))
 
 
 def test_ratios_are_of_the_papers_columns_and_of_the_identified_ones(found):

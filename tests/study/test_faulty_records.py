@@ -18,8 +18,8 @@ from helisim.sim import (
     Sweep,
     fly,
 )
+from helisim.study.identification import identify_model
 from helisim.study.models import YAW_BASE
-from helisim.study.reproduce import identify_model
 
 SWEEP = Sweep(axis="ped")
 SPIKES = SensorSpikes(channels=("r", "ped"), size=0.5)

@@ -1,4 +1,4 @@
-"""The experiment's flights: those that were terminated early are left out, and told."""
+"""The experiment's flights: those that terminated early are left out, with the reason."""
 
 from dataclasses import replace
 
@@ -10,6 +10,7 @@ from helisim.records.storage import read_record
 from helisim.sim import Flight, Recorder, Sweep
 from helisim.study import flights
 from helisim.study.flights import fly_sweeps
+from helisim.study.results import Exclusion
 
 END = {"at": 12.5, "why": "the helicopter touched the ground", "state": [0.0]}
 
@@ -46,7 +47,11 @@ def test_a_sweep_that_was_over_is_left_out(jr700, tmp_path, over):
         assert read_record(tmp_path / "flights" / f"{axis}_01.parquet").ended
         assert (tmp_path / "flights" / "last_second" / f"{axis}_01.parquet").is_file()
     assert excluded == tuple(
-        f"flight {axis}_01: was terminated early: the helicopter touched the ground at 12.50 s"
+        Exclusion(
+            flight=f"{axis}_01",
+            reason="terminated early",
+            ended="the helicopter touched the ground at 12.50 s",
+        )
         for axis in AXES
     )
 

@@ -10,7 +10,8 @@ from helisim.cli import main
 from helisim.errors import InputError, StorageError
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
-from helisim.study.replay import arguments_of, compare
+from helisim.study.differences import changes, leaves
+from helisim.study.replay import arguments_of, compare_runs
 from helisim.study.reproduce import reproduce
 from killing import kill_at
 
@@ -51,12 +52,12 @@ def test_a_killed_run_leaves_the_results_before(copied):
     path.write_bytes(before)
     kill_at(path.name, "reproduce", "--reuse", "--seed", "3", "--out", str(copied), "--quiet")
     assert path.read_bytes() == before
-    assert arguments_of(copied)["seed"] == 3
+    assert arguments_of(copied).seed == 3
 
 
 def test_a_copy_is_the_same(run, copied):
     """Equal folders compare as equal; what is printed says how much was compared."""
-    found = compare(run, copied)
+    found = compare_runs(run, copied)
     assert found.same
     assert f"{len(found.records)} of {len(found.records)} are the same to the byte" in str(found)
     assert "all are the same" in str(found)
@@ -69,7 +70,7 @@ def test_the_last_digit_of_a_result_is_noticed(run, copied):
     row = results["tables"][0]["parameters"][0]
     row["identified"] = float(np.nextafter(row["identified"], np.inf))
     path.write_text(json.dumps(results))
-    found = compare(run, copied)
+    found = compare_runs(run, copied)
     name = f"results.tables[{results['tables'][0]['name']}].parameters[{row['name']}].identified"
     assert list(found.other_numbers) == [name]
     assert not found.same
@@ -84,7 +85,7 @@ def test_the_last_bit_of_a_record_is_noticed(run, copied):
     values[100, 4] = np.nextafter(values[100, 4], np.inf)
     changed = FlightRecord(record.time, values, record.channels, record.provenance)
     write_record(changed, path)
-    found = compare(run, copied)
+    found = compare_runs(run, copied)
     assert not found.same
     assert f"{record.names[4]} differ from 1 s on" in found.other_numbers["lat_01.parquet"]
 
@@ -99,11 +100,54 @@ def test_other_versions_are_told_apart_from_other_numbers(run, copied):
     results = json.loads((copied / "results.json").read_text())
     results["versions"]["numpy"] = "1.0"
     (copied / "results.json").write_text(json.dumps(results))
-    found = compare(copied, run)
+    found = compare_runs(copied, run)
     assert found.same
     assert "versions.numpy is '1.0' there" in found.other_bytes["lat_01.parquet"]
     assert found.changed["numpy"] == ("1.0", np.__version__)
     assert f"numpy: 1.0 then, {np.__version__} now" in str(found)
+
+
+def test_a_run_of_an_earlier_version_is_compared_by_what_it_says(run, copied):
+    """Flights left out stood in sentences: no number differs by that, but by another sentence."""
+    path = copied / "results.json"
+    results = json.loads(path.read_text())
+    earlier = [one["message"] for one in results["excluded"]]
+    assert len(earlier) == 4  # two sweeps an axis were flown, one kept
+    path.write_text(json.dumps({**results, "excluded": earlier}))
+    found = compare_runs(copied, run)
+    assert found.same
+    assert "flights left out: written as sentences then, as values now" in str(found)
+    other = earlier[0].replace("is not among the best 1 ", "is not among the best 2 ")
+    path.write_text(json.dumps({**results, "excluded": [other, *earlier[1:]]}))
+    assert list(compare_runs(copied, run).other_numbers) == ["results.excluded[0]"]
+
+
+def test_the_same_difference_of_many_records_is_one_line(run, copied):
+    """All records of another version differ in one way: that is said once, with how many."""
+    for path in (copied / "flights").glob("*.parquet"):
+        record = read_record(path)
+        versions = {**record.provenance["versions"], "numpy": "1.0"}
+        provenance = {**record.provenance, "versions": versions}
+        write_record(FlightRecord(record.time, record.values, record.channels, provenance), path)
+    found = compare_runs(copied, run)
+    lines = [line for line in str(found).splitlines() if "versions.numpy" in line]
+    assert len(lines) == 1
+    assert f"col_01.parquet and {len(found.records) - 1} more: the same numbers" in lines[0]
+
+
+def test_leaves_of_data_are_named_by_their_place():
+    """Items of a list by their name, or number; what is no number of a run is left out."""
+    then = {"tables": [{"name": "a", "x": [1.0, 2.0]}], "versions": {"numpy": "2"}}
+    now = {"tables": [{"name": "a", "x": [1.0, 3.0]}, {"name": "b"}]}
+    assert leaves(then, "r", ["versions"]) == {
+        "r.tables[a].name": "a",
+        "r.tables[a].x[0]": 1.0,
+        "r.tables[a].x[1]": 2.0,
+    }
+    assert changes(leaves(then, "r", ["versions"]), leaves(now, "r")) == {
+        "r.tables[a].x[1]": "2.0 before, 3.0 now, 33 % apart",
+        "r.tables[b].name": "None before, 'b' now",
+    }
 
 
 @pytest.mark.parametrize("damage", ["remove", "cut"])
@@ -114,7 +158,7 @@ def test_a_lost_or_damaged_record_is_a_difference(run, copied, damage):
         path.unlink()
     else:
         path.write_bytes(path.read_bytes()[:1000])
-    found = compare(copied, run)
+    found = compare_runs(copied, run)
     assert set(found.other_numbers) == {"col_01.parquet"}
     assert not found.same
 

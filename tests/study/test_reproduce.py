@@ -7,6 +7,7 @@ import pytest
 import helisim as hs
 from helisim.errors import InputError
 from helisim.study.models import MODELS
+from helisim.study.run import read_run
 
 pytestmark = pytest.mark.slow
 
@@ -23,7 +24,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(folder):
-    return hs.reproduce(out=folder, seed=1)[0]
+    return hs.reproduce(out=folder, seed=1).results
 
 
 def rows(results):
@@ -64,7 +65,7 @@ def test_another_truth_is_followed():
         "main_rotor.lift_slope": 0.8 * 6.0205,
         "tail_rotor.lift_slope": 1.2 * 5.0,
     }
-    results, _ = hs.reproduce(seed=1, parameters=changed)
+    results = hs.reproduce(seed=1, parameters=changed).results
     check_recovery(results)
     found = rows(results)
     # The truths themselves have left the paper's by more than the tolerance of recovery.
@@ -75,7 +76,7 @@ def test_another_truth_is_followed():
 
 def test_halving_the_time_step_changes_little(results):
     """Half the time step moves no parameter by more than a third of its tolerance."""
-    finer, _ = hs.reproduce(seed=1, timestep=0.001)
+    finer = hs.reproduce(seed=1, timestep=0.001).results
     before, after = rows(results), rows(finer)
     for name, limit in (
         *((name, TIGHT_PERCENT) for name in TIGHT),
@@ -104,7 +105,7 @@ def test_the_results_file_holds_the_same_numbers(results, folder):
 
 def test_the_gyro_is_given_what_the_ground_tests_found(results):
     """k_I is the bench's, not the truth; lead and recorder latency are the turntable's."""
-    ground = results.further["ground"]
+    ground = results.ground
     assert results["yaw_gyro"]["k_I"].identified == ground["bench"]["k_I"].value
     assert results["yaw_gyro"]["k_I"].identified != results["yaw_gyro"]["k_I"].truth
     sources = {one.name: one.source for one in results["yaw_gyro"].given}
@@ -116,13 +117,13 @@ def test_the_gyro_is_given_what_the_ground_tests_found(results):
         "lead_filter": "turntable",
         "k_I": "bench",
     }
-    for name in ("k_I", "k_p", "k_delta", "k_a"):  # issue 4: all of Table 2 within 3 %
+    for name in ("k_I", "k_p", "k_delta", "k_a"):  # all of Table 2 within 3 %
         assert abs(results["yaw_gyro"][name].paper_error_percent) < 3.0
 
 
 def test_eq_8_from_the_parts_is_what_is_identified(results, folder):
     """Base, gyro and ground tests make the overall model that the sticks show directly."""
-    check = results.further["eq_8"]
+    check = results.eq_8
     for one in check.coefficients:
         # 2.5 %: the parts leave servo and lead out, whose 10 ms nearly cancel; 2.1 % measured
         assert abs(one.difference_percent) < 2.5, one
@@ -136,7 +137,7 @@ def test_eq_8_from_the_parts_is_what_is_identified(results, folder):
 def test_before_and_after_the_gyro_stand_beside_the_papers(results, folder):
     """A_lon and B_lat fall to 0.57 as in the paper, and tau_f falls, whatever the text says."""
     written = json.loads((folder / "results.json").read_text())["before_after"]
-    assert written == results.further["before_after"].to_dict()
+    assert written == results.gyro_effect.to_dict()
     for one in written["changes"]:
         # both columns within 3 %, couplings within 10 % of the paper's
         limit = 0.06 if one["name"] in TIGHT else 0.2
@@ -157,8 +158,9 @@ def test_the_doublets_figures_are_in_the_results(results, folder):
 
 def test_flights_of_a_run_can_be_identified_again(results, folder):
     """The same numbers, without flying; but not those of another seed or vehicle."""
-    again, _ = hs.reproduce(out=folder, seed=1, reuse=True)
-    assert again.to_dict() == results.to_dict()
+    again = hs.reproduce(out=folder, seed=1, reuse=True)
+    assert again.results == results
+    assert read_run(folder).results == results
     with pytest.raises(InputError, match="flown with seed 1, not 2"):
         hs.reproduce(out=folder, seed=2, reuse=True)
     with pytest.raises(InputError, match="other parameters"):
@@ -169,11 +171,10 @@ def test_flights_of_a_run_can_be_identified_again(results, folder):
 
 def test_the_records_alone_give_the_same_model(results, folder):
     """A record read back from disk identifies like the one in memory: nothing else is used."""
-    left_out = " ".join(results.excluded)
     flights = [
         hs.read_record(path)
         for path in sorted((folder / "flights").glob("col_*.parquet"))
-        if path.stem not in left_out
+        if path.stem not in results.left_out
     ]
     assert len(flights) == 10
     frf = hs.frequency_response(flights, inputs="col", outputs="w", band=(0.3, 12.0))
@@ -184,4 +185,7 @@ def test_the_records_alone_give_the_same_model(results, folder):
 def test_what_was_left_out_is_said(results):
     """Two flights an axis beyond the ten are named with the reason."""
     assert len(results.excluded) == 8
-    assert all("coherence" in sentence for sentence in results.excluded)
+    for one in results.excluded:
+        assert one.reason == "less coherent"
+        assert one.coherence <= one.limit
+        assert one.kept == 10

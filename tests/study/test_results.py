@@ -3,8 +3,24 @@ import math
 
 import pytest
 
+from helisim import ident
 from helisim.errors import InputError, UnknownNameError
-from helisim.study.results import ComparisonTable, GivenValue, ParameterRow, Results
+from helisim.study.results import (
+    ComparisonTable,
+    Exclusion,
+    GivenValue,
+    ParameterRow,
+    Results,
+    VerificationFigures,
+)
+from made_run import EQ_8, GROUND, GYRO_EFFECT, make_verification
+
+INCOHERENT = Exclusion(
+    flight="lat_03", reason="less coherent", coherence=0.98765, limit=0.9912, kept=10
+)
+ENDED = Exclusion(
+    flight="ped_01", reason="terminated early", ended="it touched the ground at 12.50 s"
+)
 
 
 def make_row(**changes) -> ParameterRow:
@@ -34,7 +50,7 @@ def make_results(*rows: ParameterRow) -> Results:
         seed=7,
         versions={"helisim": "0.1.0"},
         configuration={"flights": 10},
-        excluded=("flight 3: incoherent",),
+        excluded=(INCOHERENT, ENDED),
     )
 
 
@@ -90,33 +106,49 @@ def test_a_miss_says_which_by_how_much_and_why():
     assert make_results(make_row()).misses == ()
 
 
-def test_what_a_fit_was_given_and_what_else_was_found_are_in_the_json():
-    """A given value carries its source; findings stand beside the tables, by name."""
-
-    class Found:
-        def to_dict(self):
-            return {"gain_db": 0.1}
-
-    given = GivenValue(name="k_I", unit="1/s", value=17.7, source="bench")
+def everything() -> Results:
+    """Results with all that results can hold."""
     table = ComparisonTable(
-        name="yaw_gyro", input="IN2", cost=1.0, band_rad_s=(1, 9), parameters=(), given=(given,)
+        name="rollpitch_in1",
+        input="IN1",
+        cost=1.5,
+        band_rad_s=(3.0, 30.0),
+        parameters=(
+            make_row(),
+            make_row(name="unseen", cr_percent=math.inf),
+            make_row(name="given", cr_percent=None, insensitivity_percent=None),
+        ),
+        given=(GivenValue(name="k_I", unit="1/s", value=17.7, source="bench"),),
     )
-    results = Results(
+    checked = make_verification(ident.structures.rollpitch)
+    return Results(
         tables=(table,),
-        seed=1,
-        versions={},
-        further={"eq_8": Found(), "verification": {"rollpitch_in1": Found()}},
+        seed=7,
+        versions={"helisim": "0.1.0"},
+        configuration={"flights": 10},
+        excluded=(INCOHERENT, ENDED),
+        ground={"bench": GROUND},
+        verification={"rollpitch_in1": VerificationFigures.of(checked)},
+        gyro_effect=GYRO_EFFECT,
+        eq_8=EQ_8,
     )
-    data = json.loads(json.dumps(results.to_dict(), allow_nan=False))
+
+
+def test_what_else_was_found_is_in_the_json():
+    """A given value carries its source; findings stand beside the tables, by name."""
+    data = json.loads(json.dumps(everything().to_dict(), allow_nan=False))
     assert data["tables"][0]["given"] == [
         {"name": "k_I", "unit": "1/s", "value": 17.7, "source": "bench"}
     ]
-    assert data["eq_8"] == {"gain_db": 0.1}
-    assert data["verification"] == {"rollpitch_in1": {"gain_db": 0.1}}
+    assert data["tables"][0]["parameters"][1]["cr_percent"] == "inf"
+    assert data["eq_8"]["gain_db"] == EQ_8.gain_db
+    assert data["before_after"]["changes"][0]["ratio"] == GYRO_EFFECT.changes[0].ratio
+    assert data["ground"]["bench"]["findings"][1]["truth"] is None
+    assert [one["name"] for one in data["verification"]["rollpitch_in1"]["outputs"]] == ["p", "q"]
 
 
-def test_the_json_has_the_shape_of_issue_2():
-    """Point 7 of the issue: the keys of a table and of a parameter, and plain JSON data."""
+def test_the_json_has_its_shape():
+    """The keys of a table and of a parameter, and plain JSON data."""
     data = make_results(make_row(), make_row(name="free", truth=None, tolerance_percent=None))
     data = json.loads(json.dumps(data.to_dict(), allow_nan=False))
     assert data["seed"] == 7
@@ -141,12 +173,76 @@ def test_the_json_has_the_shape_of_issue_2():
     assert first["verdict"] == "ok"
     assert second["truth"] is None
     assert data["misses"] == []
-    assert data["excluded"] == ["flight 3: incoherent"]
+    assert data["excluded"] == [
+        {
+            "flight": "lat_03",
+            "reason": "less coherent",
+            "coherence": 0.98765,
+            "limit": 0.9912,
+            "kept": 10,
+            "message": INCOHERENT.message,
+        },
+        {
+            "flight": "ped_01",
+            "reason": "terminated early",
+            "ended": "it touched the ground at 12.50 s",
+            "message": "flight ped_01: was terminated early: it touched the ground at 12.50 s",
+        },
+    ]
 
 
-def test_an_infinite_bound_is_null_in_json():
-    """JSON has no infinity: a parameter that the data do not see has no number there."""
-    assert make_row(cr_percent=math.inf).to_dict()["cr_percent"] is None
+def test_results_come_back_from_json():
+    """All of them, equal: tables, bounds that are infinite, and what stands beside the tables."""
+    results = everything()
+    text = json.dumps(results.to_dict(), allow_nan=False)
+    again = Results.from_dict(json.loads(text))
+    assert again == results
+    assert json.dumps(again.to_dict()) == text
+    assert again["rollpitch_in1"]["unseen"].cr_percent == math.inf
+    assert again["rollpitch_in1"].given == results["rollpitch_in1"].given
+
+
+def test_sentences_of_earlier_results_are_read():
+    """What was left out stood there in words: they become the same values, to four decimals."""
+    earlier = make_results(make_row()).to_dict()
+    earlier["excluded"] = [
+        "flight lat_03: its mean coherence of 0.9877 is not among the best 10 (the least coherent "
+        "kept has 0.9912)",
+        "flight ped_01: was over before its time: it touched the ground at 12.50 s",
+    ]
+    incoherent, ended = Results.from_dict(earlier).excluded
+    assert incoherent.message == INCOHERENT.message == earlier["excluded"][0]
+    assert (incoherent.coherence, incoherent.limit, incoherent.kept) == (0.9877, 0.9912, 10)
+    assert ended == ENDED
+    assert Results.from_dict(earlier).left_out == {"lat_03", "ped_01"}
+
+
+def test_results_without_what_a_run_of_one_axis_has_are_read():
+    """No ground tests, verification or comparison: those of `helisim recover`, for instance."""
+    results = make_results(make_row())
+    assert results.to_dict().keys().isdisjoint({"ground", "verification", "before_after", "eq_8"})
+    assert Results.from_dict(results.to_dict()) == results
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"seed": "one"}, r"results\.seed is 'one', expected int"),
+        ({"seed": True}, "seed is True"),
+        ({"tables": [{"name": "heave"}]}, r"tables\[0\] has no 'input'"),
+        ({"tables": {}}, "tables is {}"),
+        ({"excluded": ["flight 3 was bad"]}, "no sentence of a flight"),
+        ({"excluded": [{"flight": "lat_01", "reason": "disliked"}]}, "reason is 'disliked'"),
+        ({"excluded": [{"flight": "lat_01", "reason": "less coherent"}]}, "needs coherence"),
+        ({"eq_8": {"coefficients": [], "band_rad_s": [1.0]}}, r"eq_8\.band_rad_s is \[1\.0\]"),
+        ({"ground": {"bench": 3}}, r"ground\.bench must be an object, got 3"),
+    ],
+)
+def test_what_is_no_result_is_refused(change, message):
+    """The place, what is there and what was expected; also of a file that is only damaged."""
+    data = {**everything().to_dict(), **change}
+    with pytest.raises(InputError, match=f"a file: not the results of a run.*{message}"):
+        Results.from_dict(data, "a file")
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.ground import render_errata
+    from helisim.output.terminal import render_errata
     from helisim.paper.errata import errata
 
     found = errata()

@@ -28,7 +28,7 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.tables import render_derivatives
+    from helisim.output.terminal import render_derivatives
     from helisim.records.provenance import made_by
     from helisim.vehicle import load
 

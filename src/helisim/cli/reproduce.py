@@ -76,7 +76,7 @@ def _repeat(options: argparse.Namespace) -> int:
         raise InputError(
             f"--from repeats a run with its own options: leave out {', '.join(set_here)}"
         )
-    flights = arguments_of(options.run_folder)["flights"]
+    flights = arguments_of(options.run_folder).flights
     steps = flights_in_all(flights) + len(MODELS) + (options.out is not None)
     with Progress(steps, options.quiet) as advance:
         found = repeat(options.run_folder, out=options.out, jobs=options.jobs, on_progress=advance)
@@ -89,12 +89,11 @@ def _repeat(options: argparse.Namespace) -> int:
 
 def _reproduce(options: argparse.Namespace) -> int:
     from helisim.output.report import write_report
-    from helisim.output.tables import render_results, wants_color
+    from helisim.output.terminal import render_results, wants_color
     from helisim.records.files import check_destination
     from helisim.study.flights import flights_in_all, named_records
     from helisim.study.models import MODELS
     from helisim.study.reproduce import reproduce
-    from helisim.study.run import read_run
 
     flights_kept = _FLIGHTS if options.flights is None else options.flights
     seed = 1 if options.seed is None else options.seed
@@ -106,7 +105,7 @@ def _reproduce(options: argparse.Namespace) -> int:
     flown = 0 if options.reuse else flights_in_all(flights_kept)
     steps = flown + len(MODELS) + 1  # the report
     with Progress(steps, options.quiet) as advance:
-        results, flights = reproduce(
+        run = reproduce(
             out=out,
             flights=flights_kept,
             seed=seed,
@@ -117,17 +116,16 @@ def _reproduce(options: argparse.Namespace) -> int:
             reuse=options.reuse,
             on_progress=advance,
         )
-        run = read_run(out)
         write_report(out, run)
         advance("report")
     if options.json:
-        print(json.dumps(results.to_dict(), indent=2, allow_nan=False))
+        print(json.dumps(run.results.to_dict(), indent=2, allow_nan=False))
     else:
-        print(render_results(results, color=wants_color(sys.stdout)))
+        print(render_results(run.results, color=wants_color(sys.stdout)))
         tell_written(options, f"{out / 'results.json'}, records in {out / 'flights'}")
         tell_written(options, f"{out / 'report.html'}")
     if options.rerun is not None:
-        records = named_records(flights)
+        records = named_records(run.flights)
         quiet = options.quiet or options.json
         write_recording(options.rerun, records, run=run, quiet=quiet)
-    return 1 if results.misses else 0
+    return 1 if run.results.misses else 0

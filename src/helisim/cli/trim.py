@@ -64,7 +64,7 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.tables import render_trims
+    from helisim.output.terminal import render_trims
     from helisim.records.files import check_destination
     from helisim.vehicle import load
     from helisim.vehicle.trim import HEIGHT

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 from helisim.ident import Fit
 from helisim.output.plots import Drawing, draw_bode, draw_flight, draw_verification
-from helisim.study.identified import Evidence
+from helisim.study.identified import IdentifiedModel
 from helisim.study.run import Run
 
 _SWEPT = {
@@ -25,7 +25,7 @@ _AXIS_NAMES = {"col": "collective", "lon": "longitudinal", "lat": "lateral", "pe
 def run_drawings(run: Run) -> dict[str, Sequence[Drawing]]:
     """Return all figures of a run: by model, "time MODEL" for verifications, and "sweeps"."""
     groups: dict[str, Sequence[Drawing]] = {}
-    for item in run.evidence:
+    for item in run.models:
         groups[item.name] = bode_drawings(item)
         groups[f"time {item.name}"] = verification_drawings(item)
     groups["sweeps"] = [
@@ -41,7 +41,7 @@ def run_drawings(run: Run) -> dict[str, Sequence[Drawing]]:
 
 
 @lru_cache(maxsize=_MODELS)
-def bode_drawings(item: Evidence) -> tuple[Drawing, ...]:
+def bode_drawings(item: IdentifiedModel) -> tuple[Drawing, ...]:
     """Return one figure for each pair of a model."""
     fit = item.fit
     drawings = []
@@ -64,7 +64,7 @@ def bode_drawings(item: Evidence) -> tuple[Drawing, ...]:
 
 
 @lru_cache(maxsize=_MODELS)
-def verification_drawings(item: Evidence) -> tuple[Drawing, ...]:
+def verification_drawings(item: IdentifiedModel) -> tuple[Drawing, ...]:
     """Return one figure for each flight that verified a model."""
     if item.verification is None:
         return ()

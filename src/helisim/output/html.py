@@ -1,29 +1,12 @@
 """The few pieces of HTML that the reports are made of; every text is escaped here."""
 
 import base64
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
 from html import escape
 from importlib.resources import files
 
 from helisim.output.plots import Drawing
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One cell of a table.
-
-    Attributes:
-        text: as shown.
-        style: CSS classes: "text" for left-aligned, "name", "long", "ok", "off".
-        key: where the number stands in the results, such as "tables.heave.Z_w.truth".
-        value: the number in full; None where the cell is no number.
-    """
-
-    text: str
-    style: str = ""
-    key: str = ""
-    value: float | None = None
+from helisim.output.table import Cell, Table
 
 
 def page(title: str, sections: Iterable[tuple[str, str, str]], head: str) -> str:
@@ -76,15 +59,16 @@ def folded(summary: str, text: str) -> str:
     return f"<details><summary>{escape(summary)}</summary><pre>{escape(text)}</pre></details>"
 
 
-def table(headings: Sequence[str], rows: Iterable[Sequence[Cell]], left: Iterable[str]) -> str:
-    """Return a table whose rows become cards on a phone; `left` names left-aligned columns."""
-    sides = ["text" if name in set(left) else "" for name in headings]
-    head = "".join(f"<th{_style(side)}>{escape(name)}</th>" for name, side in zip(headings, sides))
+def table(shown: Table) -> str:
+    """Return the rows of a table, which become cards on a phone; nothing for no rows."""
+    if not shown.rows:
+        return ""
+    names = [column.page_heading for column in shown.columns]
+    sides = ["text" if column.left else "" for column in shown.columns]
+    head = "".join(f"<th{_style(side)}>{escape(name)}</th>" for name, side in zip(names, sides))
     body = "".join(
-        "<tr>"
-        + "".join(_cell(cell, name, side) for cell, name, side in zip(row, headings, sides))
-        + "</tr>\n"
-        for row in rows
+        "<tr>" + "".join(map(_cell, row, texts, names, sides)) + "</tr>\n"
+        for row, texts in zip(shown.rows, shown.texts)
     )
     return (
         f'<table class="cards">\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody>\n</table>'
@@ -127,11 +111,11 @@ def _picture(mark: str, kind: str, contents: bytes, title: str, caption: str) ->
     )
 
 
-def _cell(cell: Cell, label: str, side: str) -> str:
+def _cell(cell: Cell, text: str, label: str, side: str) -> str:
     style = _style(f"{side} {cell.style}".strip())
     key = f' data-key="{escape(cell.key)}"' if cell.key else ""
     value = "" if cell.value is None else f' data-value="{cell.value!r}"'
-    return f'<td{style} data-label="{escape(label)}"{key}{value}>{escape(cell.text)}</td>'
+    return f'<td{style} data-label="{escape(label)}"{key}{value}>{escape(text)}</td>'
 
 
 def _style(style: str) -> str:

@@ -10,19 +10,16 @@ from typing import Any
 
 from helisim.errors import UnknownNameError
 from helisim.ident import USABLE_COHERENCE, Fit
-from helisim.output import html
+from helisim.output import html, tables
 from helisim.output.drawings import run_drawings
 from helisim.output.plots import Drawing
-from helisim.output.report_further import before_after_section, ground_section, overall_section
-from helisim.output.report_tables import (
-    airframe_table,
-    comparison_table,
-    errata_table,
-    verification_table,
-    versions_table,
-)
+from helisim.output.table import Table
+from helisim.paper.eq8 import OverallCheck
 from helisim.paper.errata import Erratum, errata
+from helisim.paper.gyro_effect import GyroEffect
 from helisim.records.files import atomic_write, make_folder
+from helisim.sim.rigs import RigTest
+from helisim.study.results import ComparisonTable, ParameterRow, Results, VerificationFigures
 from helisim.study.run import Run, read_run
 from helisim.vehicle.assembly import model_folder
 
@@ -38,12 +35,6 @@ _IN_PAPER = {
     "heave": ("Table 4, heave", ""),
 }
 """Model -> its table and its figure in the paper."""
-
-_SHOWN_ELSEWHERE = (
-    *("tables", "versions", "configuration", "excluded", "misses"),
-    *("ground", "verification", "before_after", "eq_8"),
-)
-"""Keys of the results; the others are unfolded with the provenance."""
 
 
 def write_report(folder: str | Path, run: Run | None = None) -> Path:
@@ -83,53 +74,43 @@ def render_run(
     sections = [
         ("experiment", "The experiment", _experiment(run)),
         ("airframe", "Table 1, the helicopter", _airframe(run)),
-        ("ground", "On the ground", ground_section(results.get("ground", {}))),
+        ("ground", "On the ground", _ground(results.ground)),
         ("tables", "Tables 2 to 4, the models", "\n".join(_results_tables(run))),
-        (
-            "gyro",
-            "Before and after the gyro",
-            before_after_section(results.get("before_after", {})),
-        ),
-        (
-            "overall",
-            "Eq. (8), the parts against the whole",
-            overall_section(results.get("eq_8", {})),
-        ),
+        ("gyro", "Before and after the gyro", _gyro(results.gyro_effect)),
+        ("overall", "Eq. (8), the parts against the whole", _overall(results.eq_8)),
         ("bode", "Frequency responses", _bode_section(run, drawings)),
         ("time", "Verification in the time domain", _time_section(run, drawings)),
         ("sweeps", "The sweeps", _sweep_section(drawings.get("sweeps", ()))),
         ("omitted", "What was left out, and why", _omitted_section(run)),
-        ("errata", "Errors in the paper", errata_table(errata)),
+        ("errata", "Errors in the paper", html.table(tables.errata(errata))),
         ("provenance", "Provenance", _provenance(results)),
     ]
     return html.page("The JR700 swept, identified and compared", sections, _summary(results))
 
 
-def _summary(results: Mapping[str, Any]) -> str:
-    rows = [row for table in results["tables"] for row in table["parameters"]]
-    judged = [row for row in rows if row["verdict"] != "not judged"]
-    good = sum(row["verdict"] == "ok" for row in judged)
+def _summary(results: Results) -> str:
+    rows = [row for table in results.tables for row in table.parameters]
+    judged = [row for row in rows if row.verdict != "not judged"]
+    good = sum(row.verdict == "ok" for row in judged)
     text = (
-        f"{len(rows)} parameters of {len(results['tables'])} models, identified from flight "
+        f"{len(rows)} parameters of {len(results.tables)} models, identified from flight "
         f"records alone. {good} of the {len(judged)} that are judged are within their tolerances."
     )
-    return html.paragraph(text, "lead") + html.bullets(results.get("misses", []))
+    return html.paragraph(text, "lead") + html.bullets(results.misses)
 
 
 def _experiment(run: Run) -> str:
-    given = run.results["configuration"]
-    recorder = given["recorder"]
+    given = run.configuration
     flights = next(iter(run.sweeps.values()), None)
     flown = flights.provenance.get("excitation", {}) if flights is not None else {}
     length = f"of {flown['duration']:g} s " if "duration" in flown else ""
-    changed = given["parameters"]
     text = (
         "A nonlinear JR700 of 8.01 kg with a three-axis gyro was flown in MuJoCo, with a time "
-        f"step of {1e3 * given['timestep_s']:g} ms, by a pilot who holds the hover and sweeps one "
-        f"stick at a time: {given['flown_each_axis']} flights {length}on each of the four axes, "
-        f"of which the {given['flights_kept_each_axis']} most coherent were kept. A flight "
+        f"step of {1e3 * given.timestep_s:g} ms, by a pilot who holds the hover and sweeps one "
+        f"stick at a time: {given.flown_each_axis} flights {length}on each of the four axes, "
+        f"of which the {given.flights_kept_each_axis} most coherent were kept. A flight "
         f"computer recorded sticks (IN2), servo signals (from which IN1 is recomputed) and motion "
-        f"(OUT) at {recorder['rate_hz']:g} Hz behind a {recorder['antialias_hz']:g} Hz "
+        f"(OUT) at {given.recorder.rate_hz:g} Hz behind a {given.recorder.antialias_hz:g} Hz "
         "anti-alias filter, with latency, noise and resolution by channel. From these records "
         "alone the frequency responses were estimated by the method of Tischler and Remple "
         "(CIFER), and the paper's models were fitted to them. The truth beside them is the exact "
@@ -139,10 +120,10 @@ def _experiment(run: Run) -> str:
     )
     other = (
         "Another truth than the paper's was flown, so the paper is printed and not judged by: "
-        + ", ".join(f"{name} = {value:g}" for name, value in changed.items())
+        + ", ".join(f"{name} = {value:g}" for name, value in given.parameters.items())
         + "."
     )
-    return html.paragraph(text) + (html.paragraph(other) if changed else "")
+    return html.paragraph(text) + (html.paragraph(other) if given.parameters else "")
 
 
 def _airframe(run: Run) -> str:
@@ -151,7 +132,7 @@ def _airframe(run: Run) -> str:
     try:
         picture = model_folder(vehicle) / f"{vehicle}.png"
     except UnknownNameError:
-        return airframe_table(record)
+        return html.table(tables.airframe(record))
     shown = (
         ""
         if not picture.is_file()
@@ -159,12 +140,43 @@ def _airframe(run: Run) -> str:
             picture.read_bytes(), f"The {vehicle} model", "The model, rendered by MuJoCo."
         )
     )
-    return shown + airframe_table(record)
+    return shown + html.table(tables.airframe(record))
+
+
+def _ground(tests: Mapping[str, RigTest]) -> str:
+    return "\n".join(_block(tables.rig(test)) for test in tests.values())
+
+
+def _block(table: Table) -> str:
+    """Return a table under its title, with its notes."""
+    return "\n".join([html.heading(table.title), html.table(table), *_notes(table)])
+
+
+def _notes(table: Table) -> list[str]:
+    return [
+        html.paragraph(f"{label.capitalize()}: {text}." if label else text, "note")
+        for label, text in table.notes
+    ]
+
+
+def _gyro(found: GyroEffect | None) -> str:
+    if found is None:
+        return ""
+    lead = (
+        "The same structure from the servos (IN1: the base helicopter) and from the sticks "
+        "(IN2: the helicopter with its gyro)."
+    )
+    shown = (tables.gyro_changes(found), tables.gyro_statements(found.statements))
+    return html.paragraph(lead, "note") + "\n".join(map(html.table, shown))
+
+
+def _overall(found: OverallCheck | None) -> str:
+    return "" if found is None else _block(tables.overall(found))
 
 
 def _results_tables(run: Run) -> list[str]:
-    order = [*_IN_PAPER, *(table.name for table in run.tables)]
-    tables = sorted(run.tables, key=lambda table: order.index(table.name))
+    known = run.results.tables
+    order = [*_IN_PAPER, *(table.name for table in known)]
     parts = [
         html.paragraph(
             "CR is the Cramér-Rao bound and insens. the insensitivity, percent of the identified "
@@ -173,39 +185,45 @@ def _results_tables(run: Run) -> list[str]:
             "note",
         )
     ]
-    for table in tables:
-        low, high = table.band_rad_s
-        name = _IN_PAPER.get(table.name, ("",))[0]
+    for one in sorted(known, key=lambda table: order.index(table.name)):
+        name = _IN_PAPER.get(one.name, ("",))[0]
+        table = tables.comparison(one)
         parts += [
-            html.heading(f"{name} ({table.name})" if name else table.name),
-            html.paragraph(
-                f"From {table.input}, {low:.3g} to {high:.3g} rad/s, average cost {table.cost:.3g}."
-            ),
-            comparison_table(table),
-            html.paragraph(_given(run.results, table.name), "note"),
+            html.heading(f"{name} ({table.title})" if name else table.title),
+            html.paragraph(f"{table.lead[0].upper()}{table.lead[1:]}."),
+            html.table(table),
+            _tolerances(one),
+            *_notes(table),
         ]
     return parts
 
 
-def _given(results: Mapping[str, Any], name: str) -> str:
-    """Return what a fit was given, in a sentence; empty for nothing."""
-    (table,) = (table for table in results["tables"] if table["name"] == name)
-    given = [
-        f"{one['name']} = {one['value']:.4g} {one['unit']} ({one['source']})"
-        for one in table.get("given", ())
+def _tolerances(table: ComparisonTable) -> str:
+    lines = [line for row in table.parameters for line in _limits(row)]
+    return html.folded("tolerances", "\n".join(lines)) if lines else ""
+
+
+def _limits(row: ParameterRow) -> list[str]:
+    limits = (
+        ("truth", row.tolerance_percent, row.tolerance_reason),
+        ("paper", row.paper_tolerance_percent, row.paper_tolerance_reason),
+    )
+    return [
+        f"{row.name}: within {limit:.3g} % of the {what} ({reason})"
+        for what, limit, reason in limits
+        if limit is not None
     ]
-    return f"Given: {'; '.join(given)}." if given else ""
 
 
 def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     blocks = []
     lead = html.paragraph(
         "Dots: estimated from the flights, hollow where the coherence is below "
-        f"{USABLE_COHERENCE}, in a band of one random error. Solid: the identified model. Dashed: "
-        "the truth. Grey ground: not used by the fit.",
+        f"{USABLE_COHERENCE:g}, in a band of one random error. Solid: the identified model. "
+        "Dashed: the truth. Grey ground: not used by the fit.",
         "note",
     )
-    for item in run.evidence:
+    for item in run.models:
         table, figure = _IN_PAPER.get(item.name, ("", ""))
         meaning = table.split(", ", 1)[-1]
         title = item.name if meaning in ("", item.name) else f"{item.name}: {meaning}"
@@ -221,10 +239,11 @@ def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
 
 def _time_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     parts = []
-    for item in run.evidence:
+    for item in run.models:
         if item.verification is not None:
             parts.append(html.heading(item.name))
-            parts.append(verification_table(item.name, item.verification))
+            figures = VerificationFigures.of(item.verification)
+            parts.append(html.table(tables.verification({item.name: figures})))
             parts.append(html.figures(drawings.get(f"time {item.name}", ())))
     if not parts:
         return ""
@@ -247,8 +266,8 @@ def _sweep_section(drawings: Sequence[Drawing]) -> str:
 
 
 def _omitted_section(run: Run) -> str:
-    sentences = list(run.results.get("excluded", []))
-    for item in run.evidence:
+    sentences = [one.message for one in run.results.excluded]
+    for item in run.models:
         sentences += [f"{item.name}: {sentence}" for sentence in left_out(item.fit)]
     return html.bullets(sentences) or html.paragraph("Nothing was left out.")
 
@@ -263,13 +282,11 @@ def left_out(fit: Fit) -> list[str]:
     ]
 
 
-def _provenance(results: Mapping[str, Any]) -> str:
-    further = {name: item for name, item in results.items() if name not in _SHOWN_ELSEWHERE}
+def _provenance(results: Results) -> str:
     return (
-        html.paragraph(f"Seed {results['seed']}. The same seed and versions give the same numbers.")
-        + versions_table(results["versions"])
-        + html.folded("configuration", as_json(results["configuration"]))
-        + html.folded("further results", as_json(further))
+        html.paragraph(f"Seed {results.seed}. The same seed and versions give the same numbers.")
+        + html.table(tables.versions(results.versions))
+        + html.folded("configuration", as_json(dict(results.configuration)))
     )
 
 

@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from helisim.ident import Fit, Verification
-from helisim.output import html
+from helisim.output import html, tables
 from helisim.output.drawings import bode_drawings, verification_drawings
 from helisim.output.plots import draw_flight
 from helisim.output.report import as_json, left_out
-from helisim.output.report_tables import fit_table, verification_table
 from helisim.records.files import atomic_write
 from helisim.records.record import FlightRecord
-from helisim.study.identified import Evidence
+from helisim.study.identified import IdentifiedModel
+from helisim.study.results import VerificationFigures
 
 
 def write_fit_report(
@@ -31,7 +31,7 @@ def write_fit_report(
 
     Raises StorageError.
     """
-    item = Evidence(fit.structure.name, fit, verification=verification)
+    item = IdentifiedModel(fit.structure.name, fit, verification=verification)
     signals = (*fit.structure.inputs, *fit.structure.outputs)
     flights = [
         draw_flight(f"flight_{k}", name, record, signals)
@@ -43,7 +43,7 @@ def write_fit_report(
         f"{low:.3g} to {high:.3g} rad/s, {fit.method} method; average cost {fit.cost:.3g}."
     )
     sections = [
-        ("parameters", "Parameters", fit_table(fit)),
+        ("parameters", "Parameters", html.table(tables.fitted(fit))),
         ("bode", "Frequency responses", html.figures(bode_drawings(item))),
         ("time", "Verification in the time domain", _verified(item)),
         ("flights", "Records", html.figures(flights)),
@@ -57,9 +57,9 @@ def write_fit_report(
     return path
 
 
-def _verified(item: Evidence) -> str:
+def _verified(item: IdentifiedModel) -> str:
     if item.verification is None:
         return ""
-    return verification_table(item.name, item.verification) + html.figures(
-        verification_drawings(item)
-    )
+    figures = VerificationFigures.of(item.verification)
+    shown = html.table(tables.verification({item.name: figures}))
+    return shown + html.figures(verification_drawings(item))

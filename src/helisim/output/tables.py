@@ -1,216 +1,315 @@
-"""Comparison tables as text of 80 columns, in colour on a terminal."""
+"""The tables that helisim shows, each made once: for terminal, page and recording."""
 
-import math
-import os
-import textwrap
 from collections.abc import Mapping, Sequence
-from typing import TextIO
+from math import degrees
 
-from helisim.output.findings import render_further
+from helisim.ident import Fit
+from helisim.output.table import PERCENT, Cell, Column, Table, common_form, number, words
+from helisim.paper import jr700
+from helisim.paper.eq8 import Coefficient, OverallCheck
+from helisim.paper.errata import Erratum
+from helisim.paper.gyro_effect import Change, GyroEffect, Statement
 from helisim.records.channels import IN1
-from helisim.study.results import ComparisonTable, ParameterRow, Results, Verdict
-from helisim.vehicle import Linearization, Vehicle
+from helisim.records.record import FlightRecord
+from helisim.sim.rigs import Finding, RigTest
+from helisim.study.results import ComparisonTable, ParameterRow, VerificationFigures
+from helisim.vehicle import Vehicle
 
-WIDTH = 80
-HEADINGS = (
-    "parameter",
-    "unit",
-    "paper",
-    "truth",
-    "identified",
-    "CR %",
-    "insens. %",
-    "verdict",
-)
-LEFT = frozenset({"parameter", "unit", "verdict"})
-_DIGITS = 4
-"""Significant digits: bounds are of the order of a percent, so a fifth would say nothing."""
-_ZERO_POLE = 1e-6
-"""rad/s: smaller eigenvalues are position and heading, which nothing holds."""
+_NAME = (Column("parameter", left=True), Column("unit", left=True))
+_BOUNDS = (Column("CR %"), Column("insens. %"))
+_UNCERTAINTY = ".2g"
+"""Two digits of an uncertainty, as is usual."""
 
-_NO_BREAK = "\u00a0"
-_RESET = "\x1b[0m"
-_BOLD = "\x1b[1m"
-_COLOURS: dict[Verdict, str] = {
-    "ok": "\x1b[32m",
-    "off truth": "\x1b[31m",
-    "off paper": "\x1b[31m",
-    "off both": "\x1b[31m",
-    "not judged": "\x1b[2m",
+_FLOWN = {
+    "R_mr": "main_rotor.radius",
+    "R_tr": "tail_rotor.radius",
+    "c_mr": "main_rotor.chord",
+    "rho": "air.density",
+    "Omega_mr": "main_rotor.speed",
+    "Omega_tr": "tail_rotor.speed",
 }
+"""Table 1 -> the parameter of the vehicle that flew."""
 
 
-def wants_color(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
-    """Return whether to colour text for a stream: on a terminal, unless NO_COLOR is set."""
-    if environment.get("NO_COLOR") or environment.get("TERM") == "dumb":
-        return False
-    return stream.isatty()
-
-
-def render_table(table: ComparisonTable, *, color: bool = False) -> str:
-    """Return a table as lines of at most 80 columns, without a final line end."""
-    rows = [cells(row) for row in table.parameters]
-    widths = [max(map(len, column)) for column in zip(HEADINGS, *rows)]
+def comparison(table: ComparisonTable) -> Table:
+    """Return a model's parameters beside paper and truth, each with its verdict."""
     low, high = table.band_rad_s
-    title = (
-        f"{table.name}: from {table.input}, {low:.3g} to {high:.3g} rad/s, "
-        f"average cost {table.cost:.3g}"
+    given = "; ".join(
+        f"{one.name} {one.value:.4g} {one.unit} ({one.source})".replace(" ", "\u00a0")
+        for one in table.given
     )
-    lines = [_paint(title, _BOLD, color), _line(HEADINGS, widths)]
-    lines.append("-" * len(lines[-1]))
-    for row, row_cells in zip(table.parameters, rows):
-        text = _line(row_cells, widths)
-        verdict = row_cells[-1]
-        start = text.removesuffix(verdict)
-        lines.append(start + _paint(verdict, _COLOURS[row.verdict], color))
-    if table.given:
-        lines.append(_given(table))
-    return "\n".join(lines)
-
-
-def _given(table: ComparisonTable) -> str:
-    values = [
-        f"{one.name} {one.value:.{_DIGITS}g} {one.unit} ({one.source})" for one in table.given
-    ]
-    text = textwrap.fill(
-        "; ".join(value.replace(" ", _NO_BREAK) for value in values),
-        WIDTH,
-        initial_indent="given: ",
-        subsequent_indent="       ",
+    return Table(
+        table.name,
+        (
+            *_NAME,
+            *(Column("paper"), Column("truth"), Column("identified")),
+            *_BOUNDS,
+            Column("paper CR %", page_only=True),
+            Column("verdict", left=True),
+        ),
+        tuple(_compared(table.name, row) for row in table.parameters),
+        lead=f"from {table.input}, {low:.3g} to {high:.3g} rad/s, average cost {table.cost:.3g}",
+        notes=(("given", given),) if given else (),
     )
-    return text.replace(_NO_BREAK, " ")
 
 
-def render_results(results: Results, *, color: bool = False) -> str:
-    """Return all tables, what else was found, what was left out, and what missed its tolerance."""
-    blocks = [render_table(table, color=color) for table in results.tables]
-    blocks += render_further(results.further)
-    if results.excluded:
-        blocks.append(_list("Left out:", results.excluded))
-    if results.misses:
-        heading = f"{len(results.misses)} missed:"
-        blocks.append(_list(_paint(heading, _COLOURS["off truth"], color), results.misses))
-    elif results.tables:
-        blocks.append(_paint("All tolerances hold.", _COLOURS["ok"], color))
-    return "\n\n".join(blocks)
-
-
-def cells(row: ParameterRow) -> tuple[str, ...]:
-    """Return a row as text, one cell a heading."""
-    decimals = _decimals(row.paper, row.truth, row.identified)
+def _compared(table: str, row: ParameterRow) -> tuple[Cell, ...]:
+    place = f"tables.{table}.{row.name}"
+    values = {"paper": row.paper, "truth": row.truth, "identified": row.identified}
+    form = common_form(values.values())
+    bounds = {
+        "cr_percent": row.cr_percent,
+        "insensitivity_percent": row.insensitivity_percent,
+    }
+    published = jr700.TABLES[table].get(row.name) if table in jr700.TABLES else None
+    bound = None if published is None else published.cr_percent
+    style = {"ok": " ok", "not judged": ""}.get(row.verdict, " off")
     return (
-        row.name,
-        row.unit,
-        _number(row.paper, decimals),
-        _number(row.truth, decimals),
-        _number(row.identified, decimals),
-        percent(row.cr_percent),
-        percent(row.insensitivity_percent),
-        row.verdict,
+        *_named(row.name, row.unit),
+        *(number(x, form, unit=row.unit, key=f"{place}.{at}") for at, x in values.items()),
+        *(number(x, PERCENT, unit="%", key=f"{place}.{at}") for at, x in bounds.items()),
+        number(bound, PERCENT, unit="%", key=f"paper.{table}.{row.name}.cr_percent"),
+        words(row.verdict, f"verdict{style}", key=f"{place}.verdict"),
     )
 
 
-def _decimals(*values: float | None) -> int | None:
-    """Return the decimals that give the largest value its digits; None asks for an exponent."""
-    largest = max((abs(value) for value in values if value is not None), default=0.0)
-    if largest == 0.0:
-        return _DIGITS - 1
-    exponent = math.floor(math.log10(largest))
-    if not -4 <= exponent < 7:
-        return None
-    return max(_DIGITS - 1 - exponent, 0)
+def _named(name: str, unit: str) -> tuple[Cell, Cell]:
+    return words(name, "name"), words(unit, "unit")
 
 
-def _number(value: float | None, decimals: int | None) -> str:
-    if value is None:
-        return "-"
-    if decimals is None:
-        return f"{value:.{_DIGITS - 1}e}"
-    return f"{value:.{decimals}f}"
+def verification(found: Mapping[str, VerificationFigures]) -> Table:
+    """Return how well each output of the models was predicted on flights that no fit has seen."""
+    return Table(
+        "Verified on flights that no fit has seen",
+        (
+            *(Column(name, left=True) for name in ("model", "output", "unit")),
+            *(Column("J_rms"), Column("TIC")),
+        ),
+        tuple(
+            (
+                words(model, "name"),
+                *_named(one.name, one.unit),
+                number(
+                    one.j_rms, ".3g", unit=one.unit, key=f"verification.{model}.{one.name}.j_rms"
+                ),
+                number(one.tic, ".3g", key=f"verification.{model}.{one.name}.tic"),
+            )
+            for model, figures in found.items()
+            for one in figures.outputs
+        ),
+    )
 
 
-def percent(value: float | None) -> str:
-    """Return two significant digits, as is usual for an uncertainty."""
-    if value is None:
-        return "-"
-    if not math.isfinite(value):
-        return "inf"
-    if value >= 1000.0:
-        return f"{value:.0e}"
-    if value < 1.0:
-        return f"{value:.2g}"
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.1f}"
+def gyro_changes(found: GyroEffect) -> Table:
+    """Return the roll-pitch parameters before and after the gyro, the paper's and ours."""
+    return Table(
+        "Before and after the gyro: roll-pitch from IN1 and from IN2",
+        (
+            *_NAME,
+            *(Column("paper IN1"), Column("IN2", label="paper IN2")),
+            *(Column("ratio", label="paper ratio"), Column("found IN1")),
+            *(Column("IN2", label="found IN2"), Column("ratio", label="found ratio")),
+        ),
+        tuple(_changed(one) for one in found.changes),
+    )
 
 
-def _line(cells: tuple[str, ...], widths: list[int]) -> str:
-    gap = "  " if sum(widths) + 2 * (len(widths) - 1) <= WIDTH else " "
-    return gap.join(
-        cell.ljust(width) if heading in LEFT else cell.rjust(width)
-        for heading, cell, width in zip(HEADINGS, cells, widths)
-    ).rstrip()
+def _changed(one: Change) -> tuple[Cell, ...]:
+    columns = ("paper_before", "paper_after", "paper_ratio", "before", "after", "ratio")
+    values = {column: getattr(one, column) for column in columns}
+    forms = {
+        "before": common_form((one.paper_before, one.before)),
+        "after": common_form((one.paper_after, one.after)),
+        "ratio": ".3f",
+    }
+    return (
+        *_named(one.name, one.unit),
+        *(
+            number(
+                value,
+                forms[column.removeprefix("paper_")],
+                unit="ratio" if "ratio" in column else one.unit,
+                key=f"before_after.{one.name}.{column}",
+            )
+            for column, value in values.items()
+        ),
+    )
 
 
-def _list(heading: str, sentences: tuple[str, ...]) -> str:
-    items = [
-        textwrap.fill(_keep_percent(item), WIDTH, initial_indent="- ", subsequent_indent="  ")
-        for item in sentences
-    ]
-    return "\n".join([heading, *items]).replace(_NO_BREAK, " ")
-
-
-def _keep_percent(text: str) -> str:
-    """Return the text with each number tied to its percent sign."""
-    return text.replace(" %", f"{_NO_BREAK}%")
-
-
-def _paint(text: str, code: str, color: bool) -> str:
-    return f"{code}{text}{_RESET}" if color else text
-
-
-def render_derivatives(linear: Linearization, derivatives: Mapping[str, float]) -> str:
-    """Return a hover, its derivatives and its eigenvalues as lines of at most 80 columns."""
-    trim = linear.trim
-    controls = {name: getattr(trim, name) for name in IN1}
-    lines = [
-        f"Hover: phi {_tidy(trim.phi, 5)} rad, theta {_tidy(trim.theta, 5)} rad",
-        "  controls " + ", ".join(f"{name} {_tidy(x, 4)}" for name, x in controls.items()),
+def gyro_statements(found: Sequence[Statement]) -> Table:
+    """Return what the paper says of the gyro's effect, beside what is so."""
+    return Table(
         "",
-        "Derivatives of the base helicopter (SI, per unit of servo position)",
-    ]
-    lines += [f"  {name:<6} {value:12.6g}" for name, value in derivatives.items()]
-    lines += ["", f"Eigenvalues of {linear.system.name}, rad/s"]
-    for pole in sorted(linear.system.poles(), key=lambda pole: (abs(pole), pole.imag)):
-        if abs(pole) > _ZERO_POLE and pole.imag >= 0.0:
-            pair = f" +- {pole.imag:.5g}j" if pole.imag > _ZERO_POLE else ""
-            lines.append(f"  {pole.real:.5g}{pair}")
-    if linear.delays:
-        waits = ", ".join(f"{name} {delay:.4g} s" for name, delay in linear.delays.items())
-        lines += ["", "Delays before the inputs act, not in the matrices", f"  {waits}"]
-    return "\n".join(lines)
+        (
+            Column("said", left=True, label="the paper says"),
+            Column("paper", left=True, label="its table"),
+            Column("found", left=True, label="identified"),
+        ),
+        tuple(
+            (
+                words(f'"{one.said}"', "name long"),
+                words(one.paper, "long"),
+                words(one.identified, "long"),
+            )
+            for one in found
+        ),
+        cards="-",
+    )
 
 
-def render_trims(flights: Sequence[Vehicle]) -> str:
-    """Return level flights, a line for each speed, as lines of at most 80 columns."""
-    headings = ("speed", "power", *IN1, "theta", "phi", "a", "b")
-    units = ("m/s", "W", *("" for _ in IN1), *("deg" for _ in range(4)))
-    lines = ["".join(f"{text:>8}" for text in row) for row in (headings, units)]
-    lines.append("-" * len(lines[0]))
-    for flight in flights:
-        trim = flight.trim
-        controls = [_tidy(getattr(trim, name), 4) for name in IN1]
-        angles = [_tidy(math.degrees(x), 2) for x in (trim.theta, trim.phi, trim.a, trim.b)]
-        row = (f"{trim.speed:g}", _tidy(flight.power, 1), *controls, *angles)
-        lines.append("".join(f"{text:>8}" for text in row))
-    least = min(flights, key=lambda flight: flight.power)
-    lines += [
+def overall(found: OverallCheck) -> Table:
+    """Return eq. (8) as printed, from the parts, and identified directly."""
+    low, high = found.band_rad_s
+    return Table(
+        "Eq. (8) by eq. (5) from base, gyro and ground tests, beside the one identified",
+        (
+            *(Column("coefficient", left=True), Column("unit", left=True)),
+            *(Column("paper"), Column("from parts"), Column("direct"), Column("difference %")),
+        ),
+        tuple(_coefficient(one) for one in found.coefficients),
+        notes=(
+            (
+                "",
+                f"Largest differences from {low:.3g} to {high:.3g} rad/s: {found.gain_db:+.2f} dB "
+                f"at {found.gain_at_rad_s:.3g} rad/s, {found.phase_deg:+.1f} degrees at "
+                f"{found.phase_at_rad_s:.3g} rad/s.",
+            ),
+        ),
+    )
+
+
+def _coefficient(one: Coefficient) -> tuple[Cell, ...]:
+    place = f"eq_8.{one.name}"
+    values = {"paper": one.paper, "parts": one.parts, "direct": one.direct}
+    form = common_form(values.values(), digits=5)
+    percent = f"{place}.difference_percent"
+    return (
+        *_named(one.name, one.unit),
+        *(number(x, form, unit=one.unit, key=f"{place}.{at}") for at, x in values.items()),
+        number(one.difference_percent, "+.2f", unit="%", key=percent),
+    )
+
+
+def rig(test: RigTest) -> Table:
+    """Return what one ground test found, each value beside the truth."""
+    return Table(
+        test.rig,
+        (
+            *(Column("found", left=True), Column("unit", left=True)),
+            *(Column("value"), Column("truth"), Column("error"), Column("std error")),
+            *(Column("error %"), Column("how", left=True, page_only=True)),
+        ),
+        tuple(_found(test.rig, one) for one in test.findings),
+        notes=tuple(("", f"{note[:1].upper()}{note[1:]}.") for note in test.notes),
+    )
+
+
+def _found(rig: str, one: Finding) -> tuple[Cell, ...]:
+    place = f"ground.{rig}.{one.name}"
+    unit = one.unit
+    share = None
+    if one.error is not None and one.truth is not None and abs(one.truth) > abs(one.error):
+        share = 100.0 * one.error / one.truth  # an error beyond the truth is no percentage
+    return (
+        *_named(one.name, unit),
+        number(one.value, ".5g", unit=unit, key=f"{place}.value"),
+        number(one.truth, ".5g", unit=unit, key=f"{place}.truth"),
+        number(one.error, _UNCERTAINTY, unit=unit, key=f"{place}.error"),
+        number(one.standard_error, _UNCERTAINTY, unit=unit, key=f"{place}.standard_error"),
+        number(share, ".2f", unit="%"),
+        words(one.how, "long"),
+    )
+
+
+def airframe(record: FlightRecord | None) -> Table:
+    """Return Table 1 with what the vehicle of a record had."""
+    flown = record.provenance.get("parameters", {}) if record is not None else {}
+    return Table(
+        "Table 1",
+        (*_NAME, Column("paper"), Column("flown"), Column("source", left=True)),
+        tuple(
+            (
+                *_named(one.name, one.unit),
+                number(one.value, ".6g", unit=one.unit, key=f"paper.airframe.{one.name}"),
+                number(flown.get(_FLOWN.get(one.name, "")), ".6g", unit=one.unit),
+                words(one.source, "long"),
+            )
+            for one in jr700.AIRFRAME
+        ),
+    )
+
+
+def fitted(fit: Fit) -> Table:
+    """Return the parameters of a fit with their bounds."""
+    return Table(
+        fit.structure.name,
+        (*_NAME, Column("value"), *_BOUNDS, Column("verdict", left=True)),
+        tuple(
+            (
+                *_named(one.name, one.unit),
+                number(one.value, unit=one.unit, key=f"parameters.{one.name}.value"),
+                number(None if one.fixed else one.cr_percent, PERCENT, unit="%"),
+                number(None if one.fixed else one.insensitivity_percent, PERCENT, unit="%"),
+                words(fit.verdict(one.name), "long"),
+            )
+            for one in fit.parameters.values()
+        ),
+    )
+
+
+def errata(found: Sequence[Erratum]) -> Table:
+    """Return the known errors of the paper, each with its calculation."""
+    return Table(
         "",
-        f"Least power: {least.power:.1f} W at {least.trim.speed:g} m/s. Controls are those of "
-        "swashplate and",
-        "tail, unitised; a and b are the disc's tilt back and to the right of the mast.",
-    ]
-    return "\n".join(lines)
+        (
+            Column("", left=True, label="error"),
+            Column("printed", left=True),
+            Column("calculated", left=True),
+            Column("so", left=True, label="result"),
+            Column("", left=True, label="conclusion"),
+        ),
+        tuple(
+            (
+                words(f"{one.title} ({one.where})", "name long"),
+                words(one.printed, "long"),
+                words(one.calculation, "long"),
+                words(one.computed, "long"),
+                words(one.conclusion, "long"),
+            )
+            for one in found
+        ),
+        cards="1.",
+    )
 
 
-def _tidy(value: float, decimals: int) -> str:
-    """Return a number without the sign of a zero."""
-    return f"{round(value, decimals) + 0.0:.{decimals}f}"
+def trims(flights: Sequence[Vehicle]) -> Table:
+    """Return level flights, a row for each speed."""
+    return Table(
+        "",
+        (
+            *(Column("speed", unit="m/s"), Column("power", unit="W")),
+            *(Column(name) for name in IN1),
+            *(Column(name, unit="deg") for name in ("theta", "phi", "a", "b")),
+        ),
+        tuple(
+            (
+                number(flight.trim.speed, "g", unit="m/s"),
+                number(flight.power, ".1f", unit="W"),
+                *(number(getattr(flight.trim, name), ".4f") for name in IN1),
+                *(
+                    number(degrees(getattr(flight.trim, name)), ".2f", unit="deg")
+                    for name in ("theta", "phi", "a", "b")
+                ),
+            )
+            for flight in flights
+        ),
+    )
+
+
+def versions(found: Mapping[str, str]) -> Table:
+    """Return what computed the numbers."""
+    return Table(
+        "Versions",
+        (Column("program", left=True), Column("version", left=True)),
+        tuple((words(name, "name"), words(text)) for name, text in found.items()),
+    )

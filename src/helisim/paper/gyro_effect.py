@@ -67,8 +67,8 @@ class Statement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BeforeAfter:
-    """The comparison.
+class GyroEffect:
+    """What the gyro does to the roll-pitch model.
 
     Attributes:
         changes: one a parameter that both columns have.
@@ -86,7 +86,7 @@ class BeforeAfter:
         }
 
 
-def before_and_after(before: Mapping[str, float], after: Mapping[str, float]) -> BeforeAfter:
+def gyro_effect(before: Mapping[str, float], after: Mapping[str, float]) -> GyroEffect:
     """Compare the roll-pitch model from IN1 with the one from IN2.
 
     Args:
@@ -110,7 +110,7 @@ def before_and_after(before: Mapping[str, float], after: Mapping[str, float]) ->
         )
         for name in names
     }
-    return BeforeAfter(
+    return GyroEffect(
         changes=tuple(changes.values()),
         statements=tuple(_statement(claim, changes) for claim in jr700.TREND_CLAIMS),
     )

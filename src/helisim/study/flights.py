@@ -1,6 +1,6 @@
 """The experiment's flights: flown and the best kept, or read back from the folder of a run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,17 +8,18 @@ import numpy as np
 from helisim import ident
 from helisim.errors import DivergedError, InputError
 from helisim.records.channels import AXES
-from helisim.records.files import read_json
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record
 from helisim.sim import Doublet, Flight, FlightPlan, Recorder, Sweep, fly_all
 from helisim.sim.folder import write_flight
 from helisim.study.models import MODELS
+from helisim.study.results import Exclusion, read_results
 from helisim.vehicle import Vehicle
 
 _RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}
 """Axis -> the stick and the motion by whose coherence a sweep is judged."""
 
+RESULTS = "results.json"
 FOLDER = "flights"
 
 Flights = dict[str, list[FlightRecord]]
@@ -42,15 +43,15 @@ def fly_sweeps(
     jobs: int | None,
     recorder: Recorder,
     folder: Path | None,
-    tell: Callable[[str], None],
-) -> tuple[Flights, tuple[str, ...]]:
+    on_progress: Callable[[str], None],
+) -> tuple[Flights, tuple[Exclusion, ...]]:
     """Fly every axis, write every record, and keep the most coherent ones.
 
     Returns:
-        The kept records by axis, and one sentence for each that was left out.
+        The kept records by axis, and those that were left out.
     """
     kept: Flights = {}
-    excluded: list[str] = []
+    excluded: list[Exclusion] = []
     for number, axis in enumerate(AXES):
         names = [f"{axis}_{k + 1:02d}" for k in range(flown_each_axis(flights))]
         plan = FlightPlan(excitation=Sweep(axis=axis), recorder=recorder)
@@ -63,23 +64,28 @@ def fly_sweeps(
             records.append(record)
             if not record.ended:
                 scores[k] = sweep_coherence(record, axis)
-            tell(axis)
+            on_progress(axis)
         excluded += [
-            f"flight {name}: was terminated early: {record.ended}"
+            Exclusion(flight=name, reason="terminated early", ended=record.ended)
             for name, record in zip(names, records)
             if record.ended
         ]
         if len(scores) < flights:
             raise DivergedError(
                 f"{len(records) - len(scores)} of {len(records)} sweeps of {axis} were terminated "
-                f"early, so fewer than {flights} are left; {excluded[-1]}"
+                f"early, so fewer than {flights} are left; {excluded[-1].message}"
             )
         best = sorted(sorted(scores, key=scores.__getitem__)[-flights:])
         kept[axis] = [records[k] for k in best]
         least = min(scores[k] for k in best)
         excluded += [
-            f"flight {names[k]}: its mean coherence of {scores[k]:.4f} is not among the best "
-            f"{flights} (the least coherent kept has {least:.4f})"
+            Exclusion(
+                flight=names[k],
+                reason="less coherent",
+                coherence=scores[k],
+                limit=least,
+                kept=flights,
+            )
             for k in scores
             if k not in best
         ]
@@ -108,7 +114,7 @@ def _keep(flight: Flight, folder: Path | None, name: str) -> None:
 
 def read_flights(
     vehicle: Vehicle, seed: int, folder: Path
-) -> tuple[Flights, dict[str, FlightRecord], tuple[str, ...]]:
+) -> tuple[Flights, dict[str, FlightRecord], tuple[Exclusion, ...]]:
     """Read the flights of a run again.
 
     Args:
@@ -117,33 +123,42 @@ def read_flights(
         folder: of the run.
 
     Returns:
-        The kept sweeps by axis, the doublets by axis, and what was left out, as it was written.
+        The kept sweeps by axis, the doublets by axis, and what was left out.
 
     Raises:
         StorageError: results or a record can't be read.
         InputError: another vehicle or seed flew.
     """
-    results = read_json(folder / "results.json")
-    if results.get("seed") != seed:
-        raise InputError(f"{folder} was flown with seed {results.get('seed')}, not {seed}")
-    excluded = tuple(results.get("excluded", ()))
-    left_out = {sentence.split(":")[0].removeprefix("flight ") for sentence in excluded}
-    kept: Flights = {}
-    doublets = {}
+    results = read_results(folder / RESULTS)
+    if results.seed != seed:
+        raise InputError(f"{folder} was flown with seed {results.seed}, not {seed}")
+    kept = read_kept_sweeps(folder, results.left_out)
     for axis in AXES:
-        paths = sorted((folder / FOLDER).glob(f"{axis}_[0-9]*.parquet"))
-        kept[axis] = [read_record(path) for path in paths if path.stem not in left_out]
-        if not kept[axis]:
+        if axis not in kept:
             raise InputError(f"{folder / FOLDER} has no sweep of {axis}; fly them first")
-    for axis in _verified_axes():
-        doublets[axis] = read_record(folder / FOLDER / f"{axis}_doublet.parquet")
+    doublets = {
+        axis: read_record(folder / FOLDER / f"{axis}_doublet.parquet") for axis in _verified_axes()
+    }
     for record in (*doublets.values(), *(one for axis in AXES for one in kept[axis])):
         if record.provenance.get("parameters") != dict(vehicle.parameters):
             raise InputError(
                 f"the flights in {folder} were flown by a vehicle with other parameters; "
                 "fly them again"
             )
-    return kept, doublets, excluded
+    return kept, doublets, results.excluded
+
+
+def read_kept_sweeps(folder: Path, left_out: Collection[str]) -> Flights:
+    """Read the sweeps of a run's folder but for those left out, of the axes that have some.
+
+    Raises StorageError.
+    """
+    kept: Flights = {}
+    for axis in AXES:
+        for path in sorted((folder / FOLDER).glob(f"{axis}_[0-9]*.parquet")):
+            if path.stem not in left_out:
+                kept.setdefault(axis, []).append(read_record(path))
+    return kept
 
 
 def _verified_axes() -> tuple[str, ...]:
@@ -159,7 +174,7 @@ def sweep_coherence(record: FlightRecord, axis: str) -> float:
     return float(np.mean(frf.coherence))
 
 
-def named_records(flights: Flights) -> dict[str, FlightRecord]:
+def named_records(flights: Mapping[str, Sequence[FlightRecord]]) -> dict[str, FlightRecord]:
     """Return all kept records by a name such as "lat_01"."""
     return {
         f"{axis}_{k + 1:02d}": record for axis in AXES for k, record in enumerate(flights[axis])

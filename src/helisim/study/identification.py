@@ -1,6 +1,6 @@
 """Identify the models of the experiment from its flights, and set them beside truth and paper."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,8 @@ from helisim.paper import ReferenceTable, published
 from helisim.records.record import FlightRecord
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest
-from helisim.study.flights import Flights
-from helisim.study.identified import Evidence
-from helisim.study.models import Given, Model
+from helisim.study.identified import IdentifiedModel
+from helisim.study.models import Given, ModelSpec
 from helisim.study.results import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.truth import Air, exact_response, true_values
 from helisim.vehicle import Vehicle
@@ -20,8 +19,11 @@ from helisim.vehicle import Vehicle
 GroundTests = Mapping[str, RigTest]
 """By rig."""
 
+Flights = Mapping[str, Sequence[FlightRecord]]
+"""Records by axis."""
 
-def frequency_response(model: Model, flights: Flights) -> ident.FrequencyResponse:
+
+def frequency_response(model: ModelSpec, flights: Flights) -> ident.FrequencyResponse:
     """Return the frequency response of one model from the pooled records of its sweeps."""
     records = [record for axis in model.sweeps for record in flights[axis]]
     return ident.frequency_response(
@@ -44,7 +46,7 @@ def _usable_band(band: tuple[float, float], records: list[FlightRecord]) -> tupl
 
 
 def identify_model(
-    model: Model,
+    model: ModelSpec,
     flights: Flights,
     *,
     before: Mapping[str, ComparisonTable] | None = None,
@@ -71,9 +73,9 @@ def _given(source: Given, before: Mapping[str, ComparisonTable], ground: GroundT
     return before[source.source][source.name].identified
 
 
-def compare(
+def comparison_table(
     vehicle: Vehicle,
-    model: Model,
+    model: ModelSpec,
     fit: ident.Fit,
     recorder: Recorder,
     *,
@@ -106,7 +108,7 @@ def _row(
     name: str,
     truth: Mapping[str, float],
     paper: ReferenceTable,
-    model: Model,
+    model: ModelSpec,
     judge_paper: bool,
 ) -> ParameterRow:
     fitted = fit[name]
@@ -137,16 +139,16 @@ def _row(
     )
 
 
-def evidence_of(
+def identified_model(
     vehicle: Vehicle,
-    model: Model,
+    model: ModelSpec,
     fit: ident.Fit,
     recorder: Recorder,
     doublets: Mapping[str, FlightRecord],
-) -> Evidence:
+) -> IdentifiedModel:
     """Return a model with the exact response and the verification that it is judged by."""
     unseen = {axis: doublets[axis] for axis in model.verified_by}
-    return Evidence(
+    return IdentifiedModel(
         model.name,
         fit,
         exact=exact_response(vehicle, model, recorder, np.geomspace(*model.band, 200)),

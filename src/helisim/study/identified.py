@@ -1,4 +1,4 @@
-"""What stands behind a table of results: the fit, its data, the exact response, the verification.
+"""An identified model: the fit behind a table of results, and what it is judged by.
 
 Kept beside `results.json` as `fits.json`, so that a report can be made again from files alone.
 """
@@ -20,7 +20,7 @@ FORMAT = "helisim fits, version 1"
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class IdentifiedModel:
     """One identified model with what it can be judged by.
 
     Attributes:
@@ -39,8 +39,35 @@ class Evidence:
     verification: ident.Verification | None = None
     verified_on: tuple[str, ...] = ()
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        checked = self.verification
+        return {
+            "name": self.name,
+            "note": self.note,
+            "fit": self.fit.to_dict(),
+            "exact": None if self.exact is None else self.exact.to_dict(),
+            "verification": None if checked is None else _verification_to_dict(checked),
+            "verified_on": list(self.verified_on),
+        }
 
-def write_evidence(path: str | Path, items: Sequence[Evidence]) -> Path:
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "IdentifiedModel":
+        """Return the model that `to_dict` gave. Raises InputError, KeyError, TypeError."""
+        checked = data["verification"]
+        return cls(
+            name=str(data["name"]),
+            fit=ident.Fit.from_dict(data["fit"]),
+            exact=None
+            if data["exact"] is None
+            else ident.FrequencyResponse.from_dict(data["exact"]),
+            note=str(data["note"]),
+            verification=None if checked is None else _verification_from_dict(checked),
+            verified_on=tuple(data["verified_on"]),
+        )
+
+
+def write_models(path: str | Path, items: Sequence[IdentifiedModel]) -> Path:
     """Write models as JSON and return the path.
 
     Raises StorageError.
@@ -49,14 +76,14 @@ def write_evidence(path: str | Path, items: Sequence[Evidence]) -> Path:
     data = {
         "format": FORMAT,
         "provenance": made_by("fits"),
-        "models": [_to_dict(item) for item in items],
+        "models": [item.to_dict() for item in items],
     }
     write_json(data, path)
     return path
 
 
-def read_evidence(path: str | Path) -> tuple[Evidence, ...]:
-    """Read what `write_evidence` wrote.
+def read_models(path: str | Path) -> tuple[IdentifiedModel, ...]:
+    """Read what `write_models` wrote.
 
     Raises:
         StorageError: the file can't be read.
@@ -66,34 +93,12 @@ def read_evidence(path: str | Path) -> tuple[Evidence, ...]:
     if data.get("format") != FORMAT:
         raise InputError(f"{path}: its format is {data.get('format')!r}, expected {FORMAT!r}")
     try:
-        return tuple(_from_dict(item) for item in data["models"])
+        return tuple(IdentifiedModel.from_dict(item) for item in data["models"])
     except (KeyError, TypeError, InputError) as error:
         raise InputError(f"{path}: can't read a model: {error}") from None
 
 
-def _to_dict(item: Evidence) -> dict[str, Any]:
-    return {
-        "name": item.name,
-        "note": item.note,
-        "fit": item.fit.to_dict(),
-        "exact": None if item.exact is None else item.exact.to_dict(),
-        "verification": None if item.verification is None else _checked(item.verification),
-        "verified_on": list(item.verified_on),
-    }
-
-
-def _from_dict(data: Mapping[str, Any]) -> Evidence:
-    return Evidence(
-        name=str(data["name"]),
-        fit=ident.Fit.from_dict(data["fit"]),
-        exact=None if data["exact"] is None else ident.FrequencyResponse.from_dict(data["exact"]),
-        note=str(data["note"]),
-        verification=None if data["verification"] is None else _verification(data["verification"]),
-        verified_on=tuple(data["verified_on"]),
-    )
-
-
-def _checked(verification: ident.Verification) -> dict[str, Any]:
+def _verification_to_dict(verification: ident.Verification) -> dict[str, Any]:
     traces = [
         {one.name: getattr(trace, one.name).tolist() for one in fields(Trace)}
         for trace in verification.traces
@@ -109,7 +114,7 @@ def _checked(verification: ident.Verification) -> dict[str, Any]:
     }
 
 
-def _verification(data: Mapping[str, Any]) -> ident.Verification:
+def _verification_from_dict(data: Mapping[str, Any]) -> ident.Verification:
     arrays = [{name: np.array(rows) for name, rows in trace.items()} for trace in data["traces"]]
     return ident.Verification(
         outputs=tuple(data["outputs"]),

@@ -1,6 +1,6 @@
 """The experiment: which models are identified, from which flights, and how well they must fit.
 
-Data only. Each `Model` names the sweeps that are pooled, the responses that are fitted, the
+Data only. Each `ModelSpec` names the sweeps that are pooled, the responses that are fitted, the
 structure, the band, and the tolerances with their reasons.
 """
 
@@ -54,7 +54,7 @@ class Given:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Model:
+class ModelSpec:
     """One model of the paper and how it is identified from records.
 
     Attributes:
@@ -106,7 +106,7 @@ class Model:
         return self.paper_tolerances.get(name, UNBOUNDED)
 
 
-YAW_BASE = Model(
+YAW_BASE = ModelSpec(
     name="yaw_base",
     input="IN1",
     sweeps=("ped",),
@@ -125,7 +125,7 @@ YAW_BASE = Model(
         "gyro feeds every disturbance of the yaw rate back to the pedal."
     ),
 )
-YAW_GYRO = Model(
+YAW_GYRO = ModelSpec(
     name="yaw_gyro",
     input="IN2",
     sweeps=("ped",),
@@ -158,7 +158,7 @@ YAW_GYRO = Model(
         "other three here."
     ),
 )
-YAW_OVERALL = Model(
+YAW_OVERALL = ModelSpec(
     name="yaw_overall",
     input="IN2",
     sweeps=("ped",),
@@ -175,7 +175,7 @@ YAW_OVERALL = Model(
         "servo, lead and filters are folded into five numbers."
     ),
 )
-ROLLPITCH_IN1 = Model(
+ROLLPITCH_IN1 = ModelSpec(
     name="rollpitch_in1",
     input="IN1",
     sweeps=("lat", "lon"),
@@ -194,7 +194,7 @@ ROLLPITCH_IN1 = Model(
         "speeds; to 42 rad/s, past the rotor's modes near 15 and 27 rad/s."
     ),
 )
-ROLLPITCH_IN2 = Model(
+ROLLPITCH_IN2 = ModelSpec(
     name="rollpitch_in2",
     input="IN2",
     sweeps=("lat", "lon"),
@@ -219,7 +219,7 @@ ROLLPITCH_IN2 = Model(
         "tau_lon by about a tenth."
     ),
 )
-HEAVE = Model(
+HEAVE = ModelSpec(
     name="heave",
     input="IN1",
     sweeps=("col",),

@@ -10,8 +10,8 @@ from importlib.metadata import version
 from helisim.errors import InputError
 from helisim.sim import Recorder
 from helisim.study.flights import flown_each_axis, fly_sweeps
-from helisim.study.identification import compare, identify_model
-from helisim.study.models import HEAVE, ROLLPITCH_IN1, YAW_BASE, Model, Tolerance
+from helisim.study.identification import comparison_table, identify_model
+from helisim.study.models import HEAVE, ROLLPITCH_IN1, YAW_BASE, ModelSpec, Tolerance
 from helisim.study.results import Results
 from helisim.vehicle import Vehicle, load
 
@@ -31,7 +31,7 @@ _TOLERANCES = {
 }
 
 
-def base_models(vehicle: Vehicle) -> tuple[Model, ...]:
+def base_models(vehicle: Vehicle) -> tuple[ModelSpec, ...]:
     """Return the models of the base helicopter, each in the band that the vehicle states.
 
     A vehicle without `band.yaw_base_low`, `band.yaw_base_high` and so on has the JR700's.
@@ -39,7 +39,7 @@ def base_models(vehicle: Vehicle) -> tuple[Model, ...]:
     return tuple(_adapted(model, vehicle.parameters) for model in (YAW_BASE, ROLLPITCH_IN1, HEAVE))
 
 
-def _adapted(model: Model, own: Mapping[str, float]) -> Model:
+def _adapted(model: ModelSpec, own: Mapping[str, float]) -> ModelSpec:
     edges = (f"band.{model.name}_low", f"band.{model.name}_high")
     band = (own[edges[0]], own[edges[1]]) if edges[0] in own else model.band
     names = [parameter.name for parameter in model.structure.free]
@@ -76,15 +76,15 @@ def recover(
     """
     if flights < 1:
         raise InputError(f"flights must be 1 or more, got {flights}")
-    tell = on_progress or (lambda _: None)
+    on_progress = on_progress or (lambda _: None)
     vehicle = load(name, parameters=parameters)
     recorder = Recorder.of(vehicle)
-    kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, None, tell)
+    kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, None, on_progress)
     tables = []
     for model in base_models(vehicle):
         fit = identify_model(model, kept)
-        tables.append(compare(vehicle, model, fit, recorder, judge_paper=not parameters))
-        tell(model.name)
+        tables.append(comparison_table(vehicle, model, fit, recorder, judge_paper=not parameters))
+        on_progress(model.name)
     return Results(
         tables=tuple(tables),
         seed=seed,

@@ -1,28 +1,49 @@
 """The paper's experiment from end to end: test on the ground, fly, record, identify, compare."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from helisim.errors import InputError
-from helisim.paper.eq8 import check_overall
-from helisim.paper.gyro_effect import before_and_after
+from helisim.paper.eq8 import OverallCheck, check_overall
+from helisim.paper.gyro_effect import GyroEffect, gyro_effect
 from helisim.records.files import make_folder, write_json
 from helisim.records.provenance import versions
 from helisim.sim import Recorder
 from helisim.sim.rigs import run_rigs
 from helisim.study.flights import (
     FOLDER,
-    Flights,
+    RESULTS,
     flown_each_axis,
     fly_doublets,
     fly_sweeps,
     read_flights,
 )
-from helisim.study.identification import compare, evidence_of, identify_model
-from helisim.study.identified import write_evidence
+from helisim.study.identification import comparison_table, identified_model, identify_model
+from helisim.study.identified import IdentifiedModel, write_models
 from helisim.study.models import MODELS
-from helisim.study.results import ComparisonTable, Results
+from helisim.study.results import ComparisonTable, Results, VerificationFigures
+from helisim.study.run import FITS, Run
 from helisim.vehicle import load
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """What `reproduce` was called with, as far as numbers depend on it: a run states them.
+
+    Attributes:
+        flights: kept on each axis.
+        seed: of pilots and sensors.
+        parameters: physical parameters that replaced the calibrated ones.
+        timestep: s, of the simulation; the model's own if None.
+        rotor: whether the rotor's true tilt and loads were recorded.
+    """
+
+    flights: int
+    seed: int
+    parameters: Mapping[str, float]
+    timestep: float | None
+    rotor: bool
 
 
 def reproduce(
@@ -36,7 +57,7 @@ def reproduce(
     rotor: bool = False,
     reuse: bool = False,
     on_progress: Callable[[str], None] | None = None,
-) -> tuple[Results, Flights]:
+) -> Run:
     """Test on the ground, fly sweeps on all four axes, identify the models, compare with truth.
 
     Args:
@@ -52,7 +73,7 @@ def reproduce(
         on_progress: called with a word after each flight and each model.
 
     Returns:
-        The results, and the kept records by axis.
+        The results, the identified models and the kept flights; `read_run` reads the same back.
 
     Raises:
         InputError: a number is out of range, or the flights to reuse are another vehicle's.
@@ -66,33 +87,37 @@ def reproduce(
     if out is not None:
         make_folder(out / FOLDER)
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
-    tell = on_progress or (lambda _: None)
+    on_progress = on_progress or (lambda _: None)
     recorder = Recorder.of(vehicle, rotor=rotor)
     if reuse and out is not None:
         kept, doublets, excluded = read_flights(vehicle, seed, out)
     else:
-        kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, out, tell)
+        kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, out, on_progress)
         doublets = fly_doublets(vehicle, seed, recorder, out)
     ground = {test.rig: test for test in run_rigs(vehicle, seed=seed, recorder=recorder)}
     tables: dict[str, ComparisonTable] = {}
-    evidence = []
+    models: list[IdentifiedModel] = []
     for model in MODELS:
         fit = identify_model(model, kept, before=tables, ground=ground)
-        tables[model.name] = compare(vehicle, model, fit, recorder, judge_paper=not parameters)
-        evidence.append(evidence_of(vehicle, model, fit, recorder, doublets))
-        tell(model.name)
+        tables[model.name] = comparison_table(
+            vehicle, model, fit, recorder, judge_paper=not parameters
+        )
+        models.append(identified_model(vehicle, model, fit, recorder, doublets))
+        on_progress(model.name)
     results = Results(
         tables=tuple(tables.values()),
         seed=seed,
         versions=versions(),
         configuration={
-            "arguments": {
-                "flights": len(kept["lat"]),
-                "seed": seed,
-                "parameters": dict(parameters or {}),
-                "timestep": timestep,
-                "rotor": rotor,
-            },
+            "arguments": asdict(
+                Arguments(
+                    flights=len(kept["lat"]),
+                    seed=seed,
+                    parameters=dict(parameters or {}),
+                    timestep=timestep,
+                    rotor=rotor,
+                )
+            ),
             "vehicle": vehicle.name,
             "model_digest": vehicle.digest,
             "flights_kept_each_axis": len(kept["lat"]),
@@ -102,23 +127,28 @@ def reproduce(
             "recorder": recorder.to_dict(),
         },
         excluded=excluded,
-        further={
-            "ground": ground,
-            "verification": {
-                item.name: item.verification for item in evidence if item.verification is not None
-            },
-            "before_after": before_and_after(
-                tables["rollpitch_in1"].identified, tables["rollpitch_in2"].identified
-            ),
-            "eq_8": check_overall(
-                tables["yaw_base"].identified,
-                tables["yaw_gyro"].identified,
-                tables["yaw_overall"].identified,
-                band_rad_s=tables["yaw_overall"].band_rad_s,
-            ),
+        ground=ground,
+        verification={
+            one.name: VerificationFigures.of(one.verification)
+            for one in models
+            if one.verification is not None
         },
+        gyro_effect=_gyro_effect(tables),
+        eq_8=_eq_8(tables),
     )
     if out is not None:
-        write_json(results.to_dict(), out / "results.json", indent=2)
-        write_evidence(out / "fits.json", evidence)
-    return results, kept
+        write_json(results.to_dict(), out / RESULTS, indent=2)
+        write_models(out / FITS, models)
+    return Run(results, tuple(models), kept)
+
+
+def _gyro_effect(tables: Mapping[str, ComparisonTable]) -> GyroEffect:
+    before, after = (tables[name].identified for name in ("rollpitch_in1", "rollpitch_in2"))
+    return gyro_effect(before, after)
+
+
+def _eq_8(tables: Mapping[str, ComparisonTable]) -> OverallCheck:
+    base, gyro, overall = (tables[name] for name in ("yaw_base", "yaw_gyro", "yaw_overall"))
+    return check_overall(
+        base.identified, gyro.identified, overall.identified, band_rad_s=overall.band_rad_s
+    )

@@ -1,12 +1,21 @@
 """Results: what the paper prints, what flew, and what was identified, side by side."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from helisim.errors import InputError, UnknownNameError
+from helisim.ident import Verification
+from helisim.ident.verify import ACCEPTABLE_TIC
+from helisim.paper.eq8 import OverallCheck
+from helisim.paper.gyro_effect import GyroEffect
+from helisim.records.files import read_json
+from helisim.sim.rigs import RigTest
+from helisim.study.plain import json_number, read_as
 
 Verdict = Literal["ok", "off truth", "off paper", "off both", "not judged"]
 
@@ -113,15 +122,15 @@ class ParameterRow:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data; a number that is infinite or absent is None."""
+        """Return plain JSON data; an infinite bound is "inf", an absent one None."""
         return {
             "name": self.name,
             "unit": self.unit,
             "paper": self.paper,
             "truth": self.truth,
             "identified": self.identified,
-            "cr_percent": _finite(self.cr_percent),
-            "insensitivity_percent": _finite(self.insensitivity_percent),
+            "cr_percent": json_number(self.cr_percent),
+            "insensitivity_percent": json_number(self.insensitivity_percent),
             "tolerance_percent": self.tolerance_percent,
             "tolerance_reason": self.tolerance_reason,
             "paper_tolerance_percent": self.paper_tolerance_percent,
@@ -201,39 +210,175 @@ class ComparisonTable:
         }
 
 
-class Plain(Protocol):
-    """Anything that can be written as plain JSON data."""
+@dataclass(frozen=True, kw_only=True)
+class Exclusion:
+    """A flight that was left out, and why.
+
+    Attributes:
+        flight: its name, such as "lat_03".
+        reason: whether it was terminated early, or kept behind more coherent ones.
+        ended: of one that was terminated early: by what, and when.
+        coherence: of one less coherent: mean of that between the swept stick and its motion.
+        limit: of one less coherent: the coherence of the least coherent flight that was kept.
+        kept: of one less coherent: how many were kept.
+    """
+
+    flight: str
+    reason: Literal["terminated early", "less coherent"]
+    ended: str = ""
+    coherence: float | None = None
+    limit: float | None = None
+    kept: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.reason == "less coherent" and None in (self.coherence, self.limit, self.kept):
+            raise InputError(f"flight {self.flight}: less coherent needs coherence, limit and kept")
+
+    @property
+    def message(self) -> str:
+        """What was left out and why, in a sentence."""
+        if self.reason == "terminated early":
+            return f"flight {self.flight}: was terminated early: {self.ended}"
+        return (
+            f"flight {self.flight}: its mean coherence of {self.coherence:.4f} is not among the "
+            f"best {self.kept} (the least coherent kept has {self.limit:.4f})"
+        )
+
+    @classmethod
+    def from_sentence(cls, text: str) -> "Exclusion":
+        """Return what a sentence says, as results held one before they held values.
+
+        Its coherences have the four decimals that were written. Raises InputError.
+        """
+        if found := _TERMINATED.fullmatch(text):
+            return cls(flight=found[1], reason="terminated early", ended=found[2])
+        if found := _LESS_COHERENT.fullmatch(text):
+            return cls(
+                flight=found[1],
+                reason="less coherent",
+                coherence=float(found[2]),
+                kept=int(found[3]),
+                limit=float(found[4]),
+            )
+        raise InputError(f"no sentence of a flight that was left out: {text!r:.80}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data, without what the reason doesn't have."""
+        known = {name: value for name, value in asdict(self).items() if value not in (None, "")}
+        return {**known, "message": self.message}
+
+
+_TERMINATED = re.compile(
+    r"flight (\S+): was (?:over before its time|terminated early): (.*)", re.DOTALL
+)
+_LESS_COHERENT = re.compile(
+    r"flight (\S+): its mean coherence of (\d\.\d{4}) is not among the best (\d+) "
+    r"\(the least coherent kept has (\d\.\d{4})\)"
+)
+"""The sentences that results held before they held values."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerifiedOutput:
+    """How well one output was predicted.
+
+    Attributes:
+        name: of the output.
+        unit: of `j_rms`.
+        j_rms: root mean square error.
+        tic: Theil's inequality coefficient, 0 perfect, 1 useless.
+    """
+
+    name: str
+    unit: str
+    j_rms: float
+    tic: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerifiedRecord:
+    """How well one flight was predicted.
+
+    Attributes:
+        duration_s: of the flight, s.
+        j_rms: output -> root mean square error, in its unit.
+        tic: output -> Theil's inequality coefficient.
+        bias: output -> constant that was added to the prediction, in its unit.
+    """
+
+    duration_s: float
+    j_rms: Mapping[str, float]
+    tic: Mapping[str, float]
+    bias: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerificationFigures:
+    """The figures of a verification, without its time histories.
+
+    Attributes:
+        j_rms: root mean square error over all outputs, each in its unit.
+        tic: Theil's inequality coefficient over all outputs.
+        outputs: one an output.
+        records: one a flight.
+    """
+
+    j_rms: float
+    tic: float
+    outputs: tuple[VerifiedOutput, ...]
+    records: tuple[VerifiedRecord, ...]
+
+    @classmethod
+    def of(cls, verification: Verification) -> "VerificationFigures":
+        """Return the figures of a verification."""
+        return read_as(cls, verification.to_dict(), "verification")
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether Theil's coefficient is at most 0.25."""
+        return self.tic <= ACCEPTABLE_TIC
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
-        ...
+        return {
+            "j_rms": self.j_rms,
+            "tic": self.tic,
+            "acceptable": self.acceptable,
+            "outputs": [asdict(one) for one in self.outputs],
+            "records": [asdict(one) for one in self.records],
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Everything that one reproduction found.
+    """Everything that one experiment found: what `results.json` holds.
 
     Attributes:
         tables: one a model.
         seed: of the flights.
         versions: name to version of what computed the numbers.
         configuration: JSON-like: the options that the run was made with.
-        excluded: one sentence for each flight or response that was left out, with the reason.
-        further: what else was found, by name: "ground" tests by rig, "verification" by model,
-            "before_after" the gyro, and "eq_8", the yaw model from its parts.
+        excluded: the flights that were left out.
+        ground: rig -> what its test found.
+        verification: model -> how well it predicts flights that no fit has seen.
+        gyro_effect: roll-pitch before and after the gyro; None if not both were identified.
+        eq_8: the overall yaw model from its parts; None if not all were identified.
     """
 
     tables: tuple[ComparisonTable, ...]
     seed: int
     versions: Mapping[str, str]
     configuration: Mapping[str, Any] = field(default_factory=dict)
-    excluded: tuple[str, ...] = ()
-    further: Mapping[str, Plain | Mapping[str, Plain]] = field(default_factory=dict)
+    excluded: tuple[Exclusion, ...] = ()
+    ground: Mapping[str, RigTest] = field(default_factory=dict)
+    verification: Mapping[str, VerificationFigures] = field(default_factory=dict)
+    gyro_effect: GyroEffect | None = None
+    eq_8: OverallCheck | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tables", tuple(self.tables))
         object.__setattr__(self, "excluded", tuple(self.excluded))
-        for what in ("versions", "configuration", "further"):
+        for what in ("versions", "configuration", "ground", "verification"):
             object.__setattr__(self, what, MappingProxyType(dict(getattr(self, what))))
 
     def __getitem__(self, name: str) -> ComparisonTable:
@@ -253,23 +398,68 @@ class Results:
             for miss in row.misses
         )
 
+    @property
+    def left_out(self) -> frozenset[str]:
+        """Names of the flights that were left out."""
+        return frozenset(one.flight for one in self.excluded)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data: what `results.json` holds."""
+        found: dict[str, Any] = {
+            "ground": {rig: test.to_dict() for rig, test in self.ground.items()},
+            "verification": {model: one.to_dict() for model, one in self.verification.items()},
+            "before_after": self.gyro_effect and self.gyro_effect.to_dict(),
+            "eq_8": self.eq_8 and self.eq_8.to_dict(),
+        }
         return {
             "tables": [table.to_dict() for table in self.tables],
             "seed": self.seed,
             "versions": dict(self.versions),
             "configuration": dict(self.configuration),
-            "excluded": list(self.excluded),
+            "excluded": [one.to_dict() for one in self.excluded],
             "misses": list(self.misses),
-            **{name: _plain(found) for name, found in self.further.items()},
+            **{name: one for name, one in found.items() if one},
         }
 
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], where: str = "results") -> "Results":
+        """Return the results that `to_dict` gave, of this version or an earlier one.
 
-def _plain(found: Plain | Mapping[str, Plain]) -> dict[str, Any]:
-    if isinstance(found, Mapping):
-        return {name: one.to_dict() for name, one in found.items()}
-    return found.to_dict()
+        Args:
+            data: what JSON gave.
+            where: the data are, for messages.
+
+        Raises InputError.
+        """
+        missing = [name for name in _NEEDED if name not in data]
+        if missing:
+            raise InputError(f"{where}: not the results of a run: it has no {', '.join(missing)}")
+        given = {**data, "gyro_effect": data.get("before_after")}
+        excluded = data.get("excluded")
+        try:
+            if isinstance(excluded, list):
+                given["excluded"] = [_exclusion(one) for one in excluded]
+            return read_as(cls, given, "results")
+        except InputError as error:
+            raise InputError(f"{where}: not the results of a run: {error}") from None
+
+
+_NEEDED = ("tables", "seed", "versions", "configuration")
+
+
+def _exclusion(data: Any) -> Any:
+    """Return the keys of an exclusion, which earlier versions wrote as a sentence."""
+    return Exclusion.from_sentence(data).to_dict() if isinstance(data, str) else data
+
+
+def read_results(path: str | Path) -> Results:
+    """Read `results.json`, written by this version or an earlier one.
+
+    Raises:
+        StorageError: the file can't be read.
+        InputError: it holds something else.
+    """
+    return Results.from_dict(read_json(path), str(path))
 
 
 def _deviation_percent(value: float, target: float | None) -> float | None:
@@ -282,7 +472,3 @@ def _deviation_percent(value: float, target: float | None) -> float | None:
 
 def _exceeds(error: float | None, tolerance: float | None) -> bool:
     return error is not None and tolerance is not None and abs(error) > tolerance
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None

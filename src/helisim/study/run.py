@@ -1,40 +1,81 @@
-"""A run read back from its folder: results, the fits behind them, a sweep of each axis."""
+"""A run: results, the models behind them, the flights; as it was made or read from its folder."""
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
 
-from helisim.errors import InputError, StorageError
-from helisim.records.channels import AXES
-from helisim.records.files import read_json
+from helisim.errors import StorageError
 from helisim.records.record import FlightRecord
-from helisim.records.storage import read_record
-from helisim.study.identified import Evidence, read_evidence
-from helisim.study.results import ComparisonTable, ParameterRow
+from helisim.study.flights import FOLDER, RESULTS, read_kept_sweeps
+from helisim.study.identified import IdentifiedModel, read_models
+from helisim.study.plain import read_as
+from helisim.study.results import Results, read_results
 
-RESULTS = "results.json"
 FITS = "fits.json"
-FLIGHTS = "flights"
-_NEEDED = ("tables", "seed", "versions", "configuration")
+FLIGHTS = FOLDER
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rates:
+    """How fast a recorder samples.
+
+    Attributes:
+        rate_hz: Hz.
+        antialias_hz: Hz, edge of the filter before the samples.
+    """
+
+    rate_hz: float
+    antialias_hz: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configuration:
+    """What a report says of how a run was made; its results state more.
+
+    Attributes:
+        flights_kept_each_axis: sweeps that were identified from.
+        flown_each_axis: sweeps that were flown.
+        timestep_s: of the simulation, s.
+        parameters: physical parameters that replaced the calibrated ones.
+        recorder: its rates.
+    """
+
+    flights_kept_each_axis: int
+    flown_each_axis: int
+    timestep_s: float
+    parameters: Mapping[str, float]
+    recorder: Rates
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Everything that a report of an experiment shows.
+    """One run of the experiment: all that its report shows.
 
     Attributes:
-        results: what `results.json` holds.
-        tables: those of the results.
-        evidence: the fits behind its tables.
-        sweeps: one kept record for each axis that was swept.
+        results: what was found.
+        models: the fits behind the tables of the results, and what they are judged by.
+        flights: axis -> the sweeps that were kept.
     """
 
-    results: Mapping[str, Any]
-    tables: tuple[ComparisonTable, ...]
-    evidence: tuple[Evidence, ...] = ()
-    sweeps: Mapping[str, FlightRecord] = field(default_factory=dict)
+    results: Results
+    models: tuple[IdentifiedModel, ...] = ()
+    flights: Mapping[str, Sequence[FlightRecord]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        flights = {axis: tuple(records) for axis, records in self.flights.items()}
+        object.__setattr__(self, "flights", MappingProxyType(flights))
+        object.__setattr__(self, "models", tuple(self.models))
+
+    @property
+    def configuration(self) -> Configuration:
+        """How the run was made. Raises InputError: the results don't say it."""
+        return read_as(Configuration, self.results.configuration, "configuration of the run")
+
+    @property
+    def sweeps(self) -> dict[str, FlightRecord]:
+        """Axis -> the first of its kept sweeps."""
+        return {axis: records[0] for axis, records in self.flights.items()}
 
 
 def read_run(folder: str | Path) -> Run:
@@ -49,40 +90,6 @@ def read_run(folder: str | Path) -> Run:
         raise StorageError(
             f"{folder} has no {RESULTS}; give the folder that helisim reproduce --out wrote"
         )
-    results, tables = _read_results(folder / RESULTS)
-    evidence = read_evidence(folder / FITS) if (folder / FITS).is_file() else ()
-    left_out = set(re.findall(r"^flight (\S+):", "\n".join(results.get("excluded", [])), re.M))
-    sweeps = {}
-    for axis in AXES:
-        for path in sorted((folder / FLIGHTS).glob(f"{axis}_[0-9]*.parquet")):
-            if path.stem not in left_out:
-                sweeps[axis] = read_record(path)
-                break
-    return Run(results, tables, evidence, sweeps)
-
-
-def _read_results(path: Path) -> tuple[Mapping[str, Any], tuple[ComparisonTable, ...]]:
-    results = read_json(path)
-    missing = [name for name in _NEEDED if name not in results]
-    if missing:
-        raise InputError(f"{path}: not the results of a run: it has no {', '.join(missing)}")
-    try:
-        return results, tuple(_table(data) for data in results["tables"])
-    except (KeyError, TypeError, InputError) as error:
-        raise InputError(f"{path}: not the results of a run: {error!r}") from None
-
-
-def _table(data: Mapping[str, Any]) -> ComparisonTable:
-    names = ParameterRow.__dataclass_fields__
-    rows = [
-        ParameterRow(**{name: value for name, value in row.items() if name in names})
-        for row in data["parameters"]
-    ]
-    low, high = data["band_rad_s"]
-    return ComparisonTable(
-        name=data["name"],
-        input=data["input"],
-        cost=data["cost"],
-        band_rad_s=(low, high),
-        parameters=tuple(rows),
-    )
+    results = read_results(folder / RESULTS)
+    models = read_models(folder / FITS) if (folder / FITS).is_file() else ()
+    return Run(results, models, read_kept_sweeps(folder, results.left_out))

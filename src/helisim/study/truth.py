@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from helisim import ident
 from helisim.sim import Recorder, Weather
-from helisim.study.models import Model
+from helisim.study.models import ModelSpec
 from helisim.vehicle import Linearization, Vehicle
 
 _GAINS = ("k_p", "k_I", "k_delta", "k_a")
@@ -62,7 +62,7 @@ def mean_derivatives(air: Air) -> dict[str, float]:
 
 def true_values(
     vehicle: Vehicle,
-    model: Model,
+    model: ModelSpec,
     recorder: Recorder,
     *,
     like: ident.FrequencyResponse | None = None,
@@ -107,7 +107,7 @@ def _gyro_values(vehicle: Vehicle, base: dict[str, float]) -> dict[str, float]:
 
 
 def _equivalent_values(
-    air: Air, model: Model, recorder: Recorder, like: ident.FrequencyResponse | None
+    air: Air, model: ModelSpec, recorder: Recorder, like: ident.FrequencyResponse | None
 ) -> dict[str, float]:
     omega = np.geomspace(*model.band, 200) if like is None else like.frequency
     each = [exact_response(there, model, recorder, omega) for _, there in air]
@@ -119,7 +119,7 @@ def _equivalent_values(
 
 
 def exact_response(
-    vehicle: Vehicle, model: Model, recorder: Recorder, omega: NDArray[np.float64]
+    vehicle: Vehicle, model: ModelSpec, recorder: Recorder, omega: NDArray[np.float64]
 ) -> ident.FrequencyResponse:
     """Return the exact response of a model's channels, recorder latencies included.
 

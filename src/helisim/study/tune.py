@@ -17,7 +17,7 @@ from helisim.errors import ModelError
 from helisim.ident.evaluate import response
 from helisim.paper import published
 from helisim.sim import Recorder
-from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, Model
+from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
 from helisim.study.truth import exact_response, true_values
 from helisim.units import DB_PER_NEPER
 from helisim.vehicle import Parameter, Parameters, Vehicle
@@ -164,7 +164,7 @@ def tune(
 def _solve(
     vehicle: Vehicle,
     first: Mapping[str, float],
-    model: Model,
+    model: ModelSpec,
     target: Mapping[str, float],
     shape: int,
     on_progress: Callable[[str], None],

@@ -7,12 +7,13 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from helisim.ident import FrequencyResponse
+from helisim.output import tables
 from helisim.output.rerun.bode import bode_size, log_bode
 from helisim.output.rerun.layout import CheckViews, ModelViews
 from helisim.output.rerun.series import log_series
 from helisim.output.rerun.timelines import STEP, time_column
-from helisim.output.tables import cells
-from helisim.study.identified import Evidence
+from helisim.output.table import as_markdown
+from helisim.study.identified import IdentifiedModel
 from helisim.study.run import Run
 
 _FLIGHT = (176, 184, 196)
@@ -32,11 +33,11 @@ def model_views(run: Run) -> tuple[ModelViews, ...]:
             },
             checks=_checks(item),
         )
-        for item in run.evidence
+        for item in run.models
     )
 
 
-def _checks(item: Evidence) -> tuple[CheckViews, ...]:
+def _checks(item: IdentifiedModel) -> tuple[CheckViews, ...]:
     checked = item.verification
     if checked is None:
         return ()
@@ -53,16 +54,16 @@ def _checks(item: Evidence) -> tuple[CheckViews, ...]:
     )
 
 
-def _pair(item: Evidence, output: str, input_: str) -> str:
+def _pair(item: IdentifiedModel, output: str, input_: str) -> str:
     return f"models/{item.name}/{output}_{input_}"
 
 
 def log_findings(recording: rr.RecordingStream, run: Run) -> None:
     """Log all that was found, below the entity `models`."""
     recording.send_property(
-        "run", rr.AnyValues(results=json.dumps(dict(run.results), sort_keys=True))
+        "run", rr.AnyValues(results=json.dumps(run.results.to_dict(), sort_keys=True))
     )
-    for item in run.evidence:
+    for item in run.models:
         _log_pairs(recording, item)
         _log_verification(recording, item)
     text = rr.TextDocument(_markdown(run), media_type="text/markdown")
@@ -78,7 +79,7 @@ def log_findings(recording: rr.RecordingStream, run: Run) -> None:
     )
 
 
-def _log_pairs(recording: rr.RecordingStream, item: Evidence) -> None:
+def _log_pairs(recording: rr.RecordingStream, item: IdentifiedModel) -> None:
     """Log the Bode plot of each pair of a model, and the numbers behind it."""
     fit, identified = item.fit, item.fit.response(item.fit.data.frequency)
     for output in fit.structure.outputs:
@@ -100,7 +101,7 @@ def _log_pairs(recording: rr.RecordingStream, item: Evidence) -> None:
             recording.log(f"{entity}/numbers", values, static=True)
 
 
-def _log_verification(recording: rr.RecordingStream, item: Evidence) -> None:
+def _log_verification(recording: rr.RecordingStream, item: IdentifiedModel) -> None:
     """Log the flights that verified a model as time series: inputs, measured, predicted."""
     checked = item.verification
     if checked is None:
@@ -146,32 +147,22 @@ def _numbers(
 
 def _markdown(run: Run) -> str:
     parts = []
-    for table in run.tables:
-        low, high = table.band_rad_s
-        parts += [
-            f"## {table.name}",
-            f"From {table.input}, {low:.3g} to {high:.3g} rad/s, average cost {table.cost:.3g}.",
-            "",
-            "| parameter | unit | paper | truth | identified | CR % | insens. % | verdict |",
-            "|---|---|---:|---:|---:|---:|---:|---|",
-            *(f"| {' | '.join(cells(row))} |" for row in table.parameters),
-            "",
-        ]
+    for table in map(tables.comparison, run.results.tables):
+        parts += [f"## {table.title}", f"{table.lead}.", "", as_markdown(table), ""]
     return "\n".join(parts)
 
 
 def _steps(run: Run) -> list[str]:
-    given = run.results["configuration"]
+    given = run.configuration
     steps = [
-        f"vehicle loaded and trimmed, seed {run.results['seed']}",
-        f"flown: {given['flown_each_axis']} sweeps on each axis, "
-        f"{given['flights_kept_each_axis']} kept",
-        *(f"left out: {sentence}" for sentence in run.results.get("excluded", [])),
+        f"vehicle loaded and trimmed, seed {run.results.seed}",
+        f"flown: {given.flown_each_axis} sweeps on each axis, {given.flights_kept_each_axis} kept",
+        *(f"left out: {one.message}" for one in run.results.excluded),
     ]
-    for table in run.tables:
+    for table in run.results.tables:
         good = sum(row.verdict == "ok" for row in table.parameters)
         steps.append(
             f"identified: {table.name} from {table.input}, cost {table.cost:.3g}, "
             f"{good} of {len(table.parameters)} parameters within tolerance"
         )
-    return steps + [f"missed: {sentence}" for sentence in run.results.get("misses", [])]
+    return steps + [f"missed: {sentence}" for sentence in run.results.misses]

@@ -175,7 +175,7 @@ def _content_id(flights: Mapping[str, FlightRecord], run: Run | None) -> str:
         digest.update(record.time.tobytes())
         digest.update(record.values.tobytes())
     if run is not None:
-        digest.update(json.dumps(dict(run.results), sort_keys=True).encode())
+        digest.update(json.dumps(run.results.to_dict(), sort_keys=True).encode())
     return digest.hexdigest()[:32]
 
 

@@ -1,12 +1,24 @@
-"""One statement of the paper that its own numbers contradict."""
+"""One statement of the paper that its own numbers contradict, as a row of data."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 from helisim.paper import ReferenceTable
 
 
 @dataclass(frozen=True, kw_only=True)
-class Erratum:
+class _Texts:
+    title: str
+    where: str
+    printed: str
+    calculation: str
+    computed: str
+    conclusion: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Erratum(_Texts):
     """One statement of the paper that its own numbers contradict.
 
     Attributes:
@@ -19,12 +31,6 @@ class Erratum:
         confirmed: whether the calculation does contradict the print.
     """
 
-    title: str
-    where: str
-    printed: str
-    calculation: str
-    computed: str
-    conclusion: str
     confirmed: bool
 
     def to_dict(self) -> dict[str, object]:
@@ -32,9 +38,27 @@ class Erratum:
         return asdict(self)
 
 
-def of(table: ReferenceTable, name: str) -> float:
-    """Return a value of a table by its name."""
-    return table[name].value
+@dataclass(frozen=True, kw_only=True)
+class Row(_Texts):
+    """An erratum whose texts have places, such as {ratio:.3f}, for figures yet to be computed.
+
+    Attributes:
+        figures: returns its locals: what stands in the places, by name, and `confirmed`.
+        title, where, printed, calculation, computed, conclusion: as of an `Erratum`.
+    """
+
+    figures: Callable[[], Mapping[str, Any]]
+
+    def compute(self) -> Erratum:
+        """Return the erratum with its figures in place."""
+        found = self.figures()
+        texts = {one.name: getattr(self, one.name).format(**found) for one in fields(_Texts)}
+        return Erratum(**texts, confirmed=bool(found["confirmed"]))
+
+
+def of(table: ReferenceTable, *names: str) -> list[float]:
+    """Return values of a table by their names."""
+    return [table[name].value for name in names]
 
 
 def percent_change(after: float, before: float) -> float:

@@ -12,7 +12,7 @@ from helisim.records.files import read_toml
 from helisim.study.campaign.design import Design, Point, points
 from helisim.study.campaign.settings import SECTIONS, Change, Settings
 from helisim.study.campaign.variation import Variation, is_variation, parse
-from helisim.study.models import MODELS, Model
+from helisim.study.models import MODELS, ModelSpec
 from helisim.vehicle.assembly import Integrator
 
 Method = Literal["designed", "direct", "joint"]
@@ -131,7 +131,7 @@ class Campaign:
         return tuple(one for one in self.settings if one.varies)
 
     @property
-    def chosen(self) -> tuple[Model, ...]:
+    def chosen(self) -> tuple[ModelSpec, ...]:
         """The models to identify, in the experiment's order."""
         return tuple(
             replace(model, sweeps=self.sweeps.get(model.name, model.sweeps))
@@ -251,7 +251,7 @@ def _check_list(name: str, values: Any, known: Sequence[Any]) -> None:
         raise InputError(f"{name} names something twice: {', '.join(map(str, values))}")
 
 
-def _check_given(models: Sequence[Model]) -> None:
+def _check_given(models: Sequence[ModelSpec]) -> None:
     """Refuse a model whose given values come from a model that isn't identified."""
     names = [model.name for model in models]
     for model in models:

@@ -13,8 +13,8 @@ from helisim.sim import FlightPlan, Recorder, fly
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.study.campaign.plan import MODEL_NAMES, Campaign, Method, Replicate
 from helisim.study.flights import Flights
-from helisim.study.identification import GroundTests, compare, identify_model
-from helisim.study.models import Model
+from helisim.study.identification import GroundTests, comparison_table, identify_model
+from helisim.study.models import ModelSpec
 from helisim.study.results import ComparisonTable
 from helisim.study.truth import air_met
 from helisim.vehicle import Vehicle
@@ -27,7 +27,7 @@ class _Task(NamedTuple):
 
     flights: int
     method: Method
-    model: Model
+    model: ModelSpec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[ReplicateRow]:
             estimated = by_method(model, task.method)
             tested = _done(ground) if _needs_ground(model) else {}
             fit = _identified(estimated, flights, before, tested)
-            table = compare(vehicle, estimated, fit, recorder, air=air)
+            table = comparison_table(vehicle, estimated, fit, recorder, air=air)
         except HelisimError as error:
             rows += _failed(task, str(error))
             continue
@@ -100,7 +100,7 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[ReplicateRow]:
     return rows
 
 
-def by_method(model: Model, method: Method) -> Model:
+def by_method(model: ModelSpec, method: Method) -> ModelSpec:
     """Return a model as it is identified by a method.
 
     The joint method takes the sticks as reference for what servo signals drive; where sticks
@@ -115,7 +115,7 @@ def by_method(model: Model, method: Method) -> Model:
 
 
 def _identified(
-    model: Model,
+    model: ModelSpec,
     flights: Flights,
     before: Mapping[str, ComparisonTable],
     ground: GroundTests,
@@ -159,7 +159,7 @@ def _ground_tests(
         return error
 
 
-def _needs_ground(model: Model) -> bool:
+def _needs_ground(model: ModelSpec) -> bool:
     return any(given.source not in MODEL_NAMES for given in model.given.values())
 
 
