@@ -58,7 +58,7 @@ _TRUE: _Columns = {
 }
 """What none measures, and a recorder with `rotor=True` adds."""
 
-_MOTION = (RATES, ATTITUDES, VELOCITIES, ACCELERATIONS, POSITIONS)
+_MOTION: tuple[tuple[str, ...], ...] = (RATES, ATTITUDES, VELOCITIES, ACCELERATIONS, POSITIONS)
 """Of an IMU that may stand away from the centre of gravity."""
 
 _NOISE = {
