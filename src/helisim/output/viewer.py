@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.errors import DisplayError, DivergedError, InputError
@@ -20,7 +21,7 @@ from helisim.physics.frames import flip
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim import Pilot
-from helisim.sim.excitation import Excitation
+from helisim.sim.excitation import Excitation, check_excitation, stick_history
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
@@ -67,10 +68,19 @@ class LiveFlight:
     Attributes:
         model: with every part to be seen, the pilot and the manoeuvre in place.
         data: in the hover.
+        sticks: (n_step, 4) `stick_history` of the manoeuvre; None if it has none.
     """
 
     model: mujoco.MjModel
     data: mujoco.MjData
+    sticks: NDArray[np.float64] | None = None
+
+    def step(self) -> None:
+        """Fly on by a time step."""
+        if self.sticks is not None:
+            number = round(self.data.time / self.model.opt.timestep)
+            self.data.userdata[:4] = self.sticks[number] if number < len(self.sticks) else 0.0
+        mujoco.mj_step(self.model, self.data)
 
 
 def prepare_live(
@@ -84,7 +94,7 @@ def prepare_live(
 
     Args:
         vehicle: that flies.
-        excitation: sweep or doublet; None holds the hover.
+        excitation: a `Sweep`, say; None holds the hover.
         pilot: the default `Pilot` if None.
         seed: of the pilot's hand, 0 or more.
     """
@@ -94,13 +104,17 @@ def prepare_live(
     height = _height(model)
     par = model.actuator_user[addresses(model).rotor]
     (pilot or Pilot()).write(par, vehicle, seed=seed, height=height)
+    sticks = None
     if excitation is not None:
-        excitation.on(vehicle.parameters).write(par)
+        check_excitation(excitation)
+        excitation = excitation.on(vehicle.parameters)
+        excitation.write(par)
+        sticks = stick_history(excitation, model.opt.timestep)
     data = mujoco.MjData(model)
     place(model, data, vehicle.trim, height=height)
     with installed():
         mujoco.mj_forward(model, data)
-    return LiveFlight(model, data)
+    return LiveFlight(model, data, sticks)
 
 
 def _height(model: mujoco.MjModel) -> float:
@@ -153,7 +167,7 @@ def watch(
             until = min(clock() - origin, end, data.time + _FALLEN_BEHIND)
             with window.lock():
                 while data.time < until - 0.5 * step:
-                    mujoco.mj_step(model, data)
+                    flight.step()
                 rotors.draw(data, window.user_scn)
             if not np.all(np.isfinite(data.qpos)) or any(w.number for w in data.warning):
                 raise DivergedError(f"the flight has no finite state at {data.time:.2f} s")

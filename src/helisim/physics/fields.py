@@ -39,6 +39,7 @@ class Offsets(NamedTuple):
 
     nactuator: int
     nuser_actuator: int
+    nuserdata: int
     nsensor: int
     timestep: int
     wind: int
@@ -72,6 +73,7 @@ class Offsets(NamedTuple):
     subtree_com: int
     qfrc_passive: int
     sensordata: int
+    userdata: int
     fingerprint: int = 0
 
 
@@ -89,6 +91,7 @@ _DATA = (
     "subtree_com",
     "qfrc_passive",
     "sensordata",
+    "userdata",
 )
 _FIELDS = Offsets._fields[:-1]
 
@@ -155,7 +158,7 @@ def _ctype(node: Any, name: str) -> Any:
 _PROBE = """
 <mujoco>
   <option timestep="0.00137" integrator="RK4" wind="1.25 2.5 3.75"/>
-  <size nuser_actuator="3"/>
+  <size nuser_actuator="3" nuserdata="2"/>
   <worldbody>
     <body name="b">
       <freejoint name="j"/>

@@ -315,6 +315,7 @@ PARAM = ParamIndex(*range(len(ParamIndex._fields)))
 
 SWEEP = 1
 DOUBLET = 2
+STICK_HISTORY = 3
 """What `PARAM.excitation` says; 0 is no excitation."""
 
 READS_ZERO = 1

@@ -33,6 +33,7 @@ ACCELERATIONS = ("ax", "ay", "az")
 POSITIONS = ("north", "east", "down")
 ROTOR = ("a", "b", "thrust", "torque", "tail_thrust")
 AIR = ("air_u", "air_v", "air_w", "air_p", "air_q", "air_r")
+SERVO_POSITIONS = tuple(f"{servo}_position" for servo in SERVOS)
 """What only a simulation knows; a recorder writes it on request, and no fit may use it."""
 OUT = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS + POSITIONS
 
@@ -78,6 +79,7 @@ _STANDARD = (
     Channel("air_p", "rad/s", "OTHER", "true roll rate of the air itself, from its gradients"),
     Channel("air_q", "rad/s", "OTHER", "true pitch rate of the air itself"),
     Channel("air_r", "rad/s", "OTHER", "true yaw rate of the air itself"),
+    *(Channel(f"{servo}_position", "1", "OTHER", f"true position of {servo}") for servo in SERVOS),
 )
 
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}

@@ -7,7 +7,7 @@ from typing import Any
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import terminated_early
-from helisim.sim.excitation import Excitation
+from helisim.sim.excitation import Excitation, sticks_digest
 from helisim.sim.faults import RecorderFault
 from helisim.sim.plain import to_plain
 from helisim.sim.plan import FlightPlan, as_plan
@@ -143,6 +143,9 @@ def flight_provenance(
     plan = as_plan(plan).on(vehicle)
     facts = plan.to_dict()
     facts["weather"]["dryden"] = to_plain(plan.weather.dryden)
+    sticks = sticks_digest(plan.excitation, vehicle.model.opt.timestep)
+    if sticks is not None:
+        facts["sticks_digest"] = sticks
     return made_by(
         "simulation",
         **vehicle.provenance,

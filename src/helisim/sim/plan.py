@@ -36,7 +36,7 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.records.files import atomic_write, read_toml
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import FlightEnvelope
-from helisim.sim.excitation import EXCITATIONS, Excitation
+from helisim.sim.excitation import EXCITATIONS, Excitation, check_excitation
 from helisim.sim.faults import FAULTS, Fault, FlightFault, check_faults, parse_fault
 from helisim.sim.pilot import Pilot
 from helisim.sim.plain import from_plain, to_plain, toml_settings, toml_text
@@ -71,11 +71,7 @@ class FlightPlan:
     envelope: FlightEnvelope = field(default_factory=FlightEnvelope)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.excitation, Excitation):
-            raise InputError(
-                "a flight plan needs an excitation such as Sweep(axis='lat'), got "
-                f"{self.excitation!r}"
-            )
+        check_excitation(self.excitation)
         for name, kind in _PARTS.items():
             part = getattr(self, name)
             if not isinstance(part, kind) and not (name == "recorder" and part is None):

@@ -5,7 +5,7 @@ noise and quantisation. Velocity and specific force are measured at the IMU and 
 the centre of gravity with the measured rates (Wu and Chen, section 2).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +27,7 @@ from helisim.records.channels import (
     POSITIONS,
     RATES,
     ROTOR,
+    SERVO_POSITIONS,
     SERVOS,
     VELOCITIES,
     Channel,
@@ -36,6 +37,29 @@ from helisim.records.record import FlightRecord
 from helisim.sim.plain import setting_names, to_plain
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
+
+_Columns = Mapping[tuple[str, ...], Callable[[Trajectory], NDArray[np.float64]]]
+
+_MEASURED: _Columns = {
+    IN2: lambda flight: flight.sticks,
+    SERVOS: lambda flight: flight.servo_commands,
+    RATES: lambda flight: flight.rates,
+    ATTITUDES: lambda flight: flight.attitudes,
+    VELOCITIES: lambda flight: flight.velocities,
+    ACCELERATIONS: lambda flight: flight.specific_forces,
+    POSITIONS: lambda flight: flight.positions,
+}
+"""What a flight computer measures: channels, and the columns (n, channels) that they are of."""
+
+_TRUE: _Columns = {
+    ROTOR: lambda flight: np.column_stack([flight.flapping, flight.rotor[:, [0, 1, 3]]]),
+    AIR: lambda flight: flight.air,
+    SERVO_POSITIONS: lambda flight: flight.servo_positions,
+}
+"""What none measures, and a recorder with `rotor=True` adds."""
+
+_MOTION: tuple[tuple[str, ...], ...] = (RATES, ATTITUDES, VELOCITIES, ACCELERATIONS, POSITIONS)
+"""Of an IMU that may stand away from the centre of gravity."""
 
 _NOISE = {
     **dict.fromkeys(RATES, 0.005),
@@ -62,8 +86,8 @@ class Recorder:
         rate_hz: samples a second.
         antialias_hz: corner of the fourth-order Butterworth filter before sampling.
         lever_arm_corrected: False leaves velocity and force as they are at the IMU.
-        rotor: True adds the rotor's true tilt, thrusts and torque and the air's own motion, to
-            look at; no flight computer measures them.
+        rotor: True adds the rotor's true tilt, thrusts and torque, the air's own motion and the
+            servos' true positions, to look at; no flight computer measures them.
         latency: s, by channel name; 0 where none is given. Positive is late. None: the vehicle's
             own, which `on` fills in.
         noise: standard deviation by channel name, in the channel's unit.
@@ -137,8 +161,9 @@ class Recorder:
         sampling = _Sampling(self, trajectory, rng)
         columns = {name: sampling.inputs(name) for name in (*IN1, *IN2, *SERVOS)}
         columns |= sampling.motion()
+        columns |= sampling.plain(set(_MEASURED) - {IN2, SERVOS, *_MOTION})
         if self.rotor:
-            columns |= sampling.rotor()
+            columns |= sampling.plain(_TRUE)
         names = [name for name in CHANNELS if name in columns]
         values = np.column_stack([columns[name] for name in names])
         kept = tuple(CHANNELS[name] for name in names)
@@ -164,7 +189,7 @@ class _Sampling:
         if recorder.antialias_hz < 0.5 * rate_hz:
             self._sos = butter(4, recorder.antialias_hz, fs=rate_hz, output="sos")
         self.sticks, self.commands = map(
-            self._filtered, (trajectory.sticks, trajectory.servo_commands)
+            self._filtered, (_MEASURED[names](trajectory) for names in (IN2, SERVOS))
         )
         self._input_noise = {name: self._noise(name) for name in (*IN2, *SERVOS)}
 
@@ -183,51 +208,41 @@ class _Sampling:
 
     def motion(self) -> dict[str, NDArray[np.float64]]:
         """Return rates, attitudes, velocities, specific forces and positions by name."""
-        groups = {
-            "rates": (self.trajectory.rates, RATES),
-            "attitudes": (self.trajectory.attitudes, ATTITUDES),
-            "velocities": (self.trajectory.velocities, VELOCITIES),
-            "forces": (self.trajectory.specific_forces, ACCELERATIONS),
-            "positions": (self.trajectory.positions, POSITIONS),
-        }
-        noise = {name: self._noise(name) for _, names in groups.values() for name in names}
-        filtered = {group: self._filtered(signals) for group, (signals, _) in groups.items()}
-        late = {
-            group: self._seen(filtered[group], names, noise, late=True)
-            for group, (_, names) in groups.items()
-        }
+        noise = {name: self._noise(name) for names in _MOTION for name in names}
+        filtered = {names: self._filtered(_MEASURED[names](self.trajectory)) for names in _MOTION}
+        late = {names: self._seen(filtered[names], names, noise, late=True) for names in _MOTION}
         if self.recorder.lever_arm_corrected:
             shift = self._lever_arm(
-                *(self._seen(filtered[g], groups[g][1], noise) for g in ("rates", "attitudes"))
+                *(self._seen(filtered[names], names, noise) for names in (RATES, ATTITUDES))
             )
-            late |= {group: late[group] - added for group, added in shift.items()}
+            late |= {names: late[names] - added for names, added in shift.items()}
         return {
-            name: self._rounded(name, late[group][:, k])
-            for group, (_, names) in groups.items()
+            name: self._rounded(name, late[names][:, k])
+            for names in _MOTION
             for k, name in enumerate(names)
         }
 
-    def rotor(self) -> dict[str, NDArray[np.float64]]:
-        """Return tilt, loads and the air's motion by name, filtered and sampled like the rest."""
-        thrust, torque, _, tail_thrust = self.trajectory.rotor.T
-        true = (*self.trajectory.flapping.T, thrust, torque, tail_thrust, *self.trajectory.air.T)
-        signals = self._filtered(np.column_stack(true))
+    def plain(self, groups: Iterable[tuple[str, ...]]) -> dict[str, NDArray[np.float64]]:
+        """Return channels that need no correction by name, filtered, late, noisy and rounded."""
         return {
-            name: self._sampled(signal, name) for name, signal in zip((*ROTOR, *AIR), signals.T)
+            name: self._rounded(name, self._sampled(signal, name) + self._noise(name))
+            for names, columns in {**_MEASURED, **_TRUE}.items()
+            if names in groups
+            for name, signal in zip(names, self._filtered(columns(self.trajectory)).T)
         }
 
     def _lever_arm(
         self, rates: NDArray[np.float64], attitudes: NDArray[np.float64]
-    ) -> dict[str, NDArray[np.float64]]:
+    ) -> dict[tuple[str, ...], NDArray[np.float64]]:
         """Return what the IMU's offset adds to velocity, specific force and position."""
         arm = self.trajectory.imu_offset
         spin = np.gradient(rates, self.time, axis=0)
         turning = np.cross(rates, arm)
         earth = Rotation.from_euler("ZYX", attitudes[:, ::-1])
         return {
-            "velocities": turning,
-            "forces": np.cross(spin, arm) + np.cross(rates, turning),
-            "positions": earth.apply(arm),
+            VELOCITIES: turning,
+            ACCELERATIONS: np.cross(spin, arm) + np.cross(rates, turning),
+            POSITIONS: earth.apply(arm),
         }
 
     def _seen(
@@ -276,33 +291,18 @@ class _Sampling:
 def last_second(trajectory: Trajectory, provenance: Mapping[str, Any]) -> FlightRecord:
     """Return the last second of a flight at the simulation's rate, true to the last digit.
 
-    Beside the usual channels it has the servos' positions. Velocities, forces and positions are
-    the IMU's.
+    It has the channels of a recorder with `rotor=True`, without IN1. Velocities, forces and
+    positions are the IMU's.
 
     Args:
         trajectory: of a flight that has at least two samples.
         provenance: kept with the record.
     """
     trajectory = trajectory.since(trajectory.time[-1] - _LAST)
-    thrust, torque, _, tail_thrust = trajectory.rotor.T
-    groups = {
-        IN2: trajectory.sticks.T,
-        SERVOS: trajectory.servo_commands.T,
-        RATES: trajectory.rates.T,
-        ATTITUDES: trajectory.attitudes.T,
-        VELOCITIES: trajectory.velocities.T,
-        ACCELERATIONS: trajectory.specific_forces.T,
-        POSITIONS: trajectory.positions.T,
-        ROTOR: (*trajectory.flapping.T, thrust, torque, tail_thrust),
-        AIR: trajectory.air.T,
-    }
-    channels = [_channel(name) for names in groups for name in names]
-    channels += [
-        Channel(f"{name}_position", "1", "OTHER", f"true position of {name}") for name in SERVOS
-    ]
-    columns = [column for of_group in groups.values() for column in of_group]
-    values = np.column_stack([*columns, trajectory.servo_positions])
-    return FlightRecord(trajectory.time, values, tuple(channels), provenance)
+    groups = {**_MEASURED, **_TRUE}
+    values = np.column_stack([columns(trajectory) for columns in groups.values()])
+    channels = tuple(_channel(name) for names in groups for name in names)
+    return FlightRecord(trajectory.time, values, channels, provenance)
 
 
 def _channel(name: str) -> Channel:

@@ -15,7 +15,7 @@ from helisim.errors import DivergedError, InputError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.sim.envelope import FlightEnvelope, terminated_early
-from helisim.sim.excitation import Excitation
+from helisim.sim.excitation import Excitation, stick_history
 from helisim.sim.faults import write_faults
 from helisim.sim.plan import FlightPlan, as_plan
 from helisim.sim.trajectory import End, Trajectory, read_trajectory, sound_samples
@@ -80,12 +80,13 @@ def simulated(
     plan = as_plan(plan)
     vehicle = plan.weather.trimmed(vehicle)
     buffers = _state_buffers(vehicle, min(threads, len(numbers)), plan.excitation.duration)
+    sticks = stick_history(plan.excitation.on(vehicle.parameters), vehicle.model.opt.timestep)
 
     def flown(number: int, buffer: NDArray[np.float64]) -> Result:
         model = prepare(vehicle, plan, seed=seed, number=number)
         start = _start(vehicle, plan.weather, seed=seed, number=number)
-        sensordata = _run(model, start, buffer)
-        return then(number, until_end(vehicle, plan.envelope, model, start, sensordata))
+        sensordata = _run(model, start, buffer, sticks)
+        return then(number, until_end(vehicle, plan.envelope, model, start, sensordata, sticks))
 
     def batches() -> Iterator[Result]:
         with ThreadPoolExecutor(threads) as pool:
@@ -109,12 +110,21 @@ def _state_buffers(vehicle: Vehicle, flights: int, duration: float) -> list[NDAr
 
 
 def _run(
-    model: mujoco.MjModel, start: NDArray[np.float64], buffer: NDArray[np.float64]
+    model: mujoco.MjModel,
+    start: NDArray[np.float64],
+    buffer: NDArray[np.float64],
+    sticks: NDArray[np.float64] | None,
 ) -> NDArray[np.float64]:
     """Return the sensor data of a flight, (n_step, nsensordata)."""
     with installed():
         _, sensordata = rollout.rollout(
-            model, mujoco.MjData(model), initial_state=start, nstep=buffer.shape[1], state=buffer
+            model,
+            mujoco.MjData(model),
+            initial_state=start,
+            control=None if sticks is None else sticks[None],
+            control_spec=mujoco.mjtState.mjSTATE_USERDATA,
+            nstep=buffer.shape[1],
+            state=buffer,
         )
     return sensordata[0]
 
@@ -123,6 +133,9 @@ def prepare(
     vehicle: Vehicle, plan: FlightPlan | Excitation, *, seed: int, number: int
 ) -> mujoco.MjModel:
     """Return a copy of the vehicle's model that flies one flight of a plan.
+
+    An excitation with `sticks` moves them only if `mjData.userdata` is, before each step, the
+    row of its `stick_history`.
 
     Args:
         vehicle: trimmed for the weather's steady wind.
@@ -166,6 +179,7 @@ def until_end(
     model: mujoco.MjModel,
     start: NDArray[np.float64],
     sensordata: NDArray[np.float64],
+    sticks: NDArray[np.float64] | None = None,
 ) -> Trajectory:
     """Return the trajectory of a flight, cut where it leaves the envelope or its states break.
 
@@ -175,6 +189,7 @@ def until_end(
         model: of the flight, with pilot and excitation.
         start: (n_state,) full physics state.
         sensordata: (n_step, nsensordata), of the time before each step.
+        sticks: (n_step, 4) `stick_history` of the excitation.
 
     Raises:
         DivergedError: not one sample is within the envelope.
@@ -192,14 +207,17 @@ def until_end(
         at = float(trajectory.time[count])
     if count == 0:
         raise terminated_early(at, why)
-    state, warnings = _flown_again(model, start, count)
+    state, warnings = _flown_again(model, start, count, sticks)
     if found is None and warnings:
         why = f"MuJoCo warned of {', '.join(warnings)}"
     return trajectory.until(count, End(at, why, state))
 
 
 def _flown_again(
-    model: mujoco.MjModel, start: NDArray[np.float64], samples: int
+    model: mujoco.MjModel,
+    start: NDArray[np.float64],
+    samples: int,
+    sticks: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.float64], list[str]]:
     """Fly again; return the state of the last sample, and what MuJoCo warns of after it.
 
@@ -207,7 +225,14 @@ def _flown_again(
     """
     data = mujoco.MjData(model)
     with installed():
-        states, _ = rollout.rollout(model, data, start[None], nstep=samples)
+        states, _ = rollout.rollout(
+            model,
+            data,
+            start[None],
+            None if sticks is None else sticks[None, :samples],
+            control_spec=mujoco.mjtState.mjSTATE_USERDATA,
+            nstep=samples,
+        )
     kinds = [
         kind for kind in mujoco.mjtWarning.__members__.values() if int(kind) < len(data.warning)
     ]

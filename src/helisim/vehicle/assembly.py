@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from helisim.errors import InputError, ModelError, UnknownNameError
 from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, SENSORS, STATE
 from helisim.physics.timing import TICK_TOLERANCE
+from helisim.records.channels import AXES
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.parameters import Parameters
 
@@ -104,6 +105,7 @@ def assemble(
         )
         _set_gyro_rate(spec, parameters["gyro.period"], parameters["gyro.latency"], delays)
         _set_force_laws(spec, block)
+        spec.nuserdata = max(spec.nuserdata, len(AXES))  # what an excitation adds to the sticks
         spec.compiler.discardvisual = not visual
         if rig is None and not visual:  # alone in the air there is nothing to touch
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT

@@ -237,11 +237,10 @@ def _log_events(recording: rr.RecordingStream, root: str, record: FlightRecord) 
 def _events(flown: Any, stop: float) -> list[tuple[float, str]]:
     try:
         kind, axis, trim = flown["kind"].lower(), flown["axis"], float(flown["trim_time"])
-        length = float(flown["width"]) if kind == "doublet" else stop - 2.0 * trim
+        lengths = {"sweep": stop - 2.0 * trim, "doublet": float(flown.get("width", 0.0))}
     except (KeyError, TypeError, ValueError, AttributeError):
         return []
-    return [
-        (0.0, "trimmed hover"),
-        (trim, f"{axis} {kind} begins"),
-        (trim + length, f"{axis} {kind} ends, trimmed hover"),
-    ]
+    begins = [(0.0, "trimmed hover"), (trim, f"{axis} {kind} begins")]
+    if kind not in lengths:  # whose end only its own class knows
+        return begins
+    return [*begins, (trim + lengths[kind], f"{axis} {kind} ends, trimmed hover")]
