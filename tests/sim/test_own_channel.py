@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helisim.output.rerun_log import write_recording
+from helisim.output.rerun.recording import write_recording
 from rerun.chunk import RrdReader
 
 from helisim.ident import frequency_response
