@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helisim.output.rerun.recording import write_recording
 from rerun.chunk import RrdReader
 
 from helisim.ident import frequency_response
+from helisim.output.rerun.recording import write_recording
 from helisim.records.channels import CHANNELS, SERVO_POSITIONS, Channel
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
