@@ -18,6 +18,7 @@ from helisim.records.storage import read_record as read_record
 from helisim.records.storage import write_record as write_record
 from helisim.sim import ClockDrift as ClockDrift
 from helisim.sim import Doublet as Doublet
+from helisim.sim import Excitation as Excitation
 from helisim.sim import FlightEnvelope as FlightEnvelope
 from helisim.sim import FlightPlan as FlightPlan
 from helisim.sim import Gust as Gust
@@ -32,6 +33,7 @@ from helisim.sim import SensorSpikes as SensorSpikes
 from helisim.sim import ServoStuck as ServoStuck
 from helisim.sim import ServoWeak as ServoWeak
 from helisim.sim import Sweep as Sweep
+from helisim.sim import ThreeTwoOneOne as ThreeTwoOneOne
 from helisim.sim import Weather as Weather
 from helisim.sim import fly as fly
 from helisim.sim import fly_each as fly_each

@@ -1,7 +1,7 @@
 """Fly a plan and record it: the simulated experiment, and the benches on the ground (`rigs`)."""
 
 from helisim.sim.envelope import FlightEnvelope
-from helisim.sim.excitation import Doublet, Excitation, Sweep
+from helisim.sim.excitation import Doublet, Excitation, Sweep, ThreeTwoOneOne
 from helisim.sim.faults import (
     ClockDrift,
     Fault,
@@ -45,6 +45,7 @@ __all__ = [
     "ServoStuck",
     "ServoWeak",
     "Sweep",
+    "ThreeTwoOneOne",
     "Trajectory",
     "Weather",
     "fly",

@@ -58,7 +58,7 @@ class ServoWeak:
         servo: as for `ServoStuck`.
         at: s.
         rate_limit: its greatest speed from then on, 1/s; None for no change.
-        travel: the greatest |command| that it follows from then on, unitised; None likewise.
+        travel: the greatest `abs(command)` that it follows from then on, unitised; None likewise.
     """
 
     servo: str

@@ -1,0 +1,61 @@
+"""How Sphinx builds the site: `sphinx-build -W docs docs/_build`."""
+
+import os
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+import helisim
+from helisim.cli import command_names, parser
+
+os.environ["COLUMNS"] = "80"
+
+project = "helisim"
+author = "The helisim developers"
+copyright = author
+release = helisim.__version__
+
+extensions = [
+    "myst_parser",  # pages in Markdown
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",  # Args, Returns, Raises as the docstrings write them
+    "sphinx.ext.mathjax",
+    "sphinx_copybutton",
+]
+exclude_patterns = ["_build"]
+html_theme = "furo"
+html_title = f"helisim {release}"
+html_static_path: list[str] = []
+
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
+myst_heading_anchors = 3
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+napoleon_google_docstring = True
+napoleon_use_ivar = True  # "Attributes" describe the fields and do not declare them twice
+
+
+class Commands(SphinxDirective):
+    """What each command says of itself: its --help, under its name."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a section a command."""
+        return [self._section(name) for name in command_names()]
+
+    def _section(self, name: str) -> nodes.Node:
+        (choices,) = (one.choices for one in parser([name])._actions if one.dest == "command")
+        section = nodes.section(ids=[name], names=[name])
+        section += nodes.title(text=f"helisim {name}")
+        text = choices[name].format_help()
+        section += nodes.literal_block(text, text, language="text")
+        self.state.document.note_implicit_target(section, section)
+        return section
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directive."""
+    app.add_directive("commands", Commands)
+    return {"parallel_read_safe": True}

@@ -1,0 +1,125 @@
+"""Every command and every snippet of the README and of the site runs as it is printed."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import helisim
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+PAGES = [page for page in PAGES if "_build" not in page.parts]
+BLOCK = re.compile(
+    r"(?:<!-- (?P<note>[^\n]*) -->\n)?^```(?P<language>[a-z]+)\n(?P<text>.*?)^```$", re.M | re.S
+)
+RUN = ("python", "sh")
+HERE = Path(sys.executable).parent
+
+
+def blocks(page):
+    """Yield note, language and text of each fenced block of a page."""
+    for found in BLOCK.finditer(page.read_text(encoding="utf-8")):
+        yield found["note"] or "", found["language"], found["text"]
+
+
+def program(page, folder):
+    """Return a page as one script, and write the files that it shows into a folder."""
+    lines = ["set -euo pipefail"]
+    python = []
+    for note, language, text in blocks(page):
+        if note.startswith("file: "):
+            (folder / note.removeprefix("file: ")).write_text(text)
+        elif language in RUN and not note.startswith("not run: "):
+            if language == "python":
+                python.append(text)
+                script = folder / f"snippet_{len(python)}.py"
+                script.write_text("".join(python) if note == "goes on" else text)
+                lines.append(f"python {script.name}")
+            else:
+                lines.append(text)
+    return "\n".join(lines)
+
+
+def name(page):
+    return str(page.relative_to(ROOT))
+
+
+def test_there_is_something_to_run():
+    """The search for blocks is not blind."""
+    languages = [language for page in PAGES for _, language, _ in blocks(page)]
+    assert len(PAGES) > 10
+    assert min(languages.count(language) for language in RUN) > 2
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_what_is_not_run_has_a_reason(page):
+    """No block is left out in silence, and each says in which language it is."""
+    text = page.read_text(encoding="utf-8")
+    assert len(re.findall(r"^```[a-z{]", text, re.M)) * 2 == len(re.findall(r"^```", text, re.M))
+    for note, language, _ in blocks(page):
+        assert (
+            not note or language not in RUN or re.match(r"(not run: \w+|file: \w+|goes on$)", note)
+        )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if "```sh" in page.read_text()], ids=name)
+def test_every_command_and_snippet_of_a_page_runs(page, tmp_path):
+    """From top to bottom in one empty folder, as a reader would; any failure ends it."""
+    environment = {**os.environ, "PATH": f"{HERE}{os.pathsep}{os.environ['PATH']}"}
+    for folder in ("scripts", "models"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    done = subprocess.run(
+        ["bash", "-c", program(page, tmp_path)],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_links_lead_somewhere(page):
+    """Files that a page links to exist."""
+    for target in re.findall(r"\]\((?!https?://|#)([^)#]+)", page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), target
+
+
+def test_the_site_builds_without_a_warning(tmp_path):
+    """`sphinx-build -W docs docs/_build`: no broken reference, no page outside the contents."""
+    command = [sys.executable, "-m", "sphinx", "-W", "-q", "--keep-going", "docs", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "theory" / "identification.html").is_file()
+
+
+def test_the_readme_is_read_in_a_few_minutes():
+    """At most 900 words, one picture, five commands."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.split()) <= 900
+    assert text.count("![") == 1
+
+
+def test_the_command_of_the_page_works(tmp_path, monkeypatch, capsys):
+    """One module in the folder of commands is a command: the one that the page shows."""
+    from helisim import cli
+
+    program(ROOT / "docs" / "extend" / "command.md", tmp_path)
+    monkeypatch.setattr(cli, "__path__", [*cli.__path__, str(tmp_path)])
+    assert "mass" in cli.command_names()
+    assert cli.main(["mass"]) == 0
+    assert capsys.readouterr().out == "8.01 kg\n"  # Wu and Chen, Table 1
+    sys.modules.pop("helisim.cli.mass")
+
+
+def test_every_public_name_is_in_the_reference():
+    """What `helisim` exports is looked up in one place."""
+    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"^\.\. auto\w+:: (?:helisim\.ident\.)?(\w+)$", text, re.M))
+    assert set(helisim.__all__) - named == set()
