@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
@@ -15,6 +15,8 @@ from helisim.sim.recorder import Recorder, last_second
 from helisim.sim.simulation import flight_numbers, generator, simulated
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
+
+Result = TypeVar("Result")
 
 _FEWEST_SAMPLES = 2
 """Beside the first, of the shortest record; the lever arm's derivative needs them."""
@@ -117,10 +119,26 @@ def fly_all(
     Raises:
         DivergedError: a flight was terminated before there was a record of it.
     """
+    return flown(vehicle, plan, numbers, lambda _, flight: flight, seed=seed, jobs=jobs)
+
+
+def flown(
+    vehicle: Vehicle,
+    plan: FlightPlan | Excitation,
+    numbers: Sequence[int],
+    then: Callable[[int, Flight], Result],
+    *,
+    seed: int = 0,
+    jobs: int | None = None,
+) -> Iterator[Result]:
+    """Yield what `then` makes of each flight's number and flight, in the thread that flew it.
+
+    The other arguments and the errors are those of `fly_all`.
+    """
     plan = as_plan(plan).on(vehicle)
     recorder = plan.recorder or Recorder.of(vehicle)
 
-    def recorded(number: int, trajectory: Trajectory) -> Flight:
+    def recorded(number: int, trajectory: Trajectory) -> Result:
         provenance = flight_provenance(vehicle, plan, seed=seed, number=number)
         end = trajectory.end
         if end is not None:
@@ -131,7 +149,8 @@ def fly_all(
         for n, fault in enumerate(plan.faults):
             if isinstance(fault, RecorderFault):
                 record = fault.apply(record, generator(seed, number, f"fault {n}"))
-        return Flight(record, None if end is None else last_second(trajectory, provenance))
+        last = None if end is None else last_second(trajectory, provenance)
+        return then(number, Flight(record, last))
 
     return simulated(vehicle, plan, numbers, recorded, seed=seed, jobs=jobs)
 

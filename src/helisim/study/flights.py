@@ -1,16 +1,18 @@
 """The experiment's flights: flown and the best kept, or read back from the folder of a run."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from helisim import ident
 from helisim.errors import DivergedError, InputError
+from helisim.ident.threads import one_blas_thread
 from helisim.records.channels import AXES
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record
 from helisim.sim import Doublet, Flight, FlightPlan, Recorder, Sweep, fly_all
+from helisim.sim.fly import flown
 from helisim.sim.folder import write_flight
 from helisim.study.models import MODELS
 from helisim.study.results import Exclusion, read_results
@@ -54,16 +56,16 @@ def fly_sweeps(
     excluded: list[Exclusion] = []
     for number, axis in enumerate(AXES):
         names = [f"{axis}_{k + 1:02d}" for k in range(flown_each_axis(flights))]
+        paths = [None if folder is None else folder / FOLDER / f"{name}.parquet" for name in names]
         plan = FlightPlan(excitation=Sweep(axis=axis), recorder=recorder)
-        flown = fly_all(vehicle, plan, range(len(names)), seed=seed * len(AXES) + number, jobs=jobs)
         records: list[FlightRecord] = []
         scores: dict[int, float] = {}
-        for k, flight in enumerate(flown):
-            record = flight.record
-            _keep(flight, folder, names[k])
+        for k, (record, score) in enumerate(
+            _fly_and_score(vehicle, plan, paths, seed * len(AXES) + number, jobs)
+        ):
             records.append(record)
-            if not record.ended:
-                scores[k] = sweep_coherence(record, axis)
+            if score is not None:
+                scores[k] = score
             on_progress(axis)
         excluded += [
             Exclusion(flight=name, reason="terminated early", ended=record.ended)
@@ -92,6 +94,21 @@ def fly_sweeps(
     return kept, tuple(excluded)
 
 
+def _fly_and_score(
+    vehicle: Vehicle, plan: FlightPlan, paths: Sequence[Path | None], seed: int, jobs: int | None
+) -> Iterator[tuple[FlightRecord, float | None]]:
+    """Yield the record of a sweep for each path, where it is written, and its mean coherence."""
+
+    def judged(k: int, flight: Flight) -> tuple[FlightRecord, float | None]:
+        record, path = flight.record, paths[k]
+        if path is not None:
+            write_flight(flight, path)
+        return record, None if record.ended else sweep_coherence(record, plan.excitation.axis)
+
+    with one_blas_thread():  # around all threads, or they would take it from each other
+        yield from flown(vehicle, plan, range(len(paths)), judged, seed=seed, jobs=jobs)
+
+
 def fly_doublets(
     vehicle: Vehicle, seed: int, recorder: Recorder, folder: Path | None
 ) -> dict[str, FlightRecord]:
@@ -100,16 +117,12 @@ def fly_doublets(
     for axis in _verified_axes():
         plan = FlightPlan(excitation=Doublet(axis=axis), recorder=recorder)
         (flight,) = fly_all(vehicle, plan, [0], seed=seed * len(AXES))
-        _keep(flight, folder, f"{axis}_doublet")
+        if folder is not None:
+            write_flight(flight, folder / FOLDER / f"{axis}_doublet.parquet")
         if flight.record.ended:
             raise DivergedError(f"the doublet of {axis}: {flight.record.ended}; fly a smaller one")
         records[axis] = flight.record
     return records
-
-
-def _keep(flight: Flight, folder: Path | None, name: str) -> None:
-    if folder is not None:
-        write_flight(flight, folder / FOLDER / f"{name}.parquet")
 
 
 def read_flights(

@@ -51,6 +51,7 @@ def identify_model(
     *,
     before: Mapping[str, ComparisonTable] | None = None,
     ground: GroundTests | None = None,
+    estimated: ident.FrequencyResponse | None = None,
 ) -> ident.Fit:
     """Identify one model from the records.
 
@@ -59,11 +60,13 @@ def identify_model(
         flights: records by axis.
         before: tables by name, whose identified values the model is given.
         ground: tests by rig, whose findings the model is given.
+        estimated: the model's `frequency_response` of these flights; estimated here if None.
     """
     given = {
         name: _given(source, before or {}, ground or {}) for name, source in model.given.items()
     }
-    estimated = frequency_response(model, flights)
+    if estimated is None:
+        estimated = frequency_response(model, flights)
     return ident.identify(estimated, model.structure.with_fixed(given), weighting=model.weighting)
 
 

@@ -1,10 +1,13 @@
 """The paper's experiment from end to end: test on the ground, fly, record, identify, compare."""
 
+import os
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from helisim.errors import InputError
+from helisim.ident.threads import one_blas_thread
 from helisim.paper.eq8 import OverallCheck, check_overall
 from helisim.paper.gyro_effect import GyroEffect, gyro_effect
 from helisim.records.files import make_folder, write_json
@@ -19,7 +22,12 @@ from helisim.study.flights import (
     fly_sweeps,
     read_flights,
 )
-from helisim.study.identification import comparison_table, identified_model, identify_model
+from helisim.study.identification import (
+    comparison_table,
+    frequency_response,
+    identified_model,
+    identify_model,
+)
 from helisim.study.identified import IdentifiedModel, write_models
 from helisim.study.models import MODELS
 from helisim.study.results import ComparisonTable, Results, VerificationFigures
@@ -94,11 +102,14 @@ def reproduce(
     else:
         kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, out, on_progress)
         doublets = fly_doublets(vehicle, seed, recorder, out)
-    ground = {test.rig: test for test in run_rigs(vehicle, seed=seed, recorder=recorder)}
+    with one_blas_thread(), ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
+        rigs = pool.submit(run_rigs, vehicle, seed=seed, recorder=recorder)
+        estimated = list(pool.map(lambda model: frequency_response(model, kept), MODELS))
+        ground = {test.rig: test for test in rigs.result()}
     tables: dict[str, ComparisonTable] = {}
     models: list[IdentifiedModel] = []
-    for model in MODELS:
-        fit = identify_model(model, kept, before=tables, ground=ground)
+    for model, response in zip(MODELS, estimated):
+        fit = identify_model(model, kept, before=tables, ground=ground, estimated=response)
         tables[model.name] = comparison_table(
             vehicle, model, fit, recorder, judge_paper=not parameters
         )
