@@ -8,7 +8,7 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "helisim"
 
-ROOMS = ("ident", "records")
+ROOMS = ("ident", "physics", "records", "vehicle")
 """Rooms whose public functions all state the shapes of their arrays."""
 
 ARRAY = re.compile(r"\b(NDArray|ArrayLike)\b")

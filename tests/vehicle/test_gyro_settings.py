@@ -152,5 +152,6 @@ def test_settings_are_of_gyro_and_recorder_only(jr700):
     """The airframe needs another trim, so it is refused here."""
     with pytest.raises(InputError, match=r"load\(parameters"):
         jr700.with_settings({"main_rotor.lift_slope": 5.0})
-    with pytest.raises(UnknownNameError, match=r"gyro\.k_p"):
+    with pytest.raises(UnknownNameError, match=r"gyro\.k_a") as caught:
         jr700.with_settings({"gyro.gain": 1.0})
+    assert "gyro.k_p" in caught.value.available

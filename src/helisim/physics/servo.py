@@ -57,15 +57,8 @@ def held_back(position, rate, command, frequency, damping, rate_limit):
     """Return d(rate)/dt of a servo that a fault makes slow: its rate stays within the limit.
 
     A second-order servo's rate follows frequency / (2 damping) times the error; here it follows
-    that no further than the limit, so that it is also what the servo will do next.
-
-    Args:
-        position: unitised.
-        rate: 1/s.
-        command: unitised.
-        frequency: natural frequency, rad/s.
-        damping: damping ratio.
-        rate_limit: 1/s.
+    that no further than the limit, so that it is also what the servo will do next. The arguments
+    are those of `servo_rates`; the rate limit is the fault's.
     """
     wanted = 0.5 * frequency / damping * (command - position)
     wanted = min(rate_limit, max(-rate_limit, wanted))

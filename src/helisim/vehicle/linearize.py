@@ -63,7 +63,11 @@ class Linearization:
         }
 
     def response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the frequency response with delays, (n_out, n_in, n_freq), omega in rad/s."""
+        """Return the frequency response with delays, (n_out, n_in, n_freq).
+
+        Args:
+            omega: rad/s, (n_freq,).
+        """
         omega = np.asarray(omega, dtype=np.float64)
         step = self.system.dt
         point = np.exp(1j * omega * step) if step else 1j * omega

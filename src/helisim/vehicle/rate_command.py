@@ -95,12 +95,12 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
 
 
 def sensitivity(vehicle: Vehicle, axis: str, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return |1 / (1 + L)| of the gyro's loop at one servo command, the other loops closed.
+    """Return |1 / (1 + L)| of the gyro's loop at one servo command, others closed, (n_freq,).
 
     Args:
         vehicle: trimmed.
         axis: of the servo command, such as "lat".
-        omega: rad/s, (n_freq,), like the result.
+        omega: rad/s, (n_freq,).
     """
     loop = vehicle.loop(axis)
     positive = np.asarray(loop(np.exp(1j * omega * loop.dt), squeeze=True))
