@@ -17,7 +17,7 @@ _EYE = (-1.9, -1.35, -0.75)
 """m from the helicopter to the eye: behind, to the left and above; north, east, down."""
 _TRAIL_SECONDS = 15.0
 _LEGEND_ROOM = 0.12
-"""Of the flight, after its end: where the legends hide nothing."""
+"""Of the flight, after its end: where legends, at the right as by default, hide nothing."""
 _DARK = (13, 16, 17)
 """Behind a Bode plot: as behind the viewer's own plots."""
 _TABS = 8
@@ -208,7 +208,6 @@ def _plot(entity: str, name: str, start: float, stop: float) -> rrb.View:
                 end=rr.TimeRangeBoundary.absolute(seconds=end),
             )
         ),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
 
 

@@ -26,13 +26,14 @@ A whole run has its models beside the flights::
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 from rerun.blueprint import Blueprint
 
 from helisim.errors import InputError
@@ -77,10 +78,12 @@ GROUPS: dict[str, tuple[str, ...]] = {
 
 _WHOLE = 100_000
 """Samples, all flights together, that are shown one by one: a dozen sweeps, 45 MB."""
-_PLOT_HZ, _SLOW_HZ, _SPACE_HZ = 20.0, 10.0, 20.0
-"""Samples a second of longer recordings: of plots, of those that move slowly or tell least, and
-of the helicopter in space. Sweeps end at 5 Hz."""
-_SLOW = ("servos", "attitudes", "velocities", "accelerations", "positions", "loads", "other")
+_SPACE_HZ, _ARROW_HZ = 20.0, 10.0
+"""Samples a second of longer recordings: of the helicopter in space, and of its arrows."""
+_PLOT_HZ = {"sticks": 20.0, "rates": 20.0, "tilt": 20.0, "positions": 5.0}
+"""Samples a second of their plots, by group. Sweeps end at 5 Hz."""
+_OTHER_HZ = 10.0
+"""Of groups that move slowly, or stand a tab behind."""
 
 
 def write_recording(
@@ -150,10 +153,11 @@ def _shown(thin: bool) -> dict[str, str]:
     """Return what of the records is in a recording, for its properties."""
     if not thin:
         return {"samples": "all", "precision": "single"}
-    slow = ", ".join(_SLOW)
+    plots = "".join(f"{rate:g} in plots of {group}, " for group, rate in _PLOT_HZ.items())
     return {
-        "samples": f"thinned, to at least {_SPACE_HZ:g} a second in space, {_PLOT_HZ:g} in "
-        f"plots, {_SLOW_HZ:g} in plots of {slow}; the records have all",
+        "samples": f"thinned, to at least {_SPACE_HZ:g} a second in space, {_ARROW_HZ:g} in "
+        f"arrows, {plots}{_OTHER_HZ:g} in the others; first and last alone in plots where "
+        "nothing changes; the records have all",
         "precision": "single",
     }
 
@@ -162,9 +166,20 @@ def _thinned(record: FlightRecord, rate: float) -> FlightRecord:
     """Return the first sample of each few, as few as keep a number of samples a second."""
     step = float(np.median(np.diff(record.time))) if len(record) > 1 else 1.0 / rate
     every = max(1, int(1.0 / (rate * step) + 1e-6))
-    return FlightRecord(
-        record.time[::every], record.values[::every], record.channels, record.provenance
-    )
+    return _sampled(record, np.arange(0, len(record), every))
+
+
+def _plotted(record: FlightRecord, group: str, names: Sequence[str]) -> FlightRecord:
+    """Return the samples of a longer recording's plot: the ends alone of straight level lines."""
+    values = record.select(names)
+    if len(record) > 1 and np.array_equal(values, np.broadcast_to(values[0], values.shape)):
+        return _sampled(record, np.array([0, len(record) - 1]))
+    return _thinned(record, _PLOT_HZ.get(group, _OTHER_HZ))
+
+
+def _sampled(record: FlightRecord, rows: NDArray[np.intp]) -> FlightRecord:
+    """Return the samples of the given rows (n,)."""
+    return FlightRecord(record.time[rows], record.values[rows], record.channels, record.provenance)
 
 
 def _content_id(flights: Mapping[str, FlightRecord], run: Run | None) -> str:
@@ -213,12 +228,13 @@ def _log_flight(
     )
     for group, names in _groups(record).items():
         labels = [f"{channel} [{record.unit(channel)}]" for channel in names]
-        seen = _thinned(record, _SLOW_HZ if group in _SLOW else _PLOT_HZ) if thin else record
+        seen = _plotted(record, group, names) if thin else record
         log_series(recording, f"{root}/{group}", seen.time, seen.select(names), labels)
     _log_events(recording, root, record)
     if is_posed(record):
         seen = _thinned(record, _SPACE_HZ) if thin else record
-        log_space(recording, f"{root}/world", seen, shapes)
+        loads = _thinned(record, _ARROW_HZ) if thin else record
+        log_space(recording, f"{root}/world", seen, shapes, loads)
 
 
 def _log_events(recording: rr.RecordingStream, root: str, record: FlightRecord) -> None:

@@ -76,9 +76,13 @@ def knows_rotor(record: FlightRecord) -> bool:
 
 
 def log_space(
-    recording: rr.RecordingStream, world: str, record: FlightRecord, shapes: Shapes
+    recording: rr.RecordingStream,
+    world: str,
+    record: FlightRecord,
+    shapes: Shapes,
+    loads: FlightRecord,
 ) -> None:
-    """Log a record that `is_posed` below the entity `world`."""
+    """Log a record that `is_posed` below the entity `world`; its arrows at the samples of loads."""
     if knows_rotor(record):
         text = rr.TextDocument(_LEGEND, media_type="text/markdown")
         recording.log(f"{world}/legend", text, static=True)
@@ -86,6 +90,7 @@ def log_space(
     _log_ground(recording, f"{world}/ground", record)
     _log_trail(recording, f"{world}/trail", record)
     _log_helicopter(recording, world, record, shapes)
+    _log_loads(recording, f"{world}/helicopter", loads, shapes)
 
 
 def _has(record: FlightRecord, names: tuple[str, ...]) -> bool:
@@ -172,7 +177,6 @@ def _log_helicopter(
         _log_shapes(recording, tail, shapes.tail_rotor)
         turn = _turn(record, "tail_rotor.speed", (0.0, 1.0, 0.0))
         _log_turning(recording, tail, record, shapes.tail_hub, turn)
-    _log_loads(recording, entity, record, shapes)
 
 
 def _log_main_rotor(
