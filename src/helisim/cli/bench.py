@@ -4,7 +4,8 @@ import argparse
 import json
 from typing import Any
 
-from helisim.cli.common import add_parameters, parameters
+from helisim.cli.common import add_parameters, add_quiet, parameters
+from helisim.cli.progress import Progress
 
 
 def add(commands: Any) -> None:
@@ -21,6 +22,7 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--json", action="store_true", help="findings and notes as JSON")
     add_parameters(command)
+    add_quiet(command)
     command.set_defaults(run=_run)
 
 
@@ -31,7 +33,8 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.vehicle import load
 
     vehicle = load(parameters=parameters(options))
-    tests = run_rigs(vehicle, seed=options.seed)
+    with Progress(3, options.quiet, unit="rig") as advance:
+        tests = run_rigs(vehicle, seed=options.seed, on_progress=advance)
     if options.json:
         provenance = made_by("ground tests", **vehicle.provenance, seed=options.seed)
         data = {"rigs": [test.to_dict() for test in tests], "provenance": provenance}

@@ -3,7 +3,8 @@
 import argparse
 from typing import Any
 
-from helisim.cli.common import add_vehicle
+from helisim.cli.common import add_quiet, add_vehicle, tell_written
+from helisim.cli.progress import Progress
 
 
 def add(commands: Any) -> None:
@@ -21,6 +22,7 @@ def add(commands: Any) -> None:
         action="store_true",
         help="replace the vehicle's calibrated.toml instead of printing it",
     )
+    add_quiet(command)
     command.set_defaults(run=_run)
 
 
@@ -29,12 +31,13 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.study.calibrate import calibrated_text
     from helisim.vehicle.assembly import model_folder
 
-    text = calibrated_text(options.vehicle)
+    with Progress(None, options.quiet, unit="trial") as advance:
+        text = calibrated_text(options.vehicle, on_progress=advance)
     if not options.write:
         print(text, end="")
         return 0
     path = model_folder(options.vehicle) / "calibrated.toml"
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    print(f"Written: {path}")
+    tell_written(options, str(path))
     return 0

@@ -144,10 +144,18 @@ def write_recording(
     path: Path, records: Any, *, vehicle: str = "jr700", run: Any = None, quiet: bool = False
 ) -> None:
     """Write a Rerun recording of flights, and of what a run found from them, and say so."""
+    from helisim.cli.progress import Progress
     from helisim.output.rerun.recording import write_recording
     from helisim.vehicle import load
 
-    write_recording(path, records, model=load(vehicle).visual_model(), run=run)
+    with Progress(len(records), quiet, unit="flight") as advance:
+        model = load(vehicle).visual_model()
+        write_recording(path, records, model=model, run=run, on_progress=advance)
+    tell_recording(path, quiet)
+
+
+def tell_recording(path: Path, quiet: bool) -> None:
+    """Say that a recording was written, and what opens it, unless it shall be quiet."""
     if not quiet:
         print(f"Written: {path}; open it with: rerun {path}")
 

@@ -1,11 +1,13 @@
 """`helisim record`: a flight log as a Rerun recording."""
 
 import argparse
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import add_quiet, wrapped, write_recording
+from helisim.cli.common import add_quiet, tell_recording, wrapped
+from helisim.cli.progress import Progress
 
 
 def add(commands: Any) -> None:
@@ -30,10 +32,12 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.errors import InputError
+    from helisim.output.rerun.recording import write_recording
     from helisim.output.rerun.scene import knows_rotor
     from helisim.records.files import check_destination
     from helisim.records.storage import read_record
     from helisim.study.run import FLIGHTS, read_run
+    from helisim.vehicle import load
 
     check_destination(options.out, (".rrd",))
     run, paths = None, []
@@ -45,13 +49,17 @@ def _run(options: argparse.Namespace) -> int:
             paths += sorted((log / FLIGHTS).glob("[!.]*.parquet"))
         else:
             paths.append(log)
+    twins = [name for name, count in Counter(path.stem for path in paths).items() if count > 1]
+    if twins:
+        raise InputError(f"two logs are called {twins[0]!r}; rename one")
     flights = {}
-    for path in paths:
-        name = path.stem
-        if name in flights:
-            raise InputError(f"two logs are called {name!r}; rename one")
-        flights[name] = read_record(path)
-    write_recording(options.out, flights, run=run, quiet=options.quiet)
+    with Progress(2 * len(paths), options.quiet) as advance:
+        for path in paths:
+            flights[path.stem] = read_record(path)
+            advance(f"{path.stem} read")
+        model = load("jr700").visual_model()
+        write_recording(options.out, flights, model=model, run=run, on_progress=advance)
+    tell_recording(options.out, options.quiet)
     plain = [name for name, record in flights.items() if not knows_rotor(record)]
     if plain and not options.quiet:
         print(_without_rotor(plain, len(flights)))

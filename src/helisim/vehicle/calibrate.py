@@ -6,7 +6,7 @@ tail's side force: a few percent from the solution, whatever the size of the hel
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +42,12 @@ _TOLERANCE = 1e-8
 
 
 def calibrate(
-    name: str, given: Parameters, targets: Mapping[str, float], source: str
+    name: str,
+    given: Parameters,
+    targets: Mapping[str, float],
+    source: str,
+    *,
+    on_progress: Callable[[str], None] | None = None,
 ) -> Parameters:
     """Return the solved parameters of a vehicle: those that `given` leaves open.
 
@@ -54,6 +59,7 @@ def calibrate(
         given: given and chosen parameters; the gyro's may be missing.
         targets: values of DIRECT and SOLVED by name, SI.
         source: where the targets come from, for the provenance.
+        on_progress: called with the vehicle's name each time other parameters are tried.
 
     Raises:
         InputError: a target is missing or not finite.
@@ -84,7 +90,10 @@ def calibrate(
         return untuned(Parameters({**entries, **direct, **solved}))
 
     def miss(scale: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _miss(name, join(scale), targets)
+        missed = _miss(name, join(scale), targets)
+        if on_progress is not None:
+            on_progress(name)
+        return missed
 
     solution = root(miss, np.ones(len(starts)), method="hybr", tol=1e-13)
     worst = float(np.max(np.abs(miss(solution.x))))

@@ -26,7 +26,7 @@ _TABS = 8
 _MEANINGS = {
     "sticks": "sticks (IN2)",
     "swashplate": "swashplate and tail (IN1)",
-    "servos": "servo commands",
+    "servos": "servos",
     "rates": "rates",
     "attitudes": "attitudes",
     "velocities": "velocities",

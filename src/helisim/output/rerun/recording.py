@@ -26,7 +26,7 @@ A whole run has its models beside the flights::
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,7 @@ from helisim.records.channels import (
     POSITIONS,
     RATES,
     ROTOR,
+    SERVO_POSITIONS,
     SERVOS,
     VELOCITIES,
 )
@@ -64,7 +65,7 @@ APPLICATION = "helisim"
 GROUPS: dict[str, tuple[str, ...]] = {
     "sticks": IN2,
     "swashplate": IN1,
-    "servos": SERVOS,
+    "servos": (*SERVOS, *SERVO_POSITIONS),
     "rates": RATES,
     "attitudes": ATTITUDES,
     "velocities": VELOCITIES,
@@ -92,6 +93,7 @@ def write_recording(
     *,
     model: mujoco.MjModel | None = None,
     run: Run | None = None,
+    on_progress: Callable[[str], None] | None = None,
 ) -> Path:
     """Write flights to a Rerun recording (.rrd) and return its path.
 
@@ -105,6 +107,7 @@ def write_recording(
         model: its first free body, with all that it carries, gives the helicopter's shape;
             None draws a few boxes.
         run: what was found from the flights, to be shown beside them.
+        on_progress: called with a flight's name after each flight.
 
     Raises:
         InputError: no flights, a suffix other than .rrd, or a model without a free body.
@@ -120,14 +123,18 @@ def write_recording(
         [_views(name, record) for name, record in flights.items()],
         model_views(run) if run else (),
     )
-    recorded = _recorded(flights, run, shapes, layout)
+    recorded = _recorded(flights, run, shapes, layout, on_progress or (lambda _: None))
     with atomic_write(path) as temporary:
         temporary.write_bytes(recorded)
     return path
 
 
 def _recorded(
-    flights: Mapping[str, FlightRecord], run: Run | None, shapes: Shapes, layout: Blueprint
+    flights: Mapping[str, FlightRecord],
+    run: Run | None,
+    shapes: Shapes,
+    layout: Blueprint,
+    on_progress: Callable[[str], None],
 ) -> bytes:
     """Return a recording, made in memory: when a disk is full, Rerun's own writer only logs it."""
     recording = rr.RecordingStream(APPLICATION, recording_id=_content_id(flights, run))
@@ -144,6 +151,7 @@ def _recorded(
             log_findings(recording, run)
         for name, record in flights.items():
             _log_flight(recording, name, record, shapes, thin)
+            on_progress(name)
         return memory.drain_as_bytes()
     finally:
         recording.disconnect()

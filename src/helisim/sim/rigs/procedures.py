@@ -1,5 +1,7 @@
 """Bench and turntable from rig to finding, each value beside the truth that the vehicle carries."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from helisim.errors import RecordError
@@ -20,20 +22,35 @@ _SERVO_RANGE = 0.5
 
 
 def run_rigs(
-    vehicle: Vehicle, *, seed: int = 1, recorder: Recorder | None = None
+    vehicle: Vehicle,
+    *,
+    seed: int = 1,
+    recorder: Recorder | None = None,
+    on_progress: Callable[[str], None] | None = None,
 ) -> tuple[RigTest, ...]:
     """Run bench, turntable and suspension, each using what the one before has found.
 
     No signal tells the gyro's four yaw gains apart beyond one common factor: the unit in which
     the gyro counts its rate error. The convention is that k_delta has the value which the gyro
     shows as its setting; bench and turntable then give the other three.
+
+    Args:
+        vehicle: to test.
+        seed: of the sensors.
+        recorder: the vehicle's own if None.
+        on_progress: called with a rig's name after each test.
     """
+    on_progress = on_progress or (lambda _: None)
     k_delta = vehicle.parameters["gyro.k_delta"]
     bench = bench_test(vehicle, k_delta=k_delta, seed=seed, recorder=recorder)
+    on_progress(bench.rig)
     table = turntable_test(
         vehicle, k_p=bench["k_p"].value, k_i=bench["k_I"].value, seed=seed, recorder=recorder
     )
-    return bench, table, suspension_test(vehicle, seed=seed, recorder=recorder)
+    on_progress(table.rig)
+    suspension = suspension_test(vehicle, seed=seed, recorder=recorder)
+    on_progress(suspension.rig)
+    return bench, table, suspension
 
 
 def bench_test(
