@@ -32,12 +32,25 @@ def noisy(structure, values, size=0.02, seed=0):
 
 
 @pytest.fixture(scope="module")
-def reduction():
+def searched():
+    """What is said after each search."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def reduction(searched):
     return reduce(
         noisy(structures.rollpitch, TRUE),
         structures.rollpitch,
         responses=("p/lat", "p/lon", "q/lon"),
+        on_progress=searched.append,
     )
+
+
+def test_each_search_is_progress(reduction, searched):
+    """One at least for the full structure, for each parameter tried, and for the final structure."""
+    assert len(searched) >= 1 + len(reduction.steps) + 1
+    assert set(searched) == {"rollpitch"}
 
 
 def test_parameters_that_are_not_there_are_dropped(reduction):

@@ -210,7 +210,14 @@ def test_a_configuration_that_says_too_little_is_refused(folder, tmp_path, chang
 def test_anyones_fit_has_a_report(tmp_path):
     """A model and its records make a page with parameters, figures and records."""
     item = make_model("heave")
-    path = write_fit_report(tmp_path / "fit.html", item.fit, records={"one": make_flight()})
+    drawn = []
+    path = write_fit_report(
+        tmp_path / "fit.html",
+        item.fit,
+        records={"one": make_flight()},
+        on_progress=drawn.append,
+    )
+    assert drawn == ["one"]
     page = Page(path.read_text())
     for name, value in item.fit.values.items():
         assert page.cells[f"parameters.{name}.value"][0] == value

@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 
 from helisim.errors import InputError, StorageError
 from helisim.output.rerun.recording import GROUPS, write_recording
-from helisim.records.channels import CHANNELS, IN2, POSITIONS, RATES, Channel, channel
+from helisim.records.channels import AIR, CHANNELS, IN2, POSITIONS, RATES, Channel, channel
 from helisim.records.record import FlightRecord
 
 SINGLE = 1e-6
@@ -125,7 +125,7 @@ def test_provenance_is_a_property(tmp_path):
 
 
 def test_long_recordings_are_thinned_and_say_so(tmp_path):
-    """More than 100,000 samples: each kept one is a recorded one, at 20 or 10 a second."""
+    """More than 100,000 samples: each kept one is a recorded one, at 20 to 5 a second."""
     few, many = make_flight(n=200), make_flight(n=100_001)
     said = []
     for name, record in (("few.rrd", few), ("many.rrd", many)):
@@ -133,11 +133,31 @@ def test_long_recordings_are_thinned_and_say_so(tmp_path):
         said.append(json.loads(found["/__properties/helisim"]["shown"].ravel()[0])["samples"])
     assert said[0] == "all"
     assert "20 a second in space" in said[1]
-    for group, every in (("rates", 5), ("velocities", 10)):
+    for group, every in (("rates", 5), ("velocities", 10), ("positions", 20)):
         kept = many.select(GROUPS[group])[::every].astype(np.float32)
         np.testing.assert_array_equal(found[f"/f/{group}"]["Scalars:scalars"], kept)
     pose = found["/f/world/helicopter"]["Transform3D:translation"].reshape(-1, 3)
     np.testing.assert_array_equal(pose, many.select(POSITIONS)[::5].astype(np.float32))
+    thrust = found["/f/world/helicopter/rotor/thrust"]["time"]
+    np.testing.assert_array_equal(thrust, 100_000_000 * np.arange(10_001))
+
+
+def test_a_straight_level_line_of_a_long_recording_is_its_ends(tmp_path):
+    """First and last sample draw all of still air; a line that moves once keeps its samples."""
+    time = np.arange(100_001) / 100.0
+    still = np.full((len(time), len(AIR)), 0.25)
+    gust = still.copy()
+    gust[50_000, 0] = 1.25
+    channels = tuple(channel(name) for name in AIR)
+    flights = {
+        name: FlightRecord(time, values, channels)
+        for name, values in (("still", still), ("gust", gust))
+    }
+    found = read(write_recording(tmp_path / "air.rrd", flights))
+    assert found["/still/other"]["time"].tolist() == [0, 1_000_000_000_000]
+    assert found["/still/other"]["Scalars:scalars"].tolist() == [[0.25] * len(AIR)] * 2
+    assert len(found["/gust/other"]["time"]) == 10_001
+    assert found["/gust/other"]["Scalars:scalars"].max() == 1.25
 
 
 def test_flights_share_one_fuselage(tmp_path):
@@ -250,3 +270,11 @@ def test_an_interrupted_recording_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         write_recording(tmp_path / "a.rrd", {"f": make_flight()})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_each_flight_of_a_recording_is_progress(tmp_path):
+    """The caller is told each flight's name, in order."""
+    told = []
+    flights = {"b": make_flight(), "a": make_flight(RATES)}
+    write_recording(tmp_path / "a.rrd", flights, on_progress=told.append)
+    assert told == ["b", "a"]

@@ -42,7 +42,10 @@ GAINS = {"gyro.k_p": 0.6, "gyro.k_i": 11.0, "gyro.k_delta": 2.0, "gyro.k_a": 0.4
 @pytest.fixture(scope="module")
 def ground(jr700):
     """All rigs, run once with the default recorder."""
-    return {test.rig: test for test in run_rigs(jr700, seed=1)}
+    told = []
+    tests = run_rigs(jr700, seed=1, on_progress=told.append)
+    assert told == [test.rig for test in tests]
+    return {test.rig: test for test in tests}
 
 
 def percent(finding):

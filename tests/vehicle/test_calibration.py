@@ -21,7 +21,9 @@ def test_calibrated_file_is_what_calibrate_writes():
     """Solving again gives the numbers of calibrated.toml: nobody typed them."""
     given = read_parameters(FOLDER / "parameters.toml", FOLDER / "tuned.toml")
     stored = read_parameters(FOLDER / "calibrated.toml")
-    solved = calibrate("jr700", given, TARGETS, "paper")
+    tried = []
+    solved = calibrate("jr700", given, TARGETS, "paper", on_progress=tried.append)
+    assert set(tried) == {"jr700"}
     assert list(solved) == list(stored)
     for name in stored:
         # the solver stops at 1e-8 of each condition; conditions are well scaled

@@ -80,20 +80,23 @@ def _run(options: argparse.Namespace) -> int:
 
     structure, signals = _asked(options)
     _check_destinations(options)
-    with Progress(len(options.logs) + 2, options.quiet) as advance:
+    with Progress(len(options.logs) + 1, options.quiet) as advance:
         estimated = estimate(options, signals, advance)
-        frf, reduction = estimated.response, None
+    frf, reduction = estimated.response, None
+    with (
+        Progress(None, options.quiet, unit="search") as advance,
+        located(estimated.logs),
+    ):
         search: dict[str, Any] = {
             "responses": names(options.responses) or None,
             "seed": options.seed,
+            "on_progress": advance,
         }
-        with located(estimated.logs):
-            if options.reduce:
-                reduction = reduce(frf, structure, **search)
-                fit = reduction.fit
-            else:
-                fit = identify(frf, structure, **search)
-        advance("fit")
+        if options.reduce:
+            reduction = reduce(frf, structure, **search)
+            fit = reduction.fit
+        else:
+            fit = identify(frf, structure, **search)
     low, high = frf.frequency[[0, -1]]
     print(describe(estimated.logs))
     print(f"band {low:.4g} to {high:.4g} rad/s, {fit.method}\n")
@@ -154,7 +157,8 @@ def _write(
         from helisim.output.report_fit import write_fit_report
 
         shown = {f"record {k + 1}": record for k, record in enumerate(estimated.records)}
-        write_fit_report(options.report, fit, records=shown)
+        with Progress(len(shown), options.quiet, unit="record") as advance:
+            write_fit_report(options.report, fit, records=shown, on_progress=advance)
     for path in (options.json, options.latex, options.matlab, options.report):
         if path is not None:
             tell_written(options, str(path))

@@ -57,6 +57,7 @@ def identify(
     searches: int = 12,
     seed: int = 0,
     weighting: Weighting = "error",
+    on_progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Fit a structure's free parameters to frequency responses.
 
@@ -74,6 +75,7 @@ def identify(
             "coherence" is CIFER's: minimise J, whose weights are nearly equal at a coherence of
             0.9 and 0.999. A response without records, such as an exact one, is fitted by J.
             J, Cramér-Rao bounds and insensitivities are CIFER's either way.
+        on_progress: called with the structure's name after each search.
 
     Raises:
         UnknownNameError: a signal or response does not exist.
@@ -90,7 +92,7 @@ def identify(
         )
     points = select(frf, structure, band=band, responses=responses, count=frequencies_per_response)
     cost = Cost(structure, points)
-    best, agreeing = _search(cost, searches, seed)
+    best, agreeing = _search(cost, searches, seed, on_progress or (lambda _: None))
     deviation = points.deviation
     standardised = weighting == "error" and deviation is not None and bool(np.any(deviation > 0.0))
     if standardised and structure.free:
@@ -108,7 +110,9 @@ def identify(
     return _result(frf, cost, best, agreeing, standardised, options)
 
 
-def _search(cost: Cost, searches: int, seed: int) -> tuple[Minimum, int]:
+def _search(
+    cost: Cost, searches: int, seed: int, on_progress: Callable[[str], None]
+) -> tuple[Minimum, int]:
     """Search from several starts until two of them end in the same good minimum."""
     enough = _GOOD_ENOUGH * len(cost.points.pairs)
     if not cost.structure.free:
@@ -117,6 +121,7 @@ def _search(cost: Cost, searches: int, seed: int) -> tuple[Minimum, int]:
     found: list[Minimum] = []
     for start in starting_points(cost, searches, seed):
         found.append(_descend(cost, start))
+        on_progress(cost.structure.name)
         lowest = min(minimum.cost for minimum in found)
         agreeing = sum(m.cost <= lowest * (1.0 + _SAME_COST) + 1e-9 for m in found)
         if agreeing >= 2 and lowest <= enough:

@@ -7,7 +7,7 @@ is needed after all, however poorly it is known, and comes back.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -142,6 +142,7 @@ def reduce(
     frequencies_per_response: int = 20,
     searches: int = 12,
     seed: int = 0,
+    on_progress: Callable[[str], None] | None = None,
 ) -> Reduction:
     """Drop the parameters that the data do not support, one at a time.
 
@@ -159,6 +160,7 @@ def reduce(
         frequencies_per_response: as for `identify`.
         searches: as for `identify`, of the full and of the final structure.
         seed: as for `identify`.
+        on_progress: as for `identify`.
 
     Raises:
         UnknownNameError: a parameter, signal or response does not exist.
@@ -181,6 +183,7 @@ def reduce(
             frequencies_per_response=frequencies_per_response,
             searches=count,
             seed=seed,
+            on_progress=on_progress,
         )
 
     full = fitted(structure, searches)

@@ -1,6 +1,6 @@
 """The report of one identified model, from anyone's records."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from helisim.ident import Fit, Verification
@@ -20,6 +20,7 @@ def write_fit_report(
     *,
     records: Mapping[str, FlightRecord] | None = None,
     verification: Verification | None = None,
+    on_progress: Callable[[str], None] | None = None,
 ) -> Path:
     """Write a report of one identified model, from anyone's records, and return its path.
 
@@ -28,15 +29,17 @@ def write_fit_report(
         fit: the model.
         records: by name; their inputs and outputs are shown.
         verification: of flights that the fit has not seen.
+        on_progress: called with a record's name when it is drawn.
 
     Raises StorageError.
     """
     item = IdentifiedModel(fit.structure.name, fit, verification=verification)
     signals = (*fit.structure.inputs, *fit.structure.outputs)
-    flights = [
-        draw_flight(f"flight_{k}", name, record, signals)
-        for k, (name, record) in enumerate((records or {}).items())
-    ]
+    flights = []
+    for k, (name, record) in enumerate((records or {}).items()):
+        flights.append(draw_flight(f"flight_{k}", name, record, signals))
+        if on_progress is not None:
+            on_progress(name)
     low, high = fit.band
     lead = (
         f"{'; '.join(item.fit.data.pairs)} from {len(fit.data.sources)} record(s), "
