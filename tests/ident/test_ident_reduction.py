@@ -48,7 +48,7 @@ def reduction(searched):
 
 
 def test_each_search_is_progress(reduction, searched):
-    """One at least for the full structure, for each parameter tried, and for the final structure."""
+    """At least one for the full structure, each parameter tried, and the final structure."""
     assert len(searched) >= 1 + len(reduction.steps) + 1
     assert set(searched) == {"rollpitch"}
 
