@@ -43,18 +43,7 @@ from helisim.output.rerun.scene import is_posed, knows_rotor, log_fuselage, log_
 from helisim.output.rerun.series import log_series
 from helisim.output.rerun.shapes import Shapes, box_shapes, model_shapes
 from helisim.output.rerun.timelines import time_column
-from helisim.records.channels import (
-    ACCELERATIONS,
-    ATTITUDES,
-    IN1,
-    IN2,
-    POSITIONS,
-    RATES,
-    ROTOR,
-    SERVO_POSITIONS,
-    SERVOS,
-    VELOCITIES,
-)
+from helisim.records import channels
 from helisim.records.files import atomic_write
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
@@ -63,16 +52,16 @@ from helisim.study.run import Run
 APPLICATION = "helisim"
 
 GROUPS: dict[str, tuple[str, ...]] = {
-    "sticks": IN2,
-    "swashplate": IN1,
-    "servos": (*SERVOS, *SERVO_POSITIONS),
-    "rates": RATES,
-    "attitudes": ATTITUDES,
-    "velocities": VELOCITIES,
-    "accelerations": ACCELERATIONS,
-    "positions": POSITIONS,
-    "tilt": ROTOR[:2],
-    "loads": ROTOR[2:],
+    "sticks": channels.IN2,
+    "swashplate": channels.IN1,
+    "servos": (*channels.SERVOS, *channels.SERVO_POSITIONS),
+    "rates": channels.RATES,
+    "attitudes": channels.ATTITUDES,
+    "velocities": channels.VELOCITIES,
+    "accelerations": channels.ACCELERATIONS,
+    "positions": channels.POSITIONS,
+    "tilt": channels.ROTOR[:2],
+    "loads": channels.ROTOR[2:],
 }
 """Entity to channels. Channels in no group go to the entity `other`."""
 
@@ -215,7 +204,7 @@ def _groups(record: FlightRecord) -> dict[str, tuple[str, ...]]:
 
 
 def _views(name: str, record: FlightRecord) -> FlightViews:
-    start = tuple(record.select(POSITIONS)[0].tolist()) if is_posed(record) else None
+    start = tuple(record.select(channels.POSITIONS)[0].tolist()) if is_posed(record) else None
     return FlightViews(
         name=name,
         root=_root(name),
