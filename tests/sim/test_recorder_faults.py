@@ -115,7 +115,7 @@ def test_a_seed_repeats_them_and_flights_differ(jr700):
 @pytest.mark.parametrize(
     ("make", "error", "says"),
     [
-        (lambda: SensorDropout(channels="roll", at=1, lasts=1), UnknownNameError, "servo_front"),
+        (lambda: SensorDropout(channels="roll", at=1, lasts=1), UnknownNameError, "channel 'roll'"),
         (lambda: SensorDropout(channels=(), at=1, lasts=1), InputError, "at least one channel"),
         (lambda: SensorDropout(channels="p", at=1, lasts=1, reads="nan"), InputError, "held, zero"),
         (lambda: SensorDropout(channels="p", at=-1, lasts=1), InputError, "0 s or more"),

@@ -20,17 +20,21 @@ def over(monkeypatch):
     """Let flights of these numbers be over, of sweeps that last 35 s: otherwise as flown."""
 
     def choose(*numbers):
-        def marked(*args, **kwargs):
-            for number, flight in enumerate(flown(*args, **kwargs)):
-                if number in numbers:
-                    provenance = {**flight.record.provenance, "ended": END}
-                    record = replace(flight.record, provenance=provenance)
-                    yield Flight(record, record.slice(24.0, 25.0))
-                else:
-                    yield flight
+        def ended(number, flight):
+            if number not in numbers:
+                return flight
+            provenance = {**flight.record.provenance, "ended": END}
+            record = replace(flight.record, provenance=provenance)
+            return Flight(record, record.slice(24.0, 25.0))
 
-        flown = flights.fly_all
-        monkeypatch.setattr(flights, "fly_all", marked)
+        def marked(vehicle, plan, which, then, **options):
+            def do(number, flight):
+                return then(number, ended(number, flight))
+
+            return flown(vehicle, plan, which, do, **options)
+
+        flown = flights.flown
+        monkeypatch.setattr(flights, "flown", marked)
         monkeypatch.setattr(flights, "Sweep", lambda axis: Sweep(axis=axis, duration=35.0))
 
     return choose
