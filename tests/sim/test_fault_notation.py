@@ -51,7 +51,7 @@ def test_a_text_is_the_fault_it_says(text):
         ("", "a fault is PART:KIND"),
         ("servo_front", "such as servo_front:stuck@30"),
         ("servo_front:", "a fault is PART:KIND"),
-        ("servo_rear:stuck@3", "did you mean servo_tail"),
+        ("servo_rear:stuck@3", "did you mean servo_"),
         ("servo_front:broken@3", "available: stuck, weak, spikes, dropout"),
         ("gyro:stuck@3", "available: restart, dropout"),
         ("p:stuck@3", "available: spikes, dropout"),
