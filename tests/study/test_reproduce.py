@@ -9,8 +9,6 @@ from helisim.errors import InputError
 from helisim.study.models import MODELS
 from helisim.study.run import read_run
 
-pytestmark = pytest.mark.slow
-
 TIGHT = {"N_r", "N_ped", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col"}
 TIGHT_PERCENT = 3.0  # below the paper's smallest printed bound on a derivative, 3.9 %
 LOOSE = {"tau_f", "A_b", "B_a", "A_lat", "B_lon", "tau_lat", "tau_lon"}
@@ -24,6 +22,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(folder):
+    """The one whole reproduction of the default tests."""
     return hs.reproduce(out=folder, seed=1).results
 
 
@@ -58,6 +57,7 @@ def test_every_parameter_is_recovered_and_agrees_with_the_paper(results):
     assert results.misses == ()
 
 
+@pytest.mark.slow
 def test_another_truth_is_followed():
     """With hub stiffness and both lift slopes changed by 20 %, the estimates move along."""
     changed = {
@@ -74,6 +74,7 @@ def test_another_truth_is_followed():
         assert moved > 2.0 * TIGHT_PERCENT / 100.0, (name, moved)
 
 
+@pytest.mark.slow
 def test_halving_the_time_step_changes_little(results):
     """Half the time step moves no parameter by more than a third of its tolerance."""
     finer = hs.reproduce(seed=1, timestep=0.001).results
@@ -156,6 +157,7 @@ def test_the_doublets_figures_are_in_the_results(results, folder):
             assert one["tic"] < 0.25  # the guideline's limit
 
 
+@pytest.mark.slow
 def test_flights_of_a_run_can_be_identified_again(results, folder):
     """The same numbers, without flying; but not those of another seed or vehicle."""
     again = hs.reproduce(out=folder, seed=1, reuse=True)
