@@ -1,6 +1,8 @@
 import errno
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -194,6 +196,69 @@ def test_a_flipped_bit_in_parquet_is_found(tmp_path):
     path.write_bytes(data)
     with pytest.raises(StorageError, match=r"flight\.parquet: not Parquet, truncated or corrupt"):
         read_record(path)
+
+
+READ_AND_END = """
+import ctypes, os, sys
+import pyarrow.parquet  # first: on import its allocator starts a thread, which knows no Python
+from helisim.errors import StorageError
+from helisim.records.storage import read_record
+
+def threads():
+    return len(os.listdir("/proc/self/task"))
+
+sys.setswitchinterval(0.1)
+before = threads()
+for path in sys.argv[2:]:
+    try:
+        read_record(path)
+    except StorageError:
+        pass
+if sys.argv[1] == "count":
+    print(threads() - before)
+else:
+    ctypes.PyDLL(None).usleep(20_000)
+"""
+"""Reads records, and says how many threads that has left. Or ends without once letting go of the
+interpreter's lock after the last one, as a short command does by chance; a thread that waits for
+the lock then finds that the interpreter has gone."""
+
+
+def read_and_end(how, *paths):
+    command = [sys.executable, "-c", READ_AND_END, how, *map(str, paths)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.fixture
+def whole_and_damaged(tmp_path):
+    """A record of many channels, each of which is a task for a thread, and a damaged copy."""
+    channels = tuple(Channel(f"c{k}", "1", "OTHER") for k in range(40))
+    values = np.random.default_rng(7).standard_normal((3000, len(channels)))
+    record = FlightRecord(np.arange(3000) / 100.0, values, channels)
+    whole = write_record(record, tmp_path / "flight.parquet")
+    damaged = bytearray(whole.read_bytes())
+    middle = len(damaged) // 2
+    damaged[middle : middle + 50] = bytes(50)
+    (tmp_path / "damaged.parquet").write_bytes(damaged)
+    return whole, tmp_path / "damaged.parquet"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts threads by /proc")
+def test_reading_parquet_starts_no_thread(whole_and_damaged):
+    """None is left that could reach for a Python object after the interpreter's end."""
+    done = read_and_end("count", *whole_and_damaged)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "0\n", "")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="holds the interpreter's lock by libc")
+@pytest.mark.parametrize("which", ["whole", "damaged"])
+def test_the_interpreter_ends_right_after_a_read(whole_and_damaged, which):
+    """Of such ends more than half were SIGABRT when threads of Arrow had read."""
+    path = whole_and_damaged[which == "damaged"]
+    for _ in range(8):
+        done = read_and_end("end", path)
+        assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_foreign_parquet_is_refused(tmp_path):
