@@ -24,6 +24,7 @@ from rerun.experimental import ViewerClient
 
 import helisim as hs
 from helisim.output.drawings import bode_drawings
+from helisim.output.png import to_png
 from helisim.output.rerun.recording import write_recording
 from helisim.study.run import Run, read_run
 from helisim.vehicle.assembly import model_folder, vehicle_names
@@ -70,7 +71,7 @@ def write_bode(run: Run, path: Path) -> None:
     """Put p/lat and q/lon of the roll-pitch model side by side."""
     (item,) = (item for item in run.models if item.name == "rollpitch_in1")
     drawings = {drawing.name.split("_", 3)[3]: drawing for drawing in bode_drawings(item)}
-    pictures = [Image.open(BytesIO(drawings[pair].png)) for pair in ("p_lat", "q_lon")]
+    pictures = [Image.open(BytesIO(to_png(drawings[pair]))) for pair in ("p_lat", "q_lon")]
     both = Image.new("RGB", (sum(p.width for p in pictures), pictures[0].height), "white")
     for k, picture in enumerate(pictures):
         both.paste(picture, (k * pictures[0].width, 0))

@@ -76,7 +76,7 @@ def test_a_run_becomes_a_recording_and_a_report(tmp_path, capsys):
     assert main(["report", str(tmp_path), "--json"]) == 0
     written = json.loads(capsys.readouterr().out)
     assert written["report"] == str(tmp_path / "report.html")
-    assert len(written["figures"]) == 2 * (5 + 2 + 1)  # pairs, sweeps, a verification
+    assert len(written["figures"]) == 5 + 2 + 1  # pairs, sweeps, a verification
 
 
 def test_mistakes_end_in_one_line(tmp_path, capsys, monkeypatch):

@@ -1,3 +1,5 @@
+import base64
+import hashlib
 import json
 import re
 import shutil
@@ -36,7 +38,8 @@ class Page(HTMLParser):
         if tag == "figure":
             self.figures.append(given["id"])
         self.addresses += [given[name] for name in ("src", "href") if name in given]
-        assert tag not in ("script", "iframe", "object")
+        assert tag not in ("iframe", "object")
+        assert not any(name.startswith("on") for name in given)  # no handler runs
         if tag == "td" and "data-key" in given:
             value = given.get("data-value")
             self._key = (given["data-key"], None if value is None else float(value))
@@ -130,13 +133,32 @@ def test_the_papers_numbers_are_the_references(page):
 
 
 def test_every_pair_sweep_and_verification_has_its_figure(folder, page):
-    """One figure a pair, a kept sweep of each axis, one a verified flight; PNG and SVG too."""
+    """One figure a pair, a kept sweep of each axis, one a verified flight; a file of each."""
     expected = {f"bode_heave_{PAIRS[0]}", *(f"bode_rollpitch_in1_{pair}" for pair in PAIRS[1:])}
     expected |= {"sweep_lat", "sweep_col", "time_rollpitch_in1_1"}
     assert set(page.figures) == expected
-    for name in page.figures:
-        assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-        assert "<svg" in (folder / "figures" / f"{name}.svg").read_text()
+    files = {path.name for path in (folder / "figures").iterdir()}
+    assert files == {f"{name}.svg" for name in expected}
+
+
+def test_the_one_script_is_the_one_that_may_run(folder):
+    """The policy names its hash alone: nothing that came in with a text of the run can run."""
+    text = (folder / "report.html").read_text()
+    (script,) = re.findall("<script>(.*?)</script>", text, flags=re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'\"" in text
+    assert "default-src 'none'" in text
+
+
+def test_no_axis_shows_what_rounding_left(folder):
+    """Neither a negative zero nor 2.776e-17 is a number of an axis, in the page or its files."""
+    texts = re.findall(r"<text[^>]*>([^<]*)</text>", (folder / "report.html").read_text())
+    numbers = [text.replace("\N{MINUS SIGN}", "-") for text in texts]
+    numbers = [text for text in numbers if re.fullmatch(r"-?[\d.]+(e[+-]?\d+)?", text)]
+    assert len(numbers) > 100
+    for number in numbers:
+        assert float(number) != 0.0 or not number.startswith("-")
+        assert not 0.0 < abs(float(number)) < 1e-9
 
 
 def test_the_page_needs_nothing_else(page):
@@ -224,20 +246,61 @@ def test_anyones_fit_has_a_report(tmp_path):
     assert page.figures == ["bode_heave_w_col", "flight_0"]
 
 
-@pytest.mark.skipif(find() is None, reason="needs Chromium (Debian: apt-get install chromium)")
-def test_a_browser_shows_it_at_any_width(folder, page, tmp_path):
-    """No complaint, no request, no sideways scroll on phone or desk; all pictures are drawn."""
+needs_browser = pytest.mark.skipif(
+    find() is None, reason="needs Chromium (Debian: apt-get install chromium)"
+)
+SEEN = "document.getElementById('sections').checkVisibility()"
+CURRENT = "document.querySelector('nav [aria-current]').hash"
+
+
+@needs_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_browser_shows_it_at_any_width(folder, page, tmp_path, scheme):
+    """No complaint, no request, no sideways scroll from phone to wide screen; all is drawn."""
     with Browser(tmp_path) as browser:
-        for width in (390, 1280):
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        browser.call("Emulation.setEmulatedMedia", features=features)
+        for width in (390, 1280, 1920):
             browser.open((folder / "report.html").as_uri(), width)
-            pictures = browser.evaluate(
-                "Promise.all([...document.images].map(i => i.decode().then(() => i.naturalWidth)))"
+            drawn = browser.evaluate(
+                "[...document.querySelectorAll('figure > svg')].map(s => s.clientWidth)"
             )
-            assert len(pictures) == len(page.figures)
-            assert min(pictures) > 0
+            assert len(drawn) == len(page.figures)
+            assert min(drawn) > 300
             assert browser.evaluate("document.documentElement.scrollWidth") <= width
-            tables = browser.evaluate("[...document.querySelectorAll('table')].length")
-            assert tables >= 4  # Table 1, two models, a verification
+            paper = browser.evaluate("getComputedStyle(document.body).backgroundColor")
+            assert (paper == "rgb(255, 255, 255)") == (scheme == "light")
+            outside = (
+                "[...document.querySelectorAll('.drawing text')].filter(t => {"
+                "const a = t.getBoundingClientRect(), b = t.ownerSVGElement.getBoundingClientRect();"
+                "return a.left < b.left || a.right > b.right}).map(t => t.textContent)"
+            )
+            assert browser.evaluate(outside) == []
         assert browser.complaints == []
-        outside = [url for url in browser.fetched if not re.match("data:|file:", url)]
-        assert outside == []
+        assert [url for url in browser.fetched if not re.match("data:|file:", url)] == []
+
+
+@needs_browser
+def test_the_list_of_sections_stays_and_says_where_one_is(folder, tmp_path):
+    """Beside the page on a desk; on a phone a menu that opens, and closes after a choice."""
+    to_errata = "document.getElementById('errata').scrollIntoView()"
+    settled = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
+    with Browser(tmp_path) as browser:
+        browser.open((folder / "report.html").as_uri(), 1280)
+        assert browser.evaluate(CURRENT) == "#experiment"
+        browser.evaluate(f"{to_errata}; {settled}")
+        assert browser.evaluate(CURRENT) == "#errata"
+        assert browser.evaluate(SEEN)
+        assert browser.evaluate("document.querySelector('nav').getBoundingClientRect().top") == 0
+
+        browser.open((folder / "report.html").as_uri(), 390)
+        assert not browser.evaluate(SEEN)
+        browser.evaluate("document.querySelector('nav button').click()")
+        assert browser.evaluate(SEEN)
+        browser.evaluate(f"document.querySelector('nav a[href=\"#errata\"]').click(); {settled}")
+        assert not browser.evaluate(SEEN)
+        assert browser.evaluate(CURRENT) == "#errata"
+        assert "Errors in the paper" in browser.evaluate(
+            "document.querySelector('nav button').textContent"
+        )
+        assert browser.complaints == []

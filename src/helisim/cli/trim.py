@@ -136,9 +136,10 @@ def _write_json(flights: Sequence["Vehicle"], options: argparse.Namespace) -> No
 
 def _draw(flights: Sequence["Vehicle"], path: Path) -> None:
     from helisim.output.plots import draw_trims
+    from helisim.output.png import to_png
     from helisim.records.files import atomic_write
 
     drawing = draw_trims(flights)
     with atomic_write(path) as temporary:
-        content = drawing.png if path.suffix == ".png" else drawing.svg.encode()
+        content = to_png(drawing) if path.suffix == ".png" else drawing.svg.encode()
         temporary.write_bytes(content)

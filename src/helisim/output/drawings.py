@@ -1,10 +1,10 @@
 """Which figures belong to a fit and to a run."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 from helisim.ident import Fit
-from helisim.output.plots import Drawing, draw_bode, draw_flight, draw_verification
+from helisim.output.plots import draw_bode, draw_flight, draw_verification
+from helisim.output.svg import Drawing
 from helisim.study.identified import IdentifiedModel
 from helisim.study.run import Run
 
@@ -15,9 +15,6 @@ _SWEPT = {
     "ped": ("PED", "ped", "r", "psi", "v"),
 }
 """Axis -> what is shown of its sweep: stick, swashplate or tail, motion."""
-
-_MODELS = 16
-"""Models whose figures are kept: a run's report and its recording show the same ones."""
 
 _AXIS_NAMES = {"col": "collective", "lon": "longitudinal", "lat": "lateral", "ped": "pedal"}
 
@@ -40,7 +37,6 @@ def run_drawings(run: Run) -> dict[str, Sequence[Drawing]]:
     return groups
 
 
-@lru_cache(maxsize=_MODELS)
 def bode_drawings(item: IdentifiedModel) -> tuple[Drawing, ...]:
     """Return one figure for each pair of a model."""
     fit = item.fit
@@ -63,7 +59,6 @@ def bode_drawings(item: IdentifiedModel) -> tuple[Drawing, ...]:
     return tuple(drawings)
 
 
-@lru_cache(maxsize=_MODELS)
 def verification_drawings(item: IdentifiedModel) -> tuple[Drawing, ...]:
     """Return one figure for each flight that verified a model."""
     if item.verification is None:

@@ -1,11 +1,13 @@
 """The few pieces of HTML that the reports are made of; every text is escaped here."""
 
 import base64
+import hashlib
 from collections.abc import Iterable
 from html import escape
 from importlib.resources import files
+from typing import Literal
 
-from helisim.output.plots import Drawing
+from helisim.output.svg import Drawing, page_style
 from helisim.output.table import Cell, Table
 
 
@@ -23,17 +25,28 @@ def page(title: str, sections: Iterable[tuple[str, str, str]], head: str) -> str
         f'<section id="{anchor}">\n<h2>{escape(name)}</h2>\n{inner}\n</section>'
         for anchor, name, inner in kept
     )
-    style = files("helisim.output").joinpath("report.css").read_text(encoding="utf-8")
-    # The policy makes it certain that nothing is fetched and no script runs.
-    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    style, script = _file("report.css"), _file("report.js")
+    # The policy makes it certain that nothing is fetched, and no other script runs.
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = (
+        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+        f"script-src 'sha256-{digest}'"
+    )
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<link rel="icon" href="data:,">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
-        f"<h1>{escape(title)}</h1>\n{head}\n<nav>{links}</nav>\n{body}\n</body>\n</html>\n"
+        f"<title>{escape(title)}</title>\n<style>\n{page_style()}{style}</style>\n</head>\n<body>\n"
+        '<nav aria-label="Sections"><button popovertarget="sections">\u2630 Sections</button>'
+        f'<div id="sections" popover>{links}</div></nav>\n'
+        f"<main>\n<h1>{escape(title)}</h1>\n{head}\n{body}\n</main>\n"
+        f"<script>{script}</script>\n</body>\n</html>\n"
     )
+
+
+def _file(name: str) -> str:
+    return files("helisim.output").joinpath(name).read_text(encoding="utf-8")
 
 
 def paragraph(text: str, style: str = "") -> str:
@@ -65,57 +78,51 @@ def table(shown: Table) -> str:
         return ""
     names = [column.page_heading for column in shown.columns]
     sides = ["text" if column.left else "" for column in shown.columns]
-    head = "".join(f"<th{_style(side)}>{escape(name)}</th>" for name, side in zip(names, sides))
+    head = "".join(
+        f'<th scope="col"{_style(side)}>{escape(name)}</th>' for name, side in zip(names, sides)
+    )
     body = "".join(
         "<tr>" + "".join(map(_cell, row, texts, names, sides)) + "</tr>\n"
         for row, texts in zip(shown.rows, shown.texts)
     )
     return (
-        f'<table class="cards">\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody>\n</table>'
+        f'<table class="cards" aria-label="{escape(shown.title)}">\n'
+        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody>\n</table>"
     )
 
 
 def figures(drawings: Iterable[Drawing]) -> str:
     """Return drawings side by side as far as the page is wide, or nothing for none."""
-    made = [_figure(drawing) for drawing in drawings]
-    style = "figures pairs" if len(made) % 2 == 0 else "figures"  # none is left alone in a row
-    inner = "\n".join(made)
-    return f'<div class="{style}">\n{inner}\n</div>' if made else ""
+    inner = "\n".join(
+        f'<figure id="{escape(drawing.name)}">{drawing.inline}'
+        f"<figcaption>{escape(drawing.caption)}</figcaption></figure>"
+        for drawing in drawings
+    )
+    return f'<div class="figures">\n{inner}\n</div>' if inner else ""
 
 
 def photograph(png: bytes, title: str, caption: str) -> str:
     """Return a picture that is wider than a figure."""
-    return _picture('class="photograph"', "image/png", png, title, caption)
-
-
-def side_by_side(blocks: Iterable[tuple[str, bool]]) -> str:
-    """Return blocks of HTML beside each other; one that is marked wide has a row of its own."""
-    inner = "\n".join(
-        f'<div class="wide">{block}</div>' if wide else f"<div>{block}</div>"
-        for block, wide in blocks
-    )
-    return f'<div class="blocks">\n{inner}\n</div>'
-
-
-def _figure(drawing: Drawing) -> str:
-    # As an image, not inline: identifiers of several drawings can't meet.
-    mark, svg = f'id="{escape(drawing.name)}"', drawing.svg.encode()
-    return _picture(mark, "image/svg+xml", svg, drawing.title, drawing.caption)
-
-
-def _picture(mark: str, kind: str, contents: bytes, title: str, caption: str) -> str:
-    data = base64.b64encode(contents).decode()
+    data = base64.b64encode(png).decode()
     return (
-        f'<figure {mark}><img alt="{escape(title)}" src="data:{kind};base64,{data}">'
+        f'<figure class="photograph"><img alt="{escape(title)}" src="data:image/png;base64,{data}">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
+
+
+def side_by_side(blocks: Iterable[tuple[str, Literal[1, 2, 4]]]) -> str:
+    """Return blocks of HTML beside each other, each with its columns of the four of a wide page."""
+    inner = "\n".join(f'<div class="span{columns}">{block}</div>' for block, columns in blocks)
+    return f'<div class="blocks">\n{inner}\n</div>' if inner else ""
 
 
 def _cell(cell: Cell, text: str, label: str, side: str) -> str:
     style = _style(f"{side} {cell.style}".strip())
     key = f' data-key="{escape(cell.key)}"' if cell.key else ""
     value = "" if cell.value is None else f' data-value="{cell.value!r}"'
-    return f'<td{style} data-label="{escape(label)}"{key}{value}>{escape(text)}</td>'
+    tag, scope = ("th", ' scope="row"') if "name" in cell.style.split() else ("td", "")
+    label = f' data-label="{escape(label)}"'
+    return f"<{tag}{scope}{style}{label}{key}{value}>{escape(text)}</{tag}>"
 
 
 def _style(style: str) -> str:

@@ -12,7 +12,7 @@ from helisim.errors import UnknownNameError
 from helisim.ident import USABLE_COHERENCE, Fit
 from helisim.output import html, tables
 from helisim.output.drawings import run_drawings
-from helisim.output.plots import Drawing
+from helisim.output.svg import Drawing
 from helisim.output.table import Table
 from helisim.paper.eq8 import OverallCheck
 from helisim.paper.errata import Erratum, errata
@@ -75,7 +75,7 @@ def render_run(
         ("experiment", "The experiment", _experiment(run)),
         ("airframe", "Table 1, the helicopter", _airframe(run)),
         ("ground", "On the ground", _ground(results.ground)),
-        ("tables", "Tables 2 to 4, the models", "\n".join(_results_tables(run))),
+        ("tables", "Tables 2 to 4, the models", _results_tables(run)),
         ("gyro", "Before and after the gyro", _gyro(results.gyro_effect)),
         ("overall", "Eq. (8), the parts against the whole", _overall(results.eq_8)),
         ("bode", "Frequency responses", _bode_section(run, drawings)),
@@ -140,7 +140,7 @@ def _airframe(run: Run) -> str:
             picture.read_bytes(), f"The {vehicle} model", "The model, rendered by MuJoCo."
         )
     )
-    return shown + html.table(tables.airframe(record))
+    return html.side_by_side([(shown, 2), (html.table(tables.airframe(record)), 2)])
 
 
 def _ground(tests: Mapping[str, RigTest]) -> str:
@@ -174,28 +174,28 @@ def _overall(found: OverallCheck | None) -> str:
     return "" if found is None else _block(tables.overall(found))
 
 
-def _results_tables(run: Run) -> list[str]:
+def _results_tables(run: Run) -> str:
     known = run.results.tables
     order = [*_IN_PAPER, *(table.name for table in known)]
-    parts = [
-        html.paragraph(
-            "CR is the Cramér-Rao bound and insens. the insensitivity, percent of the identified "
-            "value, by the conventions of CIFER; the paper's own bounds stand beside. Below 20 % "
-            "and 10 % a parameter counts as well identified.",
-            "note",
-        )
-    ]
+    lead = html.paragraph(
+        "CR is the Cramér-Rao bound and insens. the insensitivity, percent of the identified "
+        "value, by the conventions of CIFER; the paper's own bounds stand beside. Below 20 % "
+        "and 10 % a parameter counts as well identified.",
+        "note",
+    )
+    blocks = []
     for one in sorted(known, key=lambda table: order.index(table.name)):
         name = _IN_PAPER.get(one.name, ("",))[0]
         table = tables.comparison(one)
-        parts += [
+        block = [
             html.heading(f"{name} ({table.title})" if name else table.title),
             html.paragraph(f"{table.lead[0].upper()}{table.lead[1:]}."),
             html.table(table),
             _tolerances(one),
             *_notes(table),
         ]
-    return parts
+        blocks.append(("\n".join(block), 2))
+    return lead + html.side_by_side(blocks)
 
 
 def _tolerances(table: ComparisonTable) -> str:
@@ -220,10 +220,12 @@ def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     lead = html.paragraph(
         "Dots: estimated from the flights, hollow where the coherence is below "
         f"{USABLE_COHERENCE:g}, in a band of one random error. Solid: the identified model. "
-        "Dashed: the truth. Grey ground: not used by the fit.",
+        "Dashed: the truth. Grey ground: not used by the fit. Where the lines meet, what lies "
+        "apart is below, on its own scale. The folder figures/ has each as a file.",
         "note",
     )
-    for item in run.models:
+    # models of one pair first: they share rows
+    for item in sorted(run.models, key=lambda item: len(drawings.get(item.name, ())) > 1):
         table, figure = _IN_PAPER.get(item.name, ("", ""))
         meaning = table.split(", ", 1)[-1]
         title = item.name if meaning in ("", item.name) else f"{item.name}: {meaning}"
@@ -233,26 +235,29 @@ def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
             + html.paragraph(item.note, "note")
             + html.figures(shown)
         )
-        blocks.append((block, len(shown) > 1))
+        blocks.append((block, 4 if len(shown) > 1 else 1))
     return "\n".join([lead, html.side_by_side(blocks)]) if blocks else ""
 
 
 def _time_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
-    parts = []
+    blocks = []
     for item in run.models:
         if item.verification is not None:
-            parts.append(html.heading(item.name))
             figures = VerificationFigures.of(item.verification)
-            parts.append(html.table(tables.verification({item.name: figures})))
-            parts.append(html.figures(drawings.get(f"time {item.name}", ())))
-    if not parts:
+            block = [
+                html.heading(item.name),
+                html.table(tables.verification({item.name: figures})),
+                html.figures(drawings.get(f"time {item.name}", ())),
+            ]
+            blocks.append(("\n".join(block), 2))
+    if not blocks:
         return ""
     lead = (
         "The paper's Figures 7 and 8: flights that no fit has seen, predicted by the identified "
         "models; only bias, trim and initial state are estimated. Theil's coefficient (TIC) is 0 "
         "for a perfect and 1 for a useless prediction; up to 0.25 is good."
     )
-    return "\n".join([html.paragraph(lead), *parts])
+    return html.paragraph(lead) + html.side_by_side(blocks)
 
 
 def _sweep_section(drawings: Sequence[Drawing]) -> str:

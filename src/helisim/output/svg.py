@@ -1,0 +1,284 @@
+"""Drawings as SVG: in a page, whose colours they take, and as files for a paper."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.output.figure import Mark, Panel, Scale, extent, outline
+from helisim.records.files import atomic_write
+
+LIGHT = {
+    "paper": "#ffffff",
+    "ink": "#1b1b1b",
+    "soft": "#575757",
+    "grid": "#e4e4e4",
+    "frame": "#8c8c8c",
+    "unused": "#efefef",
+    "data": "#cf7a00",
+    "identified": "#1769c4",
+    "truth": "#111111",
+    "third": "#8a4fa3",
+    "fourth": "#0c8268",
+    "grey": "#767676",
+}
+"""Colours on paper. Orange, blue and black are told apart by every eye, and in grey."""
+DARK = {
+    "paper": "#15181c",
+    "ink": "#e6e6e6",
+    "soft": "#a8adb4",
+    "grid": "#2a2f36",
+    "frame": "#69717c",
+    "unused": "#20252b",
+    "data": "#f0a03a",
+    "identified": "#6ab4ff",
+    "truth": "#f5f5f5",
+    "third": "#c99bea",
+    "fourth": "#4fcdb0",
+    "grey": "#959ca6",
+}
+_INKS = ("data", "identified", "truth", "third", "fourth", "grey")
+
+WIDTH = 400.0
+"""Of a drawing, in its own units: about the pixels of a phone, and of a quarter of a screen."""
+_LEFT, _RIGHT, _TITLE, _BELOW, _END = 42.0, 8.0, 22.0, 34.0, 4.0
+"""Units around the panels: tick labels, title, the horizontal axis."""
+_ROW, _GAP = 17.0, 5.0
+"""Units of a row of words above a panel, and below the panel before."""
+_LETTER, _SWATCH = 6.1, 20.0
+"""Units of an average letter, and of the sample before a word of a legend."""
+_DOT = 2.3
+"""Units of radius: wider than the lines above, so that data are seen on both sides of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """One figure of panels above a common axis.
+
+    Attributes:
+        name: for its file, such as "bode_yaw_base_r_ped".
+        title: for people.
+        caption: what to see in it.
+        panels: from top to bottom.
+        axis: what is along the horizontal axis, with its unit.
+        logarithmic: whether that axis is.
+        used: lowest and highest place of what a fit used, the others have a grey ground; None
+            for all.
+    """
+
+    name: str
+    title: str
+    caption: str
+    panels: tuple[Panel, ...]
+    axis: str
+    logarithmic: bool = False
+    used: tuple[float, float] | None = None
+
+    @property
+    def across(self) -> Scale:
+        """The horizontal axis."""
+        low, high = extent([mark.x for panel in self.panels for mark in panel.marks])
+        if self.logarithmic:
+            return Scale.decades(low / 1.04, high * 1.04)
+        return Scale.of(low, high, most=9)
+
+    @property
+    def inline(self) -> str:
+        """The figure as a part of a page that has `page_style`."""
+        return (
+            f'<svg class="drawing" role="img" viewBox="0 0 {WIDTH:g} {self._drawn[1]:g}">'
+            f"<title>{escape(f'{self.title}. {self.caption}')}</title>{self._drawn[0]}</svg>"
+        )
+
+    @property
+    def svg(self) -> str:
+        """The figure as a file of its own, on white paper, without anything but plain shapes."""
+        height = self._drawn[1]
+        return (
+            '<?xml version="1.0" encoding="utf-8"?>\n'
+            f'<svg xmlns="http://www.w3.org/2000/svg" class="drawing" width="{WIDTH:g}" '
+            f'height="{height:g}" viewBox="0 0 {WIDTH:g} {height:g}">\n'
+            f"<title>{escape(self.title)}</title>\n<desc>{escape(self.caption)}</desc>\n"
+            f"<style>\n{_rules(LIGHT.__getitem__)}</style>\n"
+            f'<rect class="f-paper" width="{WIDTH:g}" height="{height:g}"/>\n'
+            f"{self._drawn[0]}\n</svg>\n"
+        )
+
+    def write(self, folder: Path) -> None:
+        """Write NAME.svg into a folder that exists. Raises StorageError."""
+        with atomic_write(folder / f"{self.name}.svg") as path:
+            path.write_text(self.svg, encoding="utf-8")
+
+    @cached_property
+    def _drawn(self) -> tuple[str, float]:
+        """The shapes, and the height of all of them."""
+        across, top = self.across, _TITLE
+        parts = [_words(_LEFT, 14.0, self.title, "title")]
+        for panel in self.panels:
+            above, top = _heading(panel, top)
+            parts += [above, *_panel(panel, across, top, self.used)]
+            top += panel.height + _GAP
+        bottom = top - _GAP
+        for share, text in zip(across.share(np.array(across.ticks)), across.texts):
+            parts.append(_words(_x(share), bottom + 13.0, text, "middle"))
+        parts.append(_words(_x(0.5), bottom + 28.0, self.axis, "middle ink"))
+        return "\n".join(parts), bottom + _BELOW + _END
+
+
+def page_style() -> str:
+    """Return the CSS of drawings in a page, and the page's colours: light on paper, or dark."""
+    dark = _variables(DARK)
+    return (
+        f":root {{ color-scheme: light dark; {_variables(LIGHT)} }}\n"
+        f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
+        f"{_rules(lambda name: f'var(--{name})')}"
+    )
+
+
+def _variables(colours: dict[str, str]) -> str:
+    return " ".join(f"--{name}: {colour};" for name, colour in colours.items())
+
+
+def _rules(colour: Callable[[str], str]) -> str:
+    """Return the CSS of a drawing, with colours by name."""
+    lines = [
+        f".drawing {{ font: 11px system-ui, 'DejaVu Sans', Helvetica, Arial, sans-serif; "
+        f"fill: {colour('soft')} }}",
+        f".drawing .title {{ font-size: 12.5px; font-weight: 600; fill: {colour('ink')} }}",
+        f".drawing .ink {{ fill: {colour('ink')} }}",
+        ".drawing .middle { text-anchor: middle }",
+        ".drawing .end { text-anchor: end }",
+        ".drawing path { fill: none; stroke-linejoin: round }",
+        ".drawing .dots { stroke-linecap: round }",
+        f".drawing .grid {{ stroke: {colour('grid')}; stroke-width: .7 }}",
+        f".drawing .frame {{ stroke: {colour('frame')}; stroke-width: .8; fill: none }}",
+        f".drawing .f-unused {{ fill: {colour('unused')} }}",
+        f".drawing .f-paper {{ fill: {colour('paper')} }}",
+        ".drawing .dashes { stroke-dasharray: 4 4.5 }",
+    ]
+    for name in _INKS:
+        lines.append(f".drawing .{name} {{ stroke: {colour(name)} }}")
+        lines.append(
+            f".drawing .band.{name} {{ fill: {colour(name)}; fill-opacity: .25; stroke: none }}"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _heading(panel: Panel, top: float) -> tuple[str, float]:
+    """Return the words above a panel, and where the panel begins: data have no legend on them."""
+    labelled = [mark for mark in panel.marks if mark.label]
+    widths = [_SWATCH + _LETTER * len(mark.label) + 8.0 for mark in labelled]
+    at = WIDTH - _RIGHT - sum(widths) + 8.0
+    parts = []
+    beside = at > _LEFT + _LETTER * len(panel.label) + 12.0
+    if labelled and not beside:
+        at = max(min(at, _LEFT), 4.0)
+    base = top + 12.0
+    for mark, width in zip(labelled, widths):
+        parts.append(_sample(mark, at, base - 4.0))
+        parts.append(_words(at + _SWATCH, base, mark.label))
+        at += width
+    if labelled and not beside:
+        top, base = top + _ROW, base + _ROW
+    parts.append(_words(_LEFT, base, panel.label, "ink"))
+    return "\n".join(parts), top + _ROW
+
+
+def _sample(mark: Mark, x: float, y: float) -> str:
+    """Return a piece of a mark for the legend."""
+    if mark.kind == "band":
+        low, high = np.full(2, y + 4.0), np.full(2, y - 4.0)
+        return _shape(mark, np.array([x, x + 15.0]), low, high)
+    ends = np.array([x, x + 15.0]) if mark.kind in ("line", "dashes") else np.array([x + 8.0])
+    return _shape(mark, ends, np.full(len(ends), y))
+
+
+def _panel(
+    panel: Panel, across: Scale, top: float, used: tuple[float, float] | None
+) -> Iterable[str]:
+    scale, bottom = panel.scale, top + panel.height
+    left, right = _x(0.0), _x(1.0)
+
+    def heights(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return bottom - np.clip(scale.share(values), 0.0, 1.0) * panel.height
+
+    if used is not None:
+        start, stop = np.clip(_x(across.share(np.array(used))), left, right)
+        for x, end in ((left, start), (stop, right)):
+            if end - x > 0.5:
+                yield _rectangle("f-unused", x, top, end - x, panel.height)
+    columns = _x(across.share(np.array(across.ticks)))
+    rows = heights(np.array(scale.ticks))
+    lines = [f"M{x:.1f} {top:.1f}V{bottom:.1f}" for x in columns]
+    lines += [f"M{left:.1f} {y:.1f}H{right:.1f}" for y in rows]
+    yield f'<path class="grid" d="{"".join(lines)}"/>'
+    for y, text in zip(rows, scale.texts):
+        yield _words(left - 5.0, y + 4.0, text, "end")
+    if panel.threshold is not None:
+        y = heights(np.array([panel.threshold]))[0]
+        yield f'<path class="frame dashes" d="M{left:.1f} {y:.1f}H{right:.1f}"/>'
+    for mark in panel.marks:
+        if len(mark.x):
+            x, y = mark.x, mark.y
+            if mark.kind in ("line", "dashes"):
+                x, y = outline(x, y, 2 * round(right - left))
+            edge = None if mark.top is None else heights(mark.top)
+            yield _shape(mark, _x(across.share(x)), heights(y), edge)
+    yield _rectangle("frame", left, top, right - left, panel.height)
+
+
+def _shape(
+    mark: Mark,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    top: NDArray[np.float64] | None = None,
+) -> str:
+    """Return a mark at places (n,) of the drawing."""
+    seen = np.isfinite(y)
+    if mark.kind == "band":
+        edge = y if top is None else top
+        pieces = [(np.r_[x[k], x[k][::-1]], np.r_[y[k], edge[k][::-1]]) for k in _runs(seen)]
+        path = "".join(f"{_line(around, along)}Z" for around, along in pieces)
+        return f'<path class="band {mark.ink}" d="{path}"/>'
+    if mark.kind in ("line", "dashes"):
+        width = 1.3 * mark.width
+        path = "".join(_line(x[k], y[k]) for k in _runs(seen))
+    elif mark.kind == "dots":
+        width = 2.0 * _DOT  # a line without length, with round ends
+        path = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[seen], y[seen]))
+    else:
+        r, width = _DOT - 0.4, 0.8
+        ring = f"a{r:g} {r:g} 0 1 0 {2.0 * r:g} 0a{r:g} {r:g} 0 1 0 {-2.0 * r:g} 0"
+        path = "".join(f"M{a - r:.1f} {b:.1f}{ring}" for a, b in zip(x[seen], y[seen]))
+    return f'<path class="{mark.kind} {mark.ink}" stroke-width="{width:.3g}" d="{path}"/>'
+
+
+def _runs(there: NDArray[np.bool_]) -> list[slice]:
+    """Return the stretches without a gap of (n,) flags."""
+    edges = np.flatnonzero(np.diff(np.r_[False, there, False].astype(np.int8)))
+    return [slice(start, stop) for start, stop in zip(edges[::2], edges[1::2])]
+
+
+def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
+    return "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x.tolist(), y.tolist()))
+
+
+def _x(share: NDArray[np.float64] | float) -> Any:
+    """Return where shares of the horizontal axis are in a drawing."""
+    return _LEFT + share * (WIDTH - _LEFT - _RIGHT)
+
+
+def _rectangle(style: str, x: float, y: float, width: float, height: float) -> str:
+    return (
+        f'<rect class="{style}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"/>'
+    )
+
+
+def _words(x: float, y: float, text: str, style: str = "") -> str:
+    mark = f' class="{style}"' if style else ""
+    return f'<text x="{x:.1f}" y="{y:.1f}"{mark}>{escape(text)}</text>'
