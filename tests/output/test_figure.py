@@ -1,5 +1,6 @@
 """Figures: ticks that people read, data that nothing hides, colours that are seen."""
 
+import itertools
 import re
 from xml.etree import ElementTree
 
@@ -19,7 +20,7 @@ X = np.linspace(0.0, 1.0, 5)
     ("low", "high", "most", "steps", "texts"),
     [
         (-0.3, 0.9, 3, (), ["0.0", "0.5"]),
-        (-0.1, 0.2, 6, (), ["\u22120.10", "\u22120.05", "0.00", "0.05", "0.10", "0.15", "0.20"]),
+        (-0.1, 0.2, 6, (), ["\u22120.1", "0.0", "0.1", "0.2"]),
         (
             -200.0,
             10.0,
@@ -41,7 +42,7 @@ def test_ticks_are_round_numbers(low, high, most, steps, texts):
 
 
 def test_every_range_has_two_ticks_and_few():
-    """Over thirty decades, and wherever the range lies; half as many again at the very most."""
+    """Over ten decades, wherever the range lies, and no two read the same."""
     rng = np.random.default_rng(1)
     for _ in range(2000):
         low = rng.normal() * 10.0 ** rng.uniform(-3.0, 3.0)
@@ -67,7 +68,7 @@ def test_a_thinned_history_has_the_same_outline():
     assert len(x) <= 2 * 700 + 2
     assert np.all(np.diff(x) > 0.0)
     ends = np.linspace(0, 9001, 701).astype(int)
-    for start, stop in zip(ends, ends[1:]):
+    for start, stop in itertools.pairwise(ends):
         inside = y[(x >= time[start]) & (x <= time[stop - 1])]
         piece = values[start:stop]
         assert (inside.min(), inside.max()) == (piece.min(), piece.max())
@@ -98,19 +99,22 @@ def test_a_file_is_plain_svg_that_other_programs_read():
 
 def test_lines_lie_on_wider_data():
     """What was measured is drawn first and wider than what explains it: seen on both sides."""
+    compared = 0
     for drawing in drawings():
         for panel in drawing.panels:
-            kinds = [(mark.ink, mark.kind) for mark in panel.marks]
-            if ("identified", "line") in kinds and any(ink == "data" for ink, _ in kinds):
-                paths = re.findall(r'class="(\w+) (\w+)" stroke-width="([\d.]+)"', drawing.inline)
-                data = [
-                    float(width) for kind, ink, width in paths if (kind, ink) == ("dots", "data")
-                ]
-                data += [float(w) for kind, ink, w in paths if (kind, ink) == ("line", "data")]
-                model = [float(width) for _, ink, width in paths if ink == "identified"]
-                inks = [ink for ink, _ in kinds]
-                assert inks.index("data") < inks.index("identified")
-                assert max(data) > 2.0 * max(model)
+            labels = [mark.label for mark in panel.marks]
+            measured = {"flight data", "flight"} & set(labels)
+            if not measured:
+                continue
+            alone = Drawing("a", "", "", (panel,), "x", logarithmic=drawing.logarithmic)
+            found = re.findall(r'class="(\w+ \w+)" stroke-width="([\d.]+)"', alone.inline)
+            widths = {style: float(width) for style, width in found}
+            data = widths.get("dots data") or widths["line data"]
+            model = next(k for k, label in enumerate(labels) if label.startswith("identified"))
+            assert labels.index(measured.pop()) < model
+            assert data > 2.0 * widths["line identified"]
+            compared += 1
+    assert compared == 4 + 2  # pairs of the model, outputs of the verified flight
 
 
 def test_what_a_prediction_leaves_is_drawn():
@@ -146,7 +150,7 @@ def luminance(colour: str) -> float:
 
 @pytest.mark.parametrize("colours", [LIGHT, DARK], ids=["light", "dark"])
 def test_words_and_lines_are_seen_on_their_paper(colours):
-    """WCAG 2.2 AA: a contrast of 4.5 for words (1.4.3), and of 3 for what graphics are of (1.4.11)."""
+    """WCAG 2.2 AA: a contrast of 4.5 for words (1.4.3) and 3 for graphics (1.4.11)."""
 
     def contrast(name: str, ground: str) -> float:
         bright, dim = sorted((luminance(colours[name]), luminance(colours[ground])), reverse=True)

@@ -272,7 +272,7 @@ def test_a_browser_shows_it_at_any_width(folder, page, tmp_path, scheme):
             assert (paper == "rgb(255, 255, 255)") == (scheme == "light")
             outside = (
                 "[...document.querySelectorAll('.drawing text')].filter(t => {"
-                "const a = t.getBoundingClientRect(), b = t.ownerSVGElement.getBoundingClientRect();"
+                "const [a, b] = [t, t.ownerSVGElement].map(e => e.getBoundingClientRect());"
                 "return a.left < b.left || a.right > b.right}).map(t => t.textContent)"
             )
             assert browser.evaluate(outside) == []

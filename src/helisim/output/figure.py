@@ -105,7 +105,7 @@ class Scale:
             if 1 < len(counts) <= most:
                 break
         ticks = tuple(count * step for count in counts)
-        return cls(low, high, ticks, tuple(_text(tick, step) for tick in ticks))
+        return cls(low, high, ticks, _texts(ticks, step))
 
     @classmethod
     def decades(cls, low: float, high: float) -> "Scale":
@@ -152,7 +152,18 @@ def outline(
     return x[kept], y[kept]
 
 
-def _text(tick: float, step: float) -> str:
-    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
-    text = f"{tick:.{decimals}f}" if 1e-4 <= step < 1e5 else f"{tick:.6g}"
-    return text.replace("-", "\u2212")
+def less(values: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values (n,) less a base (n,); 0 where they differ by no more than rounding."""
+    apart = values - base
+    finite = np.abs(values[np.isfinite(values)])
+    return np.where(np.abs(apart) <= _ROUNDING * np.max(finite, initial=0.0), 0.0, apart)
+
+
+def _texts(ticks: Sequence[float], step: float) -> tuple[str, ...]:
+    """Return ticks with as many digits as tell them apart."""
+    largest = max(map(abs, ticks))
+    if (step >= 1e-4 and largest < 1e5) or 0.1 <= largest < 1e3:
+        form = f".{max(0, -math.floor(math.log10(step) + 1e-9))}f"
+    else:
+        form = f".{math.ceil(math.log10(largest / step) + 1e-9) + 1}g"
+    return tuple(format(tick, form).replace("-", "\u2212") for tick in ticks)

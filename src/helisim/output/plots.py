@@ -18,7 +18,7 @@ from helisim.output.bode import (
     phase_degrees,
     ratio_unit,
 )
-from helisim.output.figure import Ink, Mark, Panel
+from helisim.output.figure import Ink, Mark, Panel, less
 from helisim.output.svg import Drawing
 from helisim.records.channels import ATTITUDES, IN1, RATES
 from helisim.records.record import FlightRecord
@@ -107,8 +107,8 @@ def _differences(label: str, marks: Sequence[Mark]) -> list[Panel]:
         if mark.kind != "rings":
             there = (mark.x >= low * 0.999) & (mark.x <= high * 1.001)
             base = np.interp(np.log(mark.x[there]), np.log(model.x), model.y)
-            top = None if mark.top is None else mark.top[there] - base
-            y = mark.y[there] - base
+            top = None if mark.top is None else less(mark.top[there], base)
+            y = less(mark.y[there], base)
             apart.append(replace(mark, x=mark.x[there], y=y, top=top, label=""))
     return [Panel(label, tuple(apart), 46.0)]
 
@@ -158,7 +158,7 @@ def draw_verification(
             Mark("line", "data", shown.time, measured, label="flight", width=2.6),
             Mark("line", "identified", shown.time, predicted, label="identified model"),
         )
-        left = Mark("line", "grey", shown.time, measured - predicted)
+        left = Mark("line", "grey", shown.time, less(measured, predicted))
         panels.append(Panel(_labelled(output, seen), marks, 96.0))
         panels.append(Panel(_labelled(f"{output}, flight less model", seen), (left,), 42.0))
     tics = ", ".join(f"{output} {tic:.3g}" for output, tic in zip(verification.outputs, shown.tic))

@@ -118,15 +118,17 @@ class Drawing:
     def _drawn(self) -> tuple[str, float]:
         """The shapes, and the height of all of them."""
         across, top = self.across, _TITLE
-        parts = [_words(_LEFT, 14.0, self.title, "title")]
+        longest = max(len(text) for panel in self.panels for text in panel.scale.texts)
+        left = max(_LEFT, _LETTER * longest + 8.0)
+        parts = [_words(left, 14.0, self.title, "title")]
         for panel in self.panels:
-            above, top = _heading(panel, top)
-            parts += [above, *_panel(panel, across, top, self.used)]
+            above, top = _heading(panel, left, top)
+            parts += [above, *_panel(panel, across, left, top, self.used)]
             top += panel.height + _GAP
         bottom = top - _GAP
         for share, text in zip(across.share(np.array(across.ticks)), across.texts):
-            parts.append(_words(_x(share), bottom + 13.0, text, "middle"))
-        parts.append(_words(_x(0.5), bottom + 28.0, self.axis, "middle ink"))
+            parts.append(_words(_x(share, left), bottom + 13.0, text, "middle"))
+        parts.append(_words(_x(0.5, left), bottom + 28.0, self.axis, "middle ink"))
         return "\n".join(parts), bottom + _BELOW + _END
 
 
@@ -169,15 +171,15 @@ def _rules(colour: Callable[[str], str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _heading(panel: Panel, top: float) -> tuple[str, float]:
+def _heading(panel: Panel, left: float, top: float) -> tuple[str, float]:
     """Return the words above a panel, and where the panel begins: data have no legend on them."""
     labelled = [mark for mark in panel.marks if mark.label]
     widths = [_SWATCH + _LETTER * len(mark.label) + 8.0 for mark in labelled]
     at = WIDTH - _RIGHT - sum(widths) + 8.0
     parts = []
-    beside = at > _LEFT + _LETTER * len(panel.label) + 12.0
+    beside = at > left + _LETTER * len(panel.label) + 12.0
     if labelled and not beside:
-        at = max(min(at, _LEFT), 4.0)
+        at = max(min(at, left), 4.0)
     base = top + 12.0
     for mark, width in zip(labelled, widths):
         parts.append(_sample(mark, at, base - 4.0))
@@ -185,7 +187,7 @@ def _heading(panel: Panel, top: float) -> tuple[str, float]:
         at += width
     if labelled and not beside:
         top, base = top + _ROW, base + _ROW
-    parts.append(_words(_LEFT, base, panel.label, "ink"))
+    parts.append(_words(left, base, panel.label, "ink"))
     return "\n".join(parts), top + _ROW
 
 
@@ -199,20 +201,20 @@ def _sample(mark: Mark, x: float, y: float) -> str:
 
 
 def _panel(
-    panel: Panel, across: Scale, top: float, used: tuple[float, float] | None
+    panel: Panel, across: Scale, left: float, top: float, used: tuple[float, float] | None
 ) -> Iterable[str]:
     scale, bottom = panel.scale, top + panel.height
-    left, right = _x(0.0), _x(1.0)
+    right = WIDTH - _RIGHT
 
     def heights(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return bottom - np.clip(scale.share(values), 0.0, 1.0) * panel.height
 
     if used is not None:
-        start, stop = np.clip(_x(across.share(np.array(used))), left, right)
+        start, stop = np.clip(_x(across.share(np.array(used)), left), left, right)
         for x, end in ((left, start), (stop, right)):
             if end - x > 0.5:
                 yield _rectangle("f-unused", x, top, end - x, panel.height)
-    columns = _x(across.share(np.array(across.ticks)))
+    columns = _x(across.share(np.array(across.ticks)), left)
     rows = heights(np.array(scale.ticks))
     lines = [f"M{x:.1f} {top:.1f}V{bottom:.1f}" for x in columns]
     lines += [f"M{left:.1f} {y:.1f}H{right:.1f}" for y in rows]
@@ -228,7 +230,7 @@ def _panel(
             if mark.kind in ("line", "dashes"):
                 x, y = outline(x, y, 2 * round(right - left))
             edge = None if mark.top is None else heights(mark.top)
-            yield _shape(mark, _x(across.share(x)), heights(y), edge)
+            yield _shape(mark, _x(across.share(x), left), heights(y), edge)
     yield _rectangle("frame", left, top, right - left, panel.height)
 
 
@@ -268,9 +270,9 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
     return "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x.tolist(), y.tolist()))
 
 
-def _x(share: NDArray[np.float64] | float) -> Any:
+def _x(share: NDArray[np.float64] | float, left: float) -> Any:
     """Return where shares of the horizontal axis are in a drawing."""
-    return _LEFT + share * (WIDTH - _LEFT - _RIGHT)
+    return left + share * (WIDTH - left - _RIGHT)
 
 
 def _rectangle(style: str, x: float, y: float, width: float, height: float) -> str:
