@@ -6,6 +6,7 @@ what was measured. Hz and degrees are for people; the value objects stay in rad/
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,14 +65,16 @@ def draw_bode(
         turn = middle(phase)
         gains += _estimate(omega, gain, decibel(1.0 + error), good)
         phases += _estimate(omega, phase, np.rad2deg(np.minimum(error, np.pi)), good)
-    for response, label, kind in ((identified, "identified", "line"), (truth, "truth", "dashes")):
+    for response, curve in (
+        (identified, partial(Mark, "line", "identified", label="identified")),
+        (truth, partial(Mark, "dashes", "truth", label="truth")),
+    ):
         if response is not None:
             line = response.response[response.index(output, input_)]
             phase = phase_degrees(line)
             turn = middle(phase) if turn is None else turn
-            x = response.frequency
-            gains.append(Mark(kind, label, x, decibels(line), label=label))
-            phases.append(Mark(kind, label, x, on_turn(phase, turn)))
+            gains.append(curve(response.frequency, decibels(line)))
+            phases.append(curve(response.frequency, on_turn(phase, turn)))
     phases = [replace(mark, label="") for mark in phases]
     panels = [
         Panel(f"magnitude, dB ({ratio_unit(data, output, input_)})", tuple(gains), 110.0),
@@ -131,10 +134,10 @@ def _estimate(
 
 def _coherence(data: FrequencyResponse, output: str, input_: str) -> Panel:
     o, i = data.index(output, input_)
-    omega, partial, multiple = data.frequency, data.coherence[o, i], data.multiple_coherence[o]
+    omega = data.frequency
     marks = (
-        Mark("line", "data", omega, partial, label="partial", width=1.5),
-        Mark("dashes", "grey", omega, multiple, label="multiple"),
+        Mark("line", "data", omega, data.coherence[o, i], label="partial", width=1.5),
+        Mark("dashes", "grey", omega, data.multiple_coherence[o], label="multiple"),
     )
     limits = (0.0, 1.04)
     return Panel("coherence", marks, 58.0, (0.5,), limits, threshold=USABLE_COHERENCE)
@@ -149,7 +152,7 @@ def draw_verification(
     """
     shown = verification.traces[trace]
     panels = [
-        Panel("inputs, unitised", _histories(shown.time, inputs, shown.inputs.T), 62.0),
+        Panel("inputs, unitised", _histories(shown.time, inputs, list(shown.inputs.T)), 62.0),
     ]
     for k, (output, unit) in enumerate(zip(verification.outputs, verification.units)):
         measured, seen = _for_people(output, shown.measured[:, k], unit)

@@ -22,7 +22,11 @@ def to_png(drawing: Drawing) -> bytes:
     from matplotlib.figure import Figure
 
     heights = [panel.height + _ABOVE + _BELOW for panel in drawing.panels]
-    style = {"font.size": 8.0, "axes.axisbelow": True, "axes.edgecolor": LIGHT["frame"]}
+    style: dict[Any, Any] = {
+        "font.size": 8.0,
+        "axes.axisbelow": True,
+        "axes.edgecolor": LIGHT["frame"],
+    }
     across = drawing.across
     with matplotlib.rc_context(style):
         figure = Figure(
