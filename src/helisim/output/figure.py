@@ -98,7 +98,7 @@ class Scale:
         """
         decade = 10.0 ** math.floor(math.log10((high - low) / (most + 1)))
         step, counts = decade, range(0)
-        for size in (*steps, *(decade * size for size in (*_PRETTY, 10.0, 20.0))):
+        for size in (*steps, *(decade * size for size in (*_PRETTY, 10.0, 20.0, 4.0, 40.0))):
             found = range(math.ceil(low / size - 1e-9), math.floor(high / size + 1e-9) + 1)
             if len(found) > 1 and (not counts or len(found) < len(counts)):
                 step, counts = size, found
