@@ -1,13 +1,16 @@
-"""Where the time of `helisim reproduce --rerun` goes, part by part, from a cold start.
+"""How long `helisim reproduce` takes, cold and warm, and where the time of a cold one goes.
 
-Nothing compiled before is used, and nothing is left behind. Printed are wall and processor seconds
-of each part, the load of the machine before, and apart from them the identification of all models
-from the flights. With other programs at work only the processor seconds mean something.
+First the command itself, twice, as whole processes: with nothing compiled before, then with what
+the first compiled. Then, part by part from a cold start, the experiment with a Rerun recording, and
+apart from it the identification of all models from the flights. Printed are wall and processor
+seconds and the load of the machine before; nothing is left behind. With other programs at work only the processor seconds mean something.
 
     OPENBLAS_NUM_THREADS=1 python scripts/benchmark/experiment.py [FLIGHTS]
 """
 
 import os
+import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -39,9 +42,31 @@ class Clock:
         return "\n".join(f"{part:<42}{wall:>8}{cpu:>8}" for part, wall, cpu in rows)
 
 
+def whole_command(folder: str, flights: int) -> tuple[float, float]:
+    """Return wall and processor seconds of `helisim reproduce`; what it compiles stays there."""
+    words = ["reproduce", "--quiet", "--flights", str(flights), "--out", f"{folder}/command"]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/compiled"}
+    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(
+        [sys.executable, "-m", "helisim", *words],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        check=False,  # with few flights a tolerance may be missed
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return time.perf_counter() - start, spent
+
+
 def main(flights: int = 10) -> None:
     """Print the table."""
     load = os.getloadavg()[0]
+    print(f"{f'load of the machine {load:.1f}':<42}{'wall s':>8}{'CPU s':>8}")
+    with tempfile.TemporaryDirectory() as folder:
+        for state in ("cold", "warm"):
+            wall, cpu = whole_command(folder, flights)
+            print(f"{f'helisim reproduce, {state}':<42}{wall:>8.1f}{cpu:>8.1f}", flush=True)
+    print()
     clock = Clock()
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/compiled"
@@ -73,7 +98,7 @@ def main(flights: int = 10) -> None:
         write_recording(Path(folder) / "run.rrd", records, model=model, run=run)
         clock("Rerun recording")
     count = sum(map(len, run.flights.values()))
-    print(f"helisim reproduce --rerun, {count} flights kept, load of the machine {load:.1f}")
+    print(f"the experiment with a recording, {count} flights kept, cold, part by part:")
     print(clock)
     alone = Clock()
     found = {table.name: table for table in run.results.tables}
