@@ -3,7 +3,8 @@
 First the command itself, twice, as whole processes: with nothing compiled before, then with what
 the first compiled. Then, part by part from a cold start, the experiment with a Rerun recording, and
 apart from it the identification of all models from the flights. Printed are wall and processor
-seconds and the load of the machine before; nothing is left behind. With other programs at work only the processor seconds mean something.
+seconds and the load of the machine before; nothing is left behind. With other programs at work
+only the processor seconds mean something.
 
     OPENBLAS_NUM_THREADS=1 python scripts/benchmark/experiment.py [FLIGHTS]
 """
