@@ -4,12 +4,9 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 SOURCE = Path(__file__).parents[1] / "src" / "helisim"
 
-ROOMS = ("ident", "physics", "records", "vehicle")
-"""Rooms whose public functions all state the shapes of their arrays."""
+FILES = sorted(SOURCE.rglob("*.py"))
 
 ARRAY = re.compile(r"\b(NDArray|ArrayLike)\b")
 SHAPE = re.compile(r"\((?:[^()]*\bn_\w+,?[^()]*|\d+,|\d+(?:, \d+)+)\)|\bshape\b")
@@ -52,14 +49,12 @@ def without_shapes(source):
             yield name
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_array_docstrings_state_shapes(room):
+def test_array_docstrings_state_shapes():
     """No public function with an array leaves its shape to be guessed."""
-    files = sorted((SOURCE / room).rglob("*.py"))
-    assert files
+    assert FILES
     missing = [
         f"{path.relative_to(SOURCE)}: {name}"
-        for path in files
+        for path in FILES
         for name in without_shapes(path.read_text(encoding="utf-8"))
     ]
     assert missing == []

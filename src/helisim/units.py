@@ -20,6 +20,6 @@ DB_PER_NEPER = 20.0 / math.log(10.0)
 
 
 def decibel(magnitude: ArrayLike) -> NDArray[np.float64]:
-    """Return 20 log10 of magnitude ratios, in dB, in the shape they come in; -inf of zero."""
+    """Return magnitude ratios in dB, in the same shape each; -inf of zero."""
     with np.errstate(divide="ignore"):
         return np.asarray(20.0 * np.log10(magnitude), dtype=np.float64)

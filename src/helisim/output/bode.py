@@ -8,17 +8,17 @@ from helisim.units import decibel
 
 
 def decibels(line: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the gain of a response (n_freq,), dB; a zero is drawn at -240 dB."""
+    """Return the gain, dB, (n_freq,), of a response (n_freq,); a zero is drawn at -240 dB."""
     return decibel(np.maximum(np.abs(line), 1e-12))
 
 
 def phase_degrees(line: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the phase of a response (n_freq,), degrees, without jumps."""
+    """Return the phase, degrees, (n_freq,), of a response (n_freq,), without jumps."""
     return np.rad2deg(np.unwrap(np.angle(line)))
 
 
 def on_turn(phase: NDArray[np.float64], reference: float) -> NDArray[np.float64]:
-    """Return a phase (n_freq,), degrees, moved by whole turns to lie around a reference."""
+    """Move a phase in degrees by whole turns to lie around a reference; (n_freq,) each."""
     return phase + 360.0 * np.round((reference - middle(phase)) / 360.0)
 
 

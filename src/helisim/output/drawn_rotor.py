@@ -17,15 +17,15 @@ def drawn_tilt(a: ArrayLike, b: ArrayLike) -> Rotation:
     """Return how the tip-path plane is drawn, from the hub's axes, forward-right-down.
 
     Args:
-        a: rearward tilt, rad, (n,) or a number.
-        b: rightward tilt, rad, the same.
+        a: rearward tilt, rad, (n_time,) or a number.
+        b: rightward tilt, rad, of the same shape.
     """
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     return Rotation.from_rotvec(TILT_GAIN * np.stack([b, a, np.zeros_like(a)], axis=-1))
 
 
 def drawn_turn(time: ArrayLike, speed: float) -> NDArray[np.float64]:
-    """Return how far blades of a speed in rad/s are drawn to have turned, rad, (n,)."""
+    """Return how far blades of a speed in rad/s are drawn to have turned, rad; (n_time,) each."""
     return np.asarray(time, dtype=np.float64) * speed / SLOWED
 
 

@@ -24,12 +24,12 @@ class _Outline(NamedTuple):
 def clearance(
     vehicle: Vehicle, positions: NDArray[np.float64], attitudes: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the height of the lowest point of landing gear and rotor discs, m, (n,).
+    """Return the height of the lowest point of landing gear and rotor discs, m, (n_time,).
 
     Args:
         vehicle: that flies over a ground at height 0.
-        positions: (n, 3) north, east, down of the IMU, m.
-        attitudes: (n, 3) phi, theta, psi, rad.
+        positions: (n_time, 3) north, east, down of the IMU, m.
+        attitudes: (n_time, 3) phi, theta, psi, rad.
     """
     return _clearance(_outline(vehicle), positions, attitudes)
 
@@ -40,9 +40,10 @@ def closer_than(
     positions: NDArray[np.float64],
     attitudes: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Return where the clearance is less than some metres, (n,); the rest is as for `clearance`.
+    """Return where the clearance is less than some metres, (n_time,).
 
-    High above the ground no attitude matters, and none is looked at.
+    Positions and attitudes, (n_time, 3) each, are those of `clearance`. High above the ground
+    no attitude matters, and none is looked at.
     """
     outline = _outline(vehicle)
     reach = float(np.max(np.linalg.norm(outline.points, axis=1) + outline.radii, initial=0.0))

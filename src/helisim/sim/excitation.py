@@ -70,24 +70,24 @@ class Excitation:
         return replace(self, **{name: _own(own, self.axis, name) for name in open_ones})
 
     def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what is added to the pilot's sticks, (n, 4) COL, LON, LAT, PED, unitised.
+        """Return what is added to the pilot's sticks, (n_time, 4), unitised: COL, LON, LAT, PED.
 
         Each value is between -0.5 and 0.5, the whole travel of a stick.
 
         Args:
-            time: (n,) s from the start of the flight, one for each step of the simulation.
+            time: (n_time,) s from the start of the flight, one for each step of the simulation.
         """
         raise NotImplementedError
 
     def on_axis(self, stick: ArrayLike) -> NDArray[np.float64]:
-        """Return sticks, (n, 4), of which only that of `axis` moves, as `stick` (n,) says."""
+        """Return sticks, (n_time, 4), of which only that of `axis` moves, as `stick`, (n_time,)."""
         values = np.asarray(stick, dtype=np.float64)
         sticks = np.zeros((*values.shape, len(AXES)))
         sticks[..., AXES.index(self.axis)] = values
         return sticks
 
     def write(self, par: NDArray[np.float64]) -> None:
-        """Put it, complete, into a vehicle's numbers for the force laws."""
+        """Put it, complete, into a vehicle's parameters (n_param,) for the force laws."""
         if not has_sticks(self):
             self._write_closed_form(par)
             return
@@ -118,7 +118,7 @@ def check_excitation(excitation: Any) -> None:
     if not (has_sticks(excitation) or closed_form):
         raise InputError(
             f"{kind} doesn't say how the sticks move: give it a method sticks(self, time) that "
-            "returns (n, 4) for the n times"
+            "returns (n_time, 4) for the times, (n_time,)"
         )
     try:
         hash(excitation)
@@ -310,7 +310,7 @@ class ThreeTwoOneOne(Excitation):
         _check_amplitude(self.amplitude)
 
     def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what is added to the pilot's sticks, (n, 4) COL, LON, LAT, PED, unitised."""
+        """Return what is added to the sticks, (n_time, 4), at the times in s, (n_time,)."""
         edges = self.trim_time + self.unit * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
         step = np.searchsorted(edges, time, side="right")
         wave = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])[step]

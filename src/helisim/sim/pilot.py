@@ -33,7 +33,7 @@ class Pilot:
     def write(
         self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int, height: float
     ) -> None:
-        """Put the pilot into a vehicle's numbers for the force laws."""
+        """Put the pilot into a vehicle's parameters (n_param,) for the force laws."""
         par[PARAM.pilot_on] = 1.0
         par[PARAM.pilot_north : PARAM.pilot_psi + 1] = [0.0, 0.0, -height, 0.0]
         par[PARAM.pilot_phi], par[PARAM.pilot_theta] = vehicle.trim.phi, vehicle.trim.theta

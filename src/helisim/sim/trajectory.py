@@ -40,19 +40,19 @@ class Trajectory:
     """Time histories of what truly happened in one flight, all of the same instants.
 
     Attributes:
-        time: (n,) s.
+        time: (n_time,) s.
         timestep: s, of the simulation.
-        sticks: (n, 4) COL, LON, LAT, PED.
-        servo_commands: (n, 4) front, left, right, tail.
-        servo_positions: (n, 4).
+        sticks: (n_time, 4) COL, LON, LAT, PED.
+        servo_commands: (n_time, 4) front, left, right, tail.
+        servo_positions: (n_time, 4).
         flapping: (n, 2) a, b in rad.
-        rotor: (n, 4) thrust N, torque N m, inflow ratio, tail thrust N.
+        rotor: (n_time, 4) thrust N, torque N m, inflow ratio, tail thrust N.
         air: (n, 6) velocity in m/s and rotation in rad/s of the air itself, body axes.
-        rates: (n, 3) p, q, r in rad/s.
-        attitudes: (n, 3) phi, theta, psi in rad, psi unwrapped.
-        velocities: (n, 3) u, v, w in m/s at the IMU.
-        specific_forces: (n, 3) ax, ay, az in m/s^2 at the IMU.
-        positions: (n, 3) north, east, down in m of the IMU.
+        rates: (n_time, 3) p, q, r in rad/s.
+        attitudes: (n_time, 3) phi, theta, psi in rad, psi unwrapped.
+        velocities: (n_time, 3) u, v, w in m/s at the IMU.
+        specific_forces: (n_time, 3) ax, ay, az in m/s^2 at the IMU.
+        positions: (n_time, 3) north, east, down in m of the IMU.
         hold: s, for which sticks and servo commands are held; 0 if they are not.
         imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
         end: why the flight was terminated early; None if it wasn't.

@@ -212,7 +212,7 @@ class Weather:
         return vehicle.trimmed(height=self.height, wind=self.wind_to)
 
     def write(self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int) -> None:
-        """Put gust and turbulence into a vehicle's numbers; the steady wind is the model's."""
+        """Put gust and turbulence into a vehicle's parameters (n_param,); MuJoCo has the wind."""
         if self.gust is not None:
             gust = self.gust
             par[PARAM.gust_north : PARAM.gust_down + 1] = gust.north, gust.east, gust.down

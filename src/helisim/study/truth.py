@@ -125,6 +125,12 @@ def exact_response(
 
     It is what the estimate tends to. With a reference, that is the joint input-output method's:
     the sticks drive the closed loop, and outputs over inputs have the conditioning channels held.
+
+    Args:
+        vehicle: that flies.
+        model: whose inputs and outputs the response has.
+        recorder: whose latencies are in it.
+        omega: (n_freq,) rad/s.
     """
     if model.reference:
         linear, given = vehicle.linearize("IN2"), (*model.inputs, *model.conditioning)

@@ -11,5 +11,8 @@ STEP = "step"
 
 
 def time_column(time: NDArray[np.float64]) -> rr.TimeColumn:
-    """Return times, s, as a column; in whole nanoseconds: Rerun cuts float durations off below."""
+    """Return times in s, (n_time,), as a column in whole nanoseconds.
+
+    Rerun cuts what is below them off durations that are given as floats.
+    """
     return rr.TimeColumn(TIMELINE, duration=np.rint(time * 1e9).astype("timedelta64[ns]"))

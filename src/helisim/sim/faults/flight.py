@@ -43,7 +43,7 @@ class ServoStuck:
         return self.servo
 
     def write(self, par: NDArray[np.float64]) -> None:
-        """Put the fault into a vehicle's numbers for the force laws."""
+        """Put the fault into a vehicle's parameters (n_param,) for the force laws."""
         if self.position is None:
             _limit(par, self.servo, self.at, rate_limit=0.0)
         else:
@@ -82,7 +82,7 @@ class ServoWeak:
         return self.servo
 
     def write(self, par: NDArray[np.float64]) -> None:
-        """Put the fault into a vehicle's numbers for the force laws."""
+        """Put the fault into a vehicle's parameters (n_param,) for the force laws."""
         rate_limit = NEVER if self.rate_limit is None else self.rate_limit
         travel = NEVER if self.travel is None else self.travel
         _limit(par, self.servo, self.at, rate_limit=rate_limit, low=-travel, high=travel)
@@ -114,7 +114,7 @@ class GyroRestart:
         return "restarting gyro"
 
     def write(self, par: NDArray[np.float64]) -> None:
-        """Put the fault into a vehicle's numbers for the force laws."""
+        """Put the fault into a vehicle's parameters (n_param,) for the force laws."""
         par[PARAM.restart_at], par[PARAM.restart_until] = self.at, self.at + self.lasts
         par[PARAM.restart_neutral] = float(self.output == "neutral")
 
@@ -155,7 +155,7 @@ class GyroDropout:
         return "gyro's sensors"
 
     def write(self, par: NDArray[np.float64]) -> None:
-        """Put the fault into a vehicle's numbers for the force laws."""
+        """Put the fault into a vehicle's parameters (n_param,) for the force laws."""
         par[PARAM.dropout_at], par[PARAM.dropout_until] = self.at, self.at + self.lasts
         for name in self.rates:
             par[PARAM.dropout_p + RATES.index(name)] = _READS[self.reads]
@@ -173,7 +173,7 @@ def check_parts(faults: Sequence[FlightFault]) -> None:
 
 
 def write_faults(par: NDArray[np.float64], faults: Sequence[FlightFault]) -> None:
-    """Put all faults of a flight into a vehicle's numbers for the force laws."""
+    """Put all faults of a flight into a vehicle's parameters (n_param,) for the force laws."""
     par[PARAM.faults] = float(bool(faults))
     par[PARAM.faults + 1 : PARAM.dropout_p] = NEVER
     par[PARAM.dropout_p : PARAM.dropout_r + 1] = 0.0

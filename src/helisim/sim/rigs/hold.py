@@ -54,7 +54,7 @@ class PedalSteps:
         return self.rest + 2 * len(self.sizes) * (self.hold + self.rest)
 
     def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the pedal stick at the given times, (n,), s."""
+        """Return the pedal stick at times in s; (n_time,) each."""
         stick = np.zeros(time.size)
         sides = [side * size for size in self.sizes for side in (1.0, -1.0)]
         for number, step in enumerate(sides):
@@ -89,7 +89,7 @@ class TableSweep:
             raise InputError(f"duration must leave time to sweep, got {self.duration} s")
 
     def rates(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the rate the table is told, positive to the right, at the times, (n,)."""
+        """Return the commanded rate, rad/s to the right, at times in s; (n_time,) each."""
         length = self.duration - 2.0 * self.rest
         angle = [pilot.sweep(t - self.rest, length, *self.band, 2.0, 0.0, 0) for t in time]
         return self.amplitude * np.gradient(np.array(angle), time)

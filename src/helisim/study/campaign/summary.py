@@ -70,7 +70,7 @@ def summarise(table: pa.Table, *, by: Sequence[str] = ()) -> list[Summary]:
 
 
 def errors(rows: Sequence[dict[str, Any]]) -> NDArray[np.float64]:
-    """Return the relative errors of the rows that have an estimate."""
+    """Return the relative errors of the rows that have an estimate, (n_estimate,)."""
     return np.array(
         [(row["estimate"] - row["truth"]) / abs(row["truth"]) for row in rows if _judged(row)]
     )
