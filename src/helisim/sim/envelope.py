@@ -106,7 +106,7 @@ class FlightEnvelope:
     def _beyond(
         self, vehicle: Vehicle, trajectory: Trajectory
     ) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-        """Yield what each exceeded limit says, and the samples at which it is exceeded, (n_time,)."""
+        """Yield what each limit says where it is exceeded, and at which samples, (n_time,)."""
         if self.tilt is not None:
             tilt = np.abs(trajectory.attitudes[:, :2]).max(axis=1)
             yield f"rolled or pitched beyond {self.tilt:g} rad", tilt > self.tilt
