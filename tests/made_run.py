@@ -21,7 +21,6 @@ from helisim.study.results import (
     Exclusion,
     ParameterRow,
     Results,
-    VerificationFigures,
 )
 
 MODELS = {
@@ -181,9 +180,7 @@ def write_run(folder: Path) -> Results:
         ),
         ground={"bench": GROUND},
         verification={
-            item.name: VerificationFigures.of(item.verification)
-            for item in items
-            if item.verification is not None
+            item.name: item.verification.figures for item in items if item.verification is not None
         },
         gyro_effect=GYRO_EFFECT,
         eq_8=EQ_8,

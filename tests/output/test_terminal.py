@@ -18,7 +18,6 @@ from helisim.study.results import (
     GivenValue,
     ParameterRow,
     Results,
-    VerificationFigures,
 )
 from made_run import make_verification
 
@@ -174,7 +173,7 @@ def further():
         tables=(),
         seed=1,
         versions={},
-        verification={"rollpitch_in1": VerificationFigures.of(checked)},
+        verification={"rollpitch_in1": checked.figures},
         gyro_effect=GyroEffect(changes=(change,), statements=(SAID,)),
         eq_8=eq_8,
     )

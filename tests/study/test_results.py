@@ -11,7 +11,6 @@ from helisim.study.results import (
     GivenValue,
     ParameterRow,
     Results,
-    VerificationFigures,
 )
 from made_run import EQ_8, GROUND, GYRO_EFFECT, make_verification
 
@@ -128,7 +127,7 @@ def everything() -> Results:
         configuration={"flights": 10},
         excluded=(INCOHERENT, ENDED),
         ground={"bench": GROUND},
-        verification={"rollpitch_in1": VerificationFigures.of(checked)},
+        verification={"rollpitch_in1": checked.figures},
         gyro_effect=GYRO_EFFECT,
         eq_8=EQ_8,
     )

@@ -6,8 +6,8 @@ initial state: the latter is what is solved for, with an input's trim beside it 
 integrates.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -78,6 +78,72 @@ class Trace:
         return _theil(self.measured - trim, self.predicted - trim)
 
 
+@dataclass(frozen=True, kw_only=True)
+class VerifiedOutput:
+    """How well one output was predicted.
+
+    Attributes:
+        name: of the output.
+        unit: of `j_rms`.
+        j_rms: root mean square error.
+        tic: Theil's inequality coefficient, 0 perfect, 1 useless.
+    """
+
+    name: str
+    unit: str
+    j_rms: float
+    tic: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerifiedRecord:
+    """How well one flight was predicted.
+
+    Attributes:
+        duration_s: of the flight, s.
+        j_rms: output -> root mean square error, in its unit.
+        tic: output -> Theil's inequality coefficient.
+        bias: output -> constant that was added to the prediction, in its unit.
+    """
+
+    duration_s: float
+    j_rms: Mapping[str, float]
+    tic: Mapping[str, float]
+    bias: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerificationFigures:
+    """The figures of a verification, without its time histories.
+
+    Attributes:
+        j_rms: root mean square error over all outputs, each in its unit.
+        tic: Theil's inequality coefficient over all outputs.
+        outputs: one an output.
+        records: one a flight.
+    """
+
+    j_rms: float
+    tic: float
+    outputs: tuple[VerifiedOutput, ...]
+    records: tuple[VerifiedRecord, ...]
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether Theil's coefficient is at most 0.25."""
+        return self.tic <= ACCEPTABLE_TIC
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        return {
+            "j_rms": self.j_rms,
+            "tic": self.tic,
+            "acceptable": self.acceptable,
+            "outputs": [asdict(one) for one in self.outputs],
+            "records": [asdict(one) for one in self.records],
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class Verification:
     """How well a model predicts records that it was not fitted to.
@@ -103,33 +169,37 @@ class Verification:
     @property
     def acceptable(self) -> bool:
         """Whether Theil's coefficient is at most 0.25."""
-        return self.tic <= ACCEPTABLE_TIC
+        return self.figures.acceptable
+
+    @property
+    def figures(self) -> VerificationFigures:
+        """What is left of it without the time histories, as results keep it."""
+        return VerificationFigures(
+            j_rms=self.j_rms,
+            tic=self.tic,
+            outputs=tuple(
+                VerifiedOutput(
+                    name=name,
+                    unit=unit,
+                    j_rms=self.j_rms_by_output[name],
+                    tic=self.tic_by_output[name],
+                )
+                for name, unit in zip(self.outputs, self.units)
+            ),
+            records=tuple(
+                VerifiedRecord(
+                    duration_s=float(trace.time[-1] - trace.time[0]),
+                    j_rms=dict(zip(self.outputs, trace.j_rms.tolist())),
+                    tic=dict(zip(self.outputs, trace.tic.tolist())),
+                    bias=dict(zip(self.outputs, trace.bias.tolist())),
+                )
+                for trace in self.traces
+            ),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data for JSON, without the traces."""
-        return {
-            "j_rms": self.j_rms,
-            "tic": self.tic,
-            "acceptable": self.acceptable,
-            "outputs": [
-                {
-                    "name": name,
-                    "unit": unit,
-                    "j_rms": self.j_rms_by_output[name],
-                    "tic": self.tic_by_output[name],
-                }
-                for name, unit in zip(self.outputs, self.units)
-            ],
-            "records": [
-                {
-                    "duration_s": float(trace.time[-1] - trace.time[0]),
-                    "j_rms": dict(zip(self.outputs, trace.j_rms.tolist())),
-                    "tic": dict(zip(self.outputs, trace.tic.tolist())),
-                    "bias": dict(zip(self.outputs, trace.bias.tolist())),
-                }
-                for trace in self.traces
-            ],
-        }
+        return self.figures.to_dict()
 
     def __str__(self) -> str:
         lines = [f"{'output':<8}  {'unit':<6}  {'J_rms':>10}  {'TIC':>6}"]

@@ -19,7 +19,7 @@ from helisim.paper.errata import Erratum, errata
 from helisim.paper.gyro_effect import GyroEffect
 from helisim.records.files import atomic_write, make_folder
 from helisim.sim.rigs import RigTest
-from helisim.study.results import ComparisonTable, ParameterRow, Results, VerificationFigures
+from helisim.study.results import ComparisonTable, ParameterRow, Results
 from helisim.study.run import Run, read_run
 from helisim.vehicle.assembly import model_folder
 
@@ -243,7 +243,7 @@ def _time_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     blocks = []
     for item in run.models:
         if item.verification is not None:
-            figures = VerificationFigures.of(item.verification)
+            figures = item.verification.figures
             block = [
                 html.heading(item.name),
                 html.table(tables.verification({item.name: figures})),

@@ -11,7 +11,6 @@ from helisim.output.report import as_json, left_out
 from helisim.records.files import atomic_write
 from helisim.records.record import FlightRecord
 from helisim.study.identified import IdentifiedModel
-from helisim.study.results import VerificationFigures
 
 
 def write_fit_report(
@@ -63,6 +62,6 @@ def write_fit_report(
 def _verified(item: IdentifiedModel) -> str:
     if item.verification is None:
         return ""
-    figures = VerificationFigures.of(item.verification)
+    figures = item.verification.figures
     shown = html.table(tables.verification({item.name: figures}))
     return shown + html.figures(verification_drawings(item))

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import degrees
 
 from helisim.ident import Fit
+from helisim.ident.verify import VerificationFigures
 from helisim.output.table import PERCENT, Cell, Column, Table, common_form, number, words
 from helisim.paper import jr700
 from helisim.paper.eq8 import Coefficient, OverallCheck
@@ -12,7 +13,7 @@ from helisim.paper.gyro_effect import Change, GyroEffect, Statement
 from helisim.records.channels import IN1
 from helisim.records.record import FlightRecord
 from helisim.sim.rigs import Finding, RigTest
-from helisim.study.results import ComparisonTable, ParameterRow, VerificationFigures
+from helisim.study.results import ComparisonTable, ParameterRow
 from helisim.vehicle import Vehicle
 
 _NAME = (Column("parameter", left=True), Column("unit", left=True))

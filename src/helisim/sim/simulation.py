@@ -31,10 +31,10 @@ def simulate(
     vehicle: Vehicle,
     plan: FlightPlan | Excitation,
     *,
+    keep_ended: bool = False,
     count: int = 1,
     seed: int = 0,
     jobs: int | None = None,
-    keep_ended: bool = False,
 ) -> Iterator[Trajectory]:
     """Yield what truly happens in each flight of a plan; arguments and errors as for `fly`.
 

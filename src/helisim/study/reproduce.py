@@ -30,7 +30,7 @@ from helisim.study.identification import (
 )
 from helisim.study.identified import IdentifiedModel, write_models
 from helisim.study.models import MODELS
-from helisim.study.results import ComparisonTable, Results, VerificationFigures
+from helisim.study.results import ComparisonTable, Results
 from helisim.study.run import FITS, Run
 from helisim.vehicle import load
 
@@ -140,9 +140,7 @@ def reproduce(
         excluded=excluded,
         ground=ground,
         verification={
-            one.name: VerificationFigures.of(one.verification)
-            for one in models
-            if one.verification is not None
+            one.name: one.verification.figures for one in models if one.verification is not None
         },
         gyro_effect=_gyro_effect(tables),
         eq_8=_eq_8(tables),

@@ -9,8 +9,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.ident import Verification
-from helisim.ident.verify import ACCEPTABLE_TIC
+from helisim.ident.verify import VerificationFigures
 from helisim.paper.eq8 import OverallCheck
 from helisim.paper.gyro_effect import GyroEffect
 from helisim.records.files import read_json
@@ -276,77 +275,6 @@ _LESS_COHERENT = re.compile(
     r"\(the least coherent kept has (\d\.\d{4})\)"
 )
 """The sentences that results held before they held values."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class VerifiedOutput:
-    """How well one output was predicted.
-
-    Attributes:
-        name: of the output.
-        unit: of `j_rms`.
-        j_rms: root mean square error.
-        tic: Theil's inequality coefficient, 0 perfect, 1 useless.
-    """
-
-    name: str
-    unit: str
-    j_rms: float
-    tic: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class VerifiedRecord:
-    """How well one flight was predicted.
-
-    Attributes:
-        duration_s: of the flight, s.
-        j_rms: output -> root mean square error, in its unit.
-        tic: output -> Theil's inequality coefficient.
-        bias: output -> constant that was added to the prediction, in its unit.
-    """
-
-    duration_s: float
-    j_rms: Mapping[str, float]
-    tic: Mapping[str, float]
-    bias: Mapping[str, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class VerificationFigures:
-    """The figures of a verification, without its time histories.
-
-    Attributes:
-        j_rms: root mean square error over all outputs, each in its unit.
-        tic: Theil's inequality coefficient over all outputs.
-        outputs: one an output.
-        records: one a flight.
-    """
-
-    j_rms: float
-    tic: float
-    outputs: tuple[VerifiedOutput, ...]
-    records: tuple[VerifiedRecord, ...]
-
-    @classmethod
-    def of(cls, verification: Verification) -> "VerificationFigures":
-        """Return the figures of a verification."""
-        return read_as(cls, verification.to_dict(), "verification")
-
-    @property
-    def acceptable(self) -> bool:
-        """Whether Theil's coefficient is at most 0.25."""
-        return self.tic <= ACCEPTABLE_TIC
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data."""
-        return {
-            "j_rms": self.j_rms,
-            "tic": self.tic,
-            "acceptable": self.acceptable,
-            "outputs": [asdict(one) for one in self.outputs],
-            "records": [asdict(one) for one in self.records],
-        }
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ Three panels below one another, as on the page of the report: magnitude, phase, 
 point or line that is pointed at says its frequency and values. Drawn for the viewer's dark theme.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,7 +68,7 @@ class _Panel:
     marks: tuple[float, ...]
 
     def height(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where values (n,) are drawn; those outside at the edge."""
+        """Return where values (n_value,) are drawn; those outside at the edge."""
         share = (np.clip(values, self.low, self.high) - self.low) / (self.high - self.low)
         return self.bottom - share * (self.bottom - self.top)
 
@@ -83,12 +83,12 @@ class _Frequencies:
     right: float
 
     def across(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where frequencies (n,) are drawn."""
+        """Return where frequencies (n_freq,) are drawn."""
         share = np.log(omega / self.low) / np.log(self.high / self.low)
         return self.left + share * (self.right - self.left)
 
     def ticks(self) -> NDArray[np.float64]:
-        """Return 1, 2, 5, 10 ... rad/s within the axis, (n,)."""
+        """Return 1, 2, 5, 10 ... rad/s within the axis, (n_tick,)."""
         decades = 10.0 ** np.arange(-4.0, 5.0)
         marks = np.sort(np.concatenate([decades, 2.0 * decades, 5.0 * decades]))
         return marks[(marks >= self.low * 0.999) & (marks <= self.high * 1.001)]
@@ -125,7 +125,8 @@ def log_bode(
         used: lowest and highest frequency of the fit, rad/s; None if the pair was left out.
         size: width and height of the drawing.
     """
-    drawn = _Drawing(recording, entity, output, input_, data, identified, truth, size)
+    models = {"identified": identified, "truth": truth}
+    drawn = _Drawing(recording, entity, (output, input_), data, models, size)
     drawn.log_axes(used)
     drawn.log_data()
     drawn.log_models()
@@ -140,17 +141,15 @@ class _Drawing:
         self,
         recording: rr.RecordingStream,
         entity: str,
-        output: str,
-        input_: str,
+        pair: tuple[str, str],
         data: FrequencyResponse,
-        identified: FrequencyResponse,
-        truth: FrequencyResponse | None,
+        models: Mapping[str, FrequencyResponse | None],
         size: tuple[float, float],
     ) -> None:
         self.recording, self.entity = recording, entity
-        self.unit = ratio_unit(data, output, input_)
+        self.unit = ratio_unit(data, *pair)
         self.omega = data.frequency
-        o, i = data.index(output, input_)
+        o, i = data.index(*pair)
         self.coherence = data.coherence[o, i]
         self.multiple = data.multiple_coherence[o]
         self.error = data.random_error[o, i]
@@ -158,9 +157,9 @@ class _Drawing:
         line = data.response[o, i]
         self.gain, self.phase = decibels(line), phase_degrees(line)
         self.lines: list[tuple[str, FrequencyResponse, NDArray, NDArray]] = []
-        for name, response in (("identified", identified), ("truth", truth)):
+        for name, response in models.items():
             if response is not None:
-                values = response.response[response.index(output, input_)]
+                values = response.response[response.index(*pair)]
                 phase = on_turn(phase_degrees(values), middle(self.phase))
                 self.lines.append((name, response, decibels(values), phase))
         left, right = _LEFT, size[0] - _RIGHT
@@ -357,11 +356,11 @@ def _places(height: float) -> list[tuple[float, float]]:
 def _panel(
     place: tuple[float, float], values: NDArray[np.float64], steps: Sequence[float]
 ) -> _Panel:
-    """Return a panel with room for the values and at most six lines across."""
+    """Return a panel that holds the values with a margin, and at most six lines across."""
     low, high = float(np.min(values)), float(np.max(values))
     step = next((one for one in steps if (high - low) / one <= 4.0), steps[-1])
-    room = max(0.08 * (high - low), 0.25 * step)
-    low, high = low - room, high + room
+    margin = max(0.08 * (high - low), 0.25 * step)
+    low, high = low - margin, high + margin
     marks = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0)
     return _Panel(*place, low, high, tuple(marks.tolist()))
 

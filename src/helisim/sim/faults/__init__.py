@@ -12,7 +12,7 @@ from helisim.sim.faults.flight import (
     check_parts,
     write_faults,
 )
-from helisim.sim.faults.notation import Fault, parse_fault
+from helisim.sim.faults.notation import FAULTS, Fault, parse_fault
 from helisim.sim.faults.recorder import (
     ClockDrift,
     RecorderFault,
@@ -21,15 +21,6 @@ from helisim.sim.faults.recorder import (
     SensorDropout,
     SensorSpikes,
 )
-
-FAULTS: dict[str, type[Fault]] = {
-    kind.__name__: kind
-    for kind in (
-        *(ServoStuck, ServoWeak, GyroRestart, GyroDropout),
-        *(SensorDropout, SensorSpikes, SampleLoss, RecordGap, ClockDrift),
-    )
-}
-"""Every kind of fault by its name."""
 
 __all__ = [
     "FAULTS",

@@ -4,23 +4,29 @@ from typing import Any
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import CHANNELS, SERVOS
-from helisim.sim.faults.flight import FlightFault, GyroDropout, GyroRestart, ServoStuck, ServoWeak
-from helisim.sim.faults.recorder import (
-    ClockDrift,
-    RecorderFault,
-    RecordGap,
-    SampleLoss,
-    SensorDropout,
-    SensorSpikes,
-)
+from helisim.sim.faults import flight, recorder
+from helisim.sim.faults.flight import FlightFault
+from helisim.sim.faults.recorder import RecorderFault
 from helisim.sim.plain import from_plain
 
 Fault = FlightFault | RecorderFault
 
-_SERVO: dict[str, type[Fault]] = {"stuck": ServoStuck, "weak": ServoWeak}
-_GYRO: dict[str, type[Fault]] = {"restart": GyroRestart, "dropout": GyroDropout}
-_RECORDER: dict[str, type[Fault]] = {"loss": SampleLoss, "gap": RecordGap, "drift": ClockDrift}
-_CHANNEL: dict[str, type[Fault]] = {"spikes": SensorSpikes, "dropout": SensorDropout}
+_SERVO: dict[str, type[Fault]] = {"stuck": flight.ServoStuck, "weak": flight.ServoWeak}
+_GYRO: dict[str, type[Fault]] = {"restart": flight.GyroRestart, "dropout": flight.GyroDropout}
+_RECORDER: dict[str, type[Fault]] = {
+    "loss": recorder.SampleLoss,
+    "gap": recorder.RecordGap,
+    "drift": recorder.ClockDrift,
+}
+_CHANNEL: dict[str, type[Fault]] = {
+    "spikes": recorder.SensorSpikes,
+    "dropout": recorder.SensorDropout,
+}
+
+FAULTS = {
+    kind.__name__: kind for kinds in (_SERVO, _GYRO, _RECORDER, _CHANNEL) for kind in kinds.values()
+}
+"""Every kind of fault by its name."""
 
 FORM = "PART:KIND[@SECONDS][,NAME=VALUE...]"
 
