@@ -53,7 +53,7 @@ def test_pure_gain_has_the_closed_form_accuracy():
     """A gain fitted to one response of coherence 1 has I = 1.82 % and CR = 2 I.
 
     J = 20 W (20 log10 K/K0)^2 with W = [1.58 (1 - 1/e)]^2, so d2J/dK2 = 2 * 20 W (8.686/K)^2
-    = 3010 / K^2 and I = K / sqrt(3010) (issue 3; Tischler and Remple's definitions).
+    = 3010 / K^2 and I = K / sqrt(3010) (Tischler and Remple's definitions).
     """
     fit = identify(exact(GAIN, {"K": -3.0}), GAIN)
     assert fit["K"].value == pytest.approx(-3.0, rel=1e-9)

@@ -215,9 +215,12 @@ def test_a_folder_without_a_run_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"recorder": {}}, "configuration of the run.recorder has no 'rate_hz'"),
-        ({"timestep_s": "short"}, "configuration of the run.timestep_s is 'short', expected float"),
-        ({"parameters": [1]}, "configuration of the run.parameters is"),
+        ({"recorder": {}}, "configuration of the run.recorder needs rate_hz"),
+        (
+            {"timestep_s": "short"},
+            "run.timestep_s must be a number, got 'short'",
+        ),
+        ({"parameters": [1]}, "configuration of the run.parameters must be a table"),
     ],
 )
 def test_a_configuration_that_says_too_little_is_refused(folder, tmp_path, change, message):

@@ -242,7 +242,7 @@ def test_a_band_or_channel_that_tells_nothing_is_refused():
 
 
 def test_the_suspension_finds_the_centre_of_gravity(ground):
-    """Within 1 mm (issue 4), and so the IMU's lever arm, with the default noise."""
+    """Within 1 mm, and so the IMU's lever arm, with the default noise."""
     found = ground["suspension"]
     assert found["cg distance"].value < 1e-3
     for axis in "xyz":

@@ -14,7 +14,7 @@ def add(commands: Any) -> None:
         "bench",
         help="run the ground tests: the yaw gyro's gains, the centre of gravity",
         description="Step the pedals on the bench, sweep the turntable, hang from two points, all "
-        "with the rotor off, and print what the records tell beside the truth.",
+        "with the rotor off, and print what is identified beside the truth.",
         epilog="example: helisim bench --json",
     )
     command.add_argument(

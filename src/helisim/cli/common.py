@@ -134,8 +134,28 @@ def names(text: str | None) -> tuple[str, ...]:
     return tuple(name.strip() for name in (text or "").split(",") if name.strip())
 
 
-def tell_written(options: argparse.Namespace, text: str) -> None:
-    """Say what was written where, unless --quiet."""
+def add_write(command: argparse.ArgumentParser, name: str) -> None:
+    """Add --write, for a command that makes a vehicle's parameter file of that name."""
+    command.add_argument(
+        "--write",
+        action="store_true",
+        help=f"replace the vehicle's {name}",
+    )
+
+
+def replace_parameter_file(options: argparse.Namespace, name: str, text: str) -> None:
+    """Write a vehicle's parameter file of that name anew, and print where."""
+    from helisim.records.files import atomic_write
+    from helisim.vehicle.assembly import model_folder
+
+    path = model_folder(options.vehicle) / name
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    print_written(options, str(path))
+
+
+def print_written(options: argparse.Namespace, text: str) -> None:
+    """Print what was written where, unless --quiet."""
     if not options.quiet:
         print(f"Written: {text}")
 
@@ -143,7 +163,7 @@ def tell_written(options: argparse.Namespace, text: str) -> None:
 def write_recording(
     path: Path, records: Any, *, vehicle: str = "jr700", run: Any = None, quiet: bool = False
 ) -> None:
-    """Write a Rerun recording of flights, and of what a run found from them, and say so."""
+    """Write a Rerun recording of flights, and of what a run found from them, and print where."""
     from helisim.cli.progress import Progress
     from helisim.output.rerun.recording import write_recording
     from helisim.vehicle import load
@@ -151,11 +171,11 @@ def write_recording(
     with Progress(len(records), quiet, unit="flight") as advance:
         model = load(vehicle).visual_model()
         write_recording(path, records, model=model, run=run, on_progress=advance)
-    tell_recording(path, quiet)
+    print_recording(path, quiet)
 
 
-def tell_recording(path: Path, quiet: bool) -> None:
-    """Say that a recording was written, and what opens it, unless it shall be quiet."""
+def print_recording(path: Path, quiet: bool) -> None:
+    """Print where a recording was written and what opens it, unless `quiet`."""
     if not quiet:
         print(f"Written: {path}; open it with: rerun {path}")
 

@@ -15,7 +15,7 @@ from helisim.cli.common import (
     add_vehicle,
     named_numbers,
     parameters,
-    tell_written,
+    print_written,
     write_recording,
 )
 from helisim.cli.progress import Progress
@@ -273,11 +273,11 @@ def _one(options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan") ->
     except DivergedError as error:
         if error.record is not None:
             beside = write_flight(Flight(error.record, error.last_second), options.out)
-            tell_written(options, f"{options.out}, as far as the flight went, and {beside}")
+            print_written(options, f"{options.out}, as far as the flight went, and {beside}")
             _write_recording(options, vehicle, plan, error.record)
         raise
     write_record(record, options.out)
-    tell_written(
+    print_written(
         options,
         f"{options.out} ({record.duration:.2f} s, {len(record)} samples, "
         f"{len(record.names)} channels)",
@@ -308,7 +308,7 @@ def _many(options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan") -
             on_flight=lambda: advance("flight"),
         )
     there = f", {flown.found} of them there before" if flown.found else ""
-    tell_written(
+    print_written(
         options,
         f"{options.out} ({len(flown.paths)} flights of {plan.excitation.duration:g} s{there})",
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from helisim.cli.common import add_quiet, tell_written
+from helisim.cli.common import add_quiet, print_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Signals, add_responses, estimate
@@ -64,10 +64,10 @@ def _run(options: argparse.Namespace) -> int:
             "provenance": provenance,
         }
         write_json(data, options.json)
-        tell_written(options, str(options.json))
+        print_written(options, str(options.json))
     if options.csv is not None:
         _write_csv(frf, provenance, options.csv)
-        tell_written(options, str(options.csv))
+        print_written(options, str(options.csv))
     return 0
 
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from helisim.cli.common import add_quiet, named_numbers, names, tell_written, wrapped
+from helisim.cli.common import add_quiet, named_numbers, names, print_written, wrapped
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
@@ -161,7 +161,7 @@ def _write(
             write_fit_report(options.report, fit, records=shown, on_progress=advance)
     for path in (options.json, options.latex, options.matlab, options.report):
         if path is not None:
-            tell_written(options, str(path))
+            print_written(options, str(path))
 
 
 def _renames(text: str) -> dict[str, str]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from tqdm import tqdm
 
 _SILENT = 3.0
-"""s, before a log file is told anything: most commands are done by then."""
+"""s, before the first line in a log file: most commands are done by then."""
 _INTERVAL = 10.0
 """s between two lines of a log file."""
 
@@ -16,7 +16,7 @@ class Progress:
     """Show how many steps of a command are done, on standard error, unless it shall be quiet.
 
     Args:
-        steps: in all; None if nobody knows.
+        steps: in all; None if that is not known.
         quiet: True shows nothing.
         unit: what a step is called.
     """

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import add_quiet, tell_recording, wrapped
+from helisim.cli.common import add_quiet, print_recording, wrapped
 from helisim.cli.progress import Progress
 
 
@@ -59,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
             advance(f"{path.stem} read")
         model = load("jr700").visual_model()
         write_recording(options.out, flights, model=model, run=run, on_progress=advance)
-    tell_recording(options.out, options.quiet)
+    print_recording(options.out, options.quiet)
     plain = [name for name, record in flights.items() if not knows_rotor(record)]
     if plain and not options.quiet:
         print(_without_rotor(plain, len(flights)))

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import add_quiet, tell_written
+from helisim.cli.common import add_quiet, print_written
 
 
 def add(commands: Any) -> None:
@@ -31,5 +31,5 @@ def _run(options: argparse.Namespace) -> int:
         figures = sorted(str(item) for item in (path.parent / "figures").iterdir())
         print(json.dumps({"report": str(path), "figures": figures}, indent=2))
     else:
-        tell_written(options, f"{path}, figures in {path.parent / 'figures'}")
+        print_written(options, f"{path}, figures in {path.parent / 'figures'}")
     return 0

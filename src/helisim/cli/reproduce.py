@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import add_common, parameters, tell_written, write_recording
+from helisim.cli.common import add_common, parameters, print_written, write_recording
 from helisim.cli.progress import Progress
 from helisim.errors import InputError
 
@@ -122,8 +122,8 @@ def _reproduce(options: argparse.Namespace) -> int:
         print(json.dumps(run.results.to_dict(), indent=2, allow_nan=False))
     else:
         print(render_results(run.results, color=wants_color(sys.stdout)))
-        tell_written(options, f"{out / 'results.json'}, records in {out / 'flights'}")
-        tell_written(options, f"{out / 'report.html'}")
+        print_written(options, f"{out / 'results.json'}, records in {out / 'flights'}")
+        print_written(options, f"{out / 'report.html'}")
     if options.rerun is not None:
         records = named_records(run.flights)
         quiet = options.quiet or options.json

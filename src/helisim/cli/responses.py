@@ -82,8 +82,8 @@ def estimate(
     inputs, outputs, conditioning, reference = signals
     wanted = tuple(dict.fromkeys((*inputs, *conditioning, *reference, *outputs)))
     with warnings.catch_warnings():
-        for told in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
-            warnings.simplefilter("ignore", told)
+        for category in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
+            warnings.simplefilter("ignore", category)
         logs, records = read_logs(options, wanted, advance)
         _check_moving(logs, wanted)
         with located(logs):

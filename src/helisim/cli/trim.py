@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from helisim.cli.common import add_parameters, add_quiet, add_vehicle, parameters, tell_written
+from helisim.cli.common import add_parameters, add_quiet, add_vehicle, parameters, print_written
 from helisim.cli.progress import Progress
 from helisim.errors import InputError
 
@@ -87,7 +87,7 @@ def _run(options: argparse.Namespace) -> int:
     print(render_trims(flights))
     for path in (options.figure, options.json):
         if path is not None:
-            tell_written(options, str(path))
+            print_written(options, str(path))
     return 0
 
 

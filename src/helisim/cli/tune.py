@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from helisim.cli.common import add_quiet, add_vehicle, tell_written
+from helisim.cli.common import add_quiet, add_vehicle, add_write, replace_parameter_file
 from helisim.cli.progress import Progress
 
 
@@ -18,20 +18,14 @@ def add(commands: Any) -> None:
         epilog="example: helisim tune",
     )
     add_vehicle(command)
-    command.add_argument(
-        "--write",
-        action="store_true",
-        help="replace the vehicle's tuned.toml",
-    )
+    add_write(command, "tuned.toml")
     add_quiet(command)
     command.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.records.files import atomic_write
     from helisim.study.tune import margin_table, tune
     from helisim.vehicle import load
-    from helisim.vehicle.assembly import model_folder
     from helisim.vehicle.parameters import to_toml
 
     vehicle = load(options.vehicle, tuned=False)
@@ -48,8 +42,5 @@ def _run(options: argparse.Namespace) -> int:
             f"{one.margins.phase_deg:6.1f} {one.margins.crossover:6.1f}"
         )
     if options.write:
-        path = model_folder(vehicle.name) / "tuned.toml"
-        with atomic_write(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-        tell_written(options, str(path))
+        replace_parameter_file(options, "tuned.toml", text)
     return 0

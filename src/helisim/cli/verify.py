@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import add_quiet, tell_written
+from helisim.cli.common import add_quiet, print_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, read_logs, reports
 from helisim.cli.progress import Progress
 
@@ -62,5 +62,5 @@ def _run(options: argparse.Namespace) -> int:
             "provenance": made_by("verification", fit=fit.provenance),
         }
         write_json(data, options.json)
-        tell_written(options, str(options.json))
+        print_written(options, str(options.json))
     return 0 if verification.acceptable else 1

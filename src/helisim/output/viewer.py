@@ -63,7 +63,7 @@ class Window(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LiveFlight:
-    """A flight that is about to be watched.
+    """A flight that is ready to be shown.
 
     Attributes:
         model: with every part to be seen, the pilot and the manoeuvre in place.
@@ -96,7 +96,7 @@ def prepare_live(
         vehicle: that flies.
         excitation: a `Sweep`, say; None holds the hover.
         pilot: the default `Pilot` if None.
-        seed: of the pilot's hand, 0 or more.
+        seed: of the pilot's remnant, 0 or more.
     """
     if seed < 0:
         raise InputError(f"seed must be 0 or more, got {seed}")

@@ -47,7 +47,7 @@ def servo_left(par, time, fault, command, limit):
 
 @kernel()
 def restarts(view):
-    """Tell whether the gyro is restarting now."""
+    """Return whether the gyro is restarting now."""
     par = view.par
     if par[PARAM.faults] == 0.0:
         return False
@@ -83,8 +83,8 @@ def rates_left(view, p, q, r):
 
 
 @kernel()
-def dropped(how, rate, held):
+def dropped(reading, rate, held):
     """Return a rate as it reads when dropped out in one of the ways, or not."""
-    if how == READS_ZERO:
+    if reading == READS_ZERO:
         return 0.0
-    return held if how == READS_HELD else rate
+    return held if reading == READS_HELD else rate

@@ -142,7 +142,7 @@ def vehicles(m, d, offsets):
 
 @kernel()
 def is_rotor(m, offsets, actuator):
-    """Tell whether an actuator is the rotor of one of our vehicles, all the others before it."""
+    """Return whether an actuator is the rotor of one of our vehicles, all the others before it."""
     if long(m, offsets.nuser_actuator) < _PARAMETERS:
         return False
     user = user_numbers(m, offsets, actuator)

@@ -1,4 +1,4 @@
-"""The pilot: holds the hover, flies sweeps and doublets, and is human about both.
+"""The pilot: holds the hover, flies sweeps and doublets, with the remnant of a human.
 
 Everything is a function of time, state and parameters, so a flight is the same for any
 number of threads, and halving the time step changes neither the sweep nor the remnant.

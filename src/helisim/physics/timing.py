@@ -58,9 +58,9 @@ def tick_number(par, time):
 
 @kernel()
 def is_tick(view):
-    """Tell whether the gyro acts now: at a step's start, once in each of its periods.
+    """Return whether the gyro acts now: at a step's start, once in each of its periods.
 
-    MuJoCo computes sensors at the start of a step only, so the clock tells the start from the
+    MuJoCo computes sensors at the start of a step only, so the clock separates the start from the
     later stages of the integrator.
     """
     time = double(view.d, view.offsets.time)

@@ -178,7 +178,7 @@ def step_times(duration: float, timestep: float) -> NDArray[np.float64]:
 def sticks_digest(excitation: Excitation, timestep: float) -> str | None:
     """Return a digest of what an excitation's `sticks` adds; None where there is none.
 
-    A record keeps a class's name and settings, not its code: this tells whether the code that
+    A record keeps a class's name and settings, not its code: this shows whether the code that
     is at hand still flies the same. Arguments and errors are those of `stick_history`.
     """
     sticks = stick_history(excitation, timestep)

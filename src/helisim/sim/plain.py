@@ -1,6 +1,7 @@
-"""Value objects of a flight as plain data and TOML, and back, each value checked by its type."""
+"""Value objects as plain data and TOML, and back, each value checked by its type."""
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
@@ -13,6 +14,9 @@ T = TypeVar("T")
 
 OFF = "off"
 """In TOML, which knows no null: a setting that is None though its default is not."""
+
+INFINITE = "inf"
+"""In JSON, which knows no infinity: an infinite number of a result."""
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -28,24 +32,27 @@ def to_plain(value: Any) -> Any:
     return value
 
 
-def from_plain(kind: type[T], table: Any, where: str) -> T:
-    """Return the value object whose settings a table holds; what it doesn't say is the default.
+def from_plain(kind: type[T], table: Any, where: str, *, lenient: bool = False) -> T:
+    """Return the value object whose fields a table holds; what it doesn't say is the default.
 
     Args:
         kind: a dataclass.
-        table: settings by name, as `to_plain` or a TOML file gives them.
+        table: fields by name, as `to_plain` or a TOML file gives them.
         where: the table's name, for messages.
+        lenient: True passes over names that `kind` doesn't have, as another version may have
+            written them, and takes `INFINITE`.
 
     Raises:
         UnknownNameError: no such setting; the message lists those that exist.
         InputError: a setting is missing, of the wrong type, or refused by the object.
     """
     if not isinstance(table, Mapping):
-        raise InputError(f"{where} must be a table of settings, got {table!r}")
+        raise InputError(f"{where} must be {_words(kind)}, got {table!r:.60}")
     allowed = {one.name: one for one in fields(cast(Any, kind)) if one.init}
-    for name in table:
-        if name not in allowed:
-            raise UnknownNameError(f"setting of {where}", name, allowed)
+    if not lenient:
+        for name in table:
+            if name not in allowed:
+                raise UnknownNameError(f"setting of {where}", name, allowed)
     missing = [
         name
         for name, one in allowed.items()
@@ -55,7 +62,9 @@ def from_plain(kind: type[T], table: Any, where: str) -> T:
         raise InputError(f"{where} needs {' and '.join(missing)}")
     hints = get_type_hints(kind)
     given = {
-        name: _from_plain(hints[name], value, f"{where}.{name}") for name, value in table.items()
+        name: _from_plain(hints[name], value, f"{where}.{name}", lenient)
+        for name, value in table.items()
+        if name in allowed
     }
     try:
         return kind(**given)
@@ -66,7 +75,7 @@ def from_plain(kind: type[T], table: Any, where: str) -> T:
 def check_type(where: str, hint: Any, value: Any) -> None:
     """Raise InputError unless a plain value is of a type, such as `float | None`."""
     if not _fits(hint, value):
-        raise InputError(f"{where} must be {_words(hint)}, got {value!r}")
+        raise InputError(f"{where} must be {_words(hint)}, got {value!r:.60}")
 
 
 def value_object(hint: Any) -> Any:
@@ -128,15 +137,31 @@ def _literal(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
 
 
-def _from_plain(hint: Any, value: Any, where: str) -> Any:
-    inner = value_object(hint)
-    if inner is not None and isinstance(value, Mapping):
-        return from_plain(inner, value, where)
+def _from_plain(hint: Any, value: Any, where: str, lenient: bool) -> Any:
+    for kind in _alternatives(hint):
+        parts = get_args(kind)
+        if is_dataclass(kind) and isinstance(value, Mapping):
+            return from_plain(cast(Any, kind), value, where, lenient=lenient)
+        if get_origin(kind) is Mapping and isinstance(value, Mapping):
+            return {
+                key: _from_plain(parts[1], one, f"{where}.{key}", lenient)
+                for key, one in value.items()
+            }
+        if get_origin(kind) is tuple and isinstance(value, list) and is_dataclass(parts[0]):
+            return tuple(
+                _from_plain(parts[0], one, f"{where}[{k}]", lenient) for k, one in enumerate(value)
+            )
+        if lenient and kind is float and value == INFINITE:
+            return math.inf
     if value == OFF and not _fits(hint, value) and NoneType in get_args(hint):
         return None
-    value = tuple(value) if isinstance(value, list) else value
+    value = tuple(value) if isinstance(value, list) and hint is not Any else value
     check_type(where, hint, value)
     return value
+
+
+def _alternatives(hint: Any) -> tuple[Any, ...]:
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
 def _fits(hint: Any, value: Any) -> bool:
@@ -171,10 +196,13 @@ def _words(hint: Any) -> str:
     if origin is Literal:
         return " or ".join(map(repr, parts))
     if origin is tuple:
-        return f"a list of {len(parts)} numbers" if Ellipsis not in parts else "a list of numbers"
+        size = f" of {len(parts)}" if Ellipsis not in parts else " of"
+        return f"a list{size} numbers" if parts[0] in (float, int) else "a list"
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        return "a table of numbers"
+        return "a table of numbers" if parts[1] is float else "a table"
     if isinstance(origin, type) and issubclass(origin, Sequence):
         return "a list of names"
+    if is_dataclass(hint):
+        return "a table"
     words = {float: "a number", int: "an integer", bool: "true or false", str: "text"}
     return words.get(hint, str(hint))

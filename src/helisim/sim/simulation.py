@@ -146,12 +146,12 @@ def prepare(
     plan = as_plan(plan)
     model = copy.copy(vehicle.model)
     par = model.actuator_user[addresses(model).rotor]
-    hand, air = (
+    pilot_seed, air_seed = (
         int(generator(seed, number, purpose).integers(2**31)) for purpose in ("pilot", "air")
     )
-    plan.pilot.write(par, vehicle, seed=hand, height=plan.weather.height)
+    plan.pilot.write(par, vehicle, seed=pilot_seed, height=plan.weather.height)
     plan.excitation.on(vehicle.parameters).write(par)
-    plan.weather.write(par, vehicle, seed=air)
+    plan.weather.write(par, vehicle, seed=air_seed)
     write_faults(par, plan.flight_faults)
     return model
 

@@ -99,9 +99,9 @@ class Dryden:
             law.turbulence_rates(state, noise, lags, written)
             return written
 
-        calm, still = np.zeros(_STATES), np.zeros(4)
-        a = np.column_stack([rates(unit, still) for unit in np.eye(_STATES)])
-        b = np.column_stack([rates(calm, unit) for unit in np.eye(4)])
+        no_state, no_noise = np.zeros(_STATES), np.zeros(4)
+        a = np.column_stack([rates(unit, no_noise) for unit in np.eye(_STATES)])
+        b = np.column_stack([rates(no_state, unit) for unit in np.eye(4)])
         return a, b * self.levels(span) * np.sqrt(2.0 * lags)
 
     def start(self, span: float, rng: np.random.Generator) -> NDArray[np.float64]:

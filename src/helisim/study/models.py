@@ -67,7 +67,7 @@ class ModelSpec:
         reference: channels outside the loop, for the joint input-output method.
         band: rad/s.
         structure: of the model.
-        truth: where its true parameters are: in the vehicle's "derivatives", in its "gyro", or
+        truth_kind: where its true parameters are: in the vehicle's "derivatives", in its "gyro", or
             nowhere, where the structure is a low-order "equivalent" of more than it has states
             for; the truth is then the structure fitted to the exact response.
         given: parameter -> where its value is from; it is not fitted.
@@ -87,7 +87,7 @@ class ModelSpec:
     reference: tuple[str, ...] = ()
     band: tuple[float, float]
     structure: ident.Structure
-    truth: Literal["derivatives", "gyro", "equivalent"] = "derivatives"
+    truth_kind: Literal["derivatives", "gyro", "equivalent"] = "derivatives"
     given: dict[str, Given] = field(default_factory=dict)
     verified_by: tuple[str, ...] = ()
     tolerances: dict[str, Tolerance] = field(default_factory=dict)
@@ -97,7 +97,7 @@ class ModelSpec:
     @property
     def weighting(self) -> Literal["error", "coherence"]:
         """Of the fit: CIFER's own for an equivalent, which depends on how misfit is shared out."""
-        return "coherence" if self.truth == "equivalent" else "error"
+        return "coherence" if self.truth_kind == "equivalent" else "error"
 
     def paper_tolerance(self, name: str, cr_percent: float | None) -> Tolerance:
         """Return how far a parameter may be from the paper's, whose bound is given or None."""
@@ -134,7 +134,7 @@ YAW_GYRO = ModelSpec(
     conditioning=("LAT", "COL"),
     band=(1.5, 30.0),
     structure=ident.structures.yaw_gyro,
-    truth="gyro",
+    truth_kind="gyro",
     given={
         "N_ped": Given("yaw_base", "N_ped"),
         "tau_r_base": Given("yaw_base", "tau_r_base"),
@@ -167,7 +167,7 @@ YAW_OVERALL = ModelSpec(
     conditioning=("LAT", "COL"),
     band=(0.6, 25.0),
     structure=ident.structures.yaw_overall,
-    truth="equivalent",
+    truth_kind="equivalent",
     tolerances=dict.fromkeys(("b1", "b0", "a1", "a0", "tau_r_all"), TIGHT),
     paper_tolerances=dict.fromkeys(("b1", "b0", "a1", "a0"), COMPUTED),
     note=(
@@ -206,7 +206,7 @@ ROLLPITCH_IN2 = ModelSpec(
     structure=ident.structures.rollpitch_tied.renamed(
         {"lat": "LAT", "lon": "LON"}, name="rollpitch_in2"
     ),
-    truth="equivalent",
+    truth_kind="equivalent",
     tolerances={
         **dict.fromkeys(("L_b", "M_a", "A_lon", "B_lat"), TIGHT),
         **dict.fromkeys(("tau_f", "B_a", "A_lat", "B_lon", "tau_lat", "tau_lon"), LOOSE),

@@ -8,10 +8,10 @@ from typing import Any
 
 from helisim.errors import InputError
 from helisim.records.files import read_json
+from helisim.sim.plain import from_plain
 from helisim.study.differences import changes, leaves, listed, record_difference
 from helisim.study.flights import RESULTS
 from helisim.study.identified import read_models
-from helisim.study.plain import read_as
 from helisim.study.reproduce import Arguments, reproduce
 from helisim.study.results import read_results
 from helisim.study.run import FITS, FLIGHTS
@@ -125,7 +125,7 @@ def arguments_of(folder: Path) -> Arguments:
             f"({', '.join(names)}); another version wrote it"
         )
     try:
-        return read_as(Arguments, stated, "configuration.arguments")
+        return from_plain(Arguments, stated, "configuration.arguments")
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

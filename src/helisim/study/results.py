@@ -13,8 +13,8 @@ from helisim.ident.verify import VerificationFigures
 from helisim.paper.eq8 import OverallCheck
 from helisim.paper.gyro_effect import GyroEffect
 from helisim.records.files import read_json
+from helisim.sim.plain import INFINITE, from_plain
 from helisim.sim.rigs import RigTest
-from helisim.study.plain import json_number, read_as
 
 Verdict = Literal["ok", "off truth", "off paper", "off both", "not judged"]
 
@@ -128,8 +128,8 @@ class ParameterRow:
             "paper": self.paper,
             "truth": self.truth,
             "identified": self.identified,
-            "cr_percent": json_number(self.cr_percent),
-            "insensitivity_percent": json_number(self.insensitivity_percent),
+            "cr_percent": _json_number(self.cr_percent),
+            "insensitivity_percent": _json_number(self.insensitivity_percent),
             "tolerance_percent": self.tolerance_percent,
             "tolerance_reason": self.tolerance_reason,
             "paper_tolerance_percent": self.paper_tolerance_percent,
@@ -367,7 +367,7 @@ class Results:
         try:
             if isinstance(excluded, list):
                 given["excluded"] = [_exclusion(one) for one in excluded]
-            return read_as(cls, given, "results")
+            return from_plain(cls, given, "results", lenient=True)
         except InputError as error:
             raise InputError(f"{where}: not the results of a run: {error}") from None
 
@@ -388,6 +388,13 @@ def read_results(path: str | Path) -> Results:
         InputError: it holds something else.
     """
     return Results.from_dict(read_json(path), str(path))
+
+
+def _json_number(value: float | None) -> float | str | None:
+    """Return a size as JSON can hold it; one that is not a number becomes None."""
+    if value is None or math.isnan(value):
+        return None
+    return value if math.isfinite(value) else INFINITE
 
 
 def _deviation_percent(value: float, target: float | None) -> float | None:

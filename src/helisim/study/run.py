@@ -7,9 +7,9 @@ from types import MappingProxyType
 
 from helisim.errors import StorageError
 from helisim.records.record import FlightRecord
+from helisim.sim.plain import from_plain
 from helisim.study.flights import FOLDER, RESULTS, read_kept_sweeps
 from helisim.study.identified import IdentifiedModel, read_models
-from helisim.study.plain import read_as
 from helisim.study.results import Results, read_results
 
 FITS = "fits.json"
@@ -70,7 +70,8 @@ class Run:
     @property
     def configuration(self) -> Configuration:
         """How the run was made. Raises InputError: the results don't say it."""
-        return read_as(Configuration, self.results.configuration, "configuration of the run")
+        stated = self.results.configuration
+        return from_plain(Configuration, stated, "configuration of the run", lenient=True)
 
     @property
     def sweeps(self) -> dict[str, FlightRecord]:

@@ -83,9 +83,9 @@ def true_values(
         air: of `air_met`, over which the truth is the mean; the vehicle's own trim if None.
     """
     air = air or ((1.0, vehicle),)
-    if model.truth == "gyro":
+    if model.truth_kind == "gyro":
         return _gyro_values(vehicle, mean_derivatives(air))
-    if model.truth == "equivalent":
+    if model.truth_kind == "equivalent":
         return _equivalent_values(air, model, recorder, like)
     late = recorder.late
     true = mean_derivatives(air)

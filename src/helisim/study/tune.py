@@ -20,7 +20,7 @@ from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
 from helisim.study.truth import exact_response, true_values
 from helisim.units import DB_PER_NEPER
-from helisim.vehicle import Parameter, Parameters, Vehicle
+from helisim.vehicle import Parameters, PhysicalParameter, Vehicle
 from helisim.vehicle.rate_command import tune_rate_command
 
 _YAW = {"gyro.ped_latency": 0.02}
@@ -155,7 +155,7 @@ def tune(
         settings |= _solve(vehicle, starts, model, target, shape, on_progress or (lambda _: None))
     source = "solved by helisim tune: eq. (8) and the IN2 column of Table 3"
     entries = {
-        name: Parameter(name, value, vehicle.parameters.entry(name).unit, source)
+        name: PhysicalParameter(name, value, vehicle.parameters.entry(name).unit, source)
         for name, value in settings.items()
     }
     return Parameters(entries)

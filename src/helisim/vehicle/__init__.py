@@ -3,15 +3,15 @@
 from helisim.vehicle.atmosphere import isa_density
 from helisim.vehicle.calibrate import calibrate
 from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
-from helisim.vehicle.parameters import GyroSettings, Parameter, Parameters, read_parameters
+from helisim.vehicle.parameters import GyroSettings, Parameters, PhysicalParameter, read_parameters
 from helisim.vehicle.trim import Trim, find_trim
 from helisim.vehicle.vehicle import Vehicle, load, standard_parameters
 
 __all__ = [
     "GyroSettings",
     "Linearization",
-    "Parameter",
     "Parameters",
+    "PhysicalParameter",
     "Trim",
     "Vehicle",
     "calibrate",

@@ -16,7 +16,7 @@ from scipy.optimize import root
 from helisim.errors import InputError, ModelError
 from helisim.vehicle.assembly import assemble, mass_and_gravity
 from helisim.vehicle.linearize import linearize, stability_derivatives
-from helisim.vehicle.parameters import Parameter, Parameters, untuned
+from helisim.vehicle.parameters import Parameters, PhysicalParameter, untuned
 from helisim.vehicle.trim import find_trim
 
 DIRECT = ("tau_f", "A_b", "B_a", "A_lat", "A_lon", "B_lat", "B_lon")
@@ -35,7 +35,7 @@ _UNKNOWNS = {
     "tail_rotor.pitch_trim": ("rad", "hover with the pedals centred"),
     "tail_rotor.pitch_range": ("rad", "N_ped"),
 }
-"""Parameter -> unit, and the condition that fixes it."""
+"""PhysicalParameter -> unit, and the condition that fixes it."""
 
 _TOLERANCE = 1e-8
 """Relative error allowed in each condition: four digits beyond any published one."""
@@ -72,7 +72,7 @@ def calibrate(
                 f"it takes {', '.join(DIRECT + SOLVED)}"
             )
     direct = {
-        f"flapping.{key.lower()}": Parameter(
+        f"flapping.{key.lower()}": PhysicalParameter(
             f"flapping.{key.lower()}", targets[key], "s" if key == "tau_f" else _unit(key), source
         )
         for key in DIRECT
@@ -84,7 +84,7 @@ def calibrate(
 
     def join(scale: NDArray[np.float64]) -> Parameters:
         solved = {
-            key: Parameter(key, float(value), unit, f"solved: {condition}, {source}")
+            key: PhysicalParameter(key, float(value), unit, f"solved: {condition}, {source}")
             for (key, (unit, condition)), value in zip(_UNKNOWNS.items(), scale * starts)
         }
         return untuned(Parameters({**entries, **direct, **solved}))

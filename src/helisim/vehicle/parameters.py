@@ -11,7 +11,7 @@ from helisim.records.files import read_toml
 
 
 @dataclass(frozen=True)
-class Parameter:
+class PhysicalParameter:
     """One physical parameter: dotted name, value, unit (SI) and source."""
 
     name: str
@@ -27,7 +27,7 @@ class Parameters(Mapping[str, float]):
         UnknownNameError: on a name that does not exist; the message lists those that do.
     """
 
-    def __init__(self, entries: Mapping[str, Parameter]) -> None:
+    def __init__(self, entries: Mapping[str, PhysicalParameter]) -> None:
         self._entries = dict(entries)
 
     def __getitem__(self, name: str) -> float:
@@ -42,7 +42,7 @@ class Parameters(Mapping[str, float]):
     def __contains__(self, name: object) -> bool:
         return name in self._entries
 
-    def entry(self, name: str) -> Parameter:
+    def entry(self, name: str) -> PhysicalParameter:
         """Return value, unit and source of one parameter."""
         try:
             return self._entries[name]
@@ -64,7 +64,7 @@ class Parameters(Mapping[str, float]):
             number = float(value)
             if not math.isfinite(number):
                 raise InputError(f"parameter {name!r} must be a finite number, got {value!r}")
-            entries[name] = Parameter(name, number, old.unit, source)
+            entries[name] = PhysicalParameter(name, number, old.unit, source)
         return Parameters(entries)
 
 
@@ -74,7 +74,7 @@ def read_parameters(*paths: Path) -> Parameters:
     Raises:
         ModelError: a file is missing or malformed, or a name is defined twice.
     """
-    entries: dict[str, Parameter] = {}
+    entries: dict[str, PhysicalParameter] = {}
     for path in paths:
         for name, entry in _read(path).items():
             if name in entries:
@@ -109,13 +109,13 @@ def untuned(parameters: Parameters) -> Parameters:
     A vehicle can be calibrated and its gyro tuned with them; to fly it needs tuned ones.
     """
     plain = {
-        name: Parameter(name, value, unit, "not tuned yet")
+        name: PhysicalParameter(name, value, unit, "not tuned yet")
         for name, (value, unit) in _UNTUNED.items()
     }
     return Parameters({**plain, **{name: parameters.entry(name) for name in parameters}})
 
 
-def _read(path: Path) -> dict[str, Parameter]:
+def _read(path: Path) -> dict[str, PhysicalParameter]:
     try:
         content = read_toml(path)
     except StorageError as error:
@@ -127,7 +127,7 @@ def _read(path: Path) -> dict[str, Parameter]:
         for key, item in members.items():
             name = f"{section}.{key}"
             try:
-                entries[name] = Parameter(
+                entries[name] = PhysicalParameter(
                     name, float(item["value"]), str(item["unit"]), str(item["source"])
                 )
             except (TypeError, KeyError, ValueError):

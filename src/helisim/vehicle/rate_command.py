@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from helisim.errors import ModelError
-from helisim.vehicle.parameters import Parameter, Parameters
+from helisim.vehicle.parameters import Parameters, PhysicalParameter
 from helisim.vehicle.vehicle import Vehicle
 
 _POINTS = 40
@@ -88,7 +88,7 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
     source = "solved by helisim tune: rate command, peak sensitivity"
     return Parameters(
         {
-            name: Parameter(name, value, own.entry(name).unit, source)
+            name: PhysicalParameter(name, value, own.entry(name).unit, source)
             for name, value in settings.items()
         }
     )

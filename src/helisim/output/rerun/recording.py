@@ -37,8 +37,8 @@ from numpy.typing import NDArray
 from rerun.blueprint import Blueprint
 
 from helisim.errors import InputError
-from helisim.output.rerun.findings import log_findings, model_views
 from helisim.output.rerun.layout import FlightViews, blueprint
+from helisim.output.rerun.results import log_results, model_views
 from helisim.output.rerun.scene import is_posed, knows_rotor, log_fuselage, log_space
 from helisim.output.rerun.series import log_series
 from helisim.output.rerun.shapes import Shapes, box_shapes, model_shapes
@@ -137,7 +137,7 @@ def _recorded(
         if any(is_posed(record) for record in flights.values()):
             log_fuselage(recording, shapes)
         if run is not None:
-            log_findings(recording, run)
+            log_results(recording, run)
         for name, record in flights.items():
             _log_flight(recording, name, record, shapes, thin)
             on_progress(name)

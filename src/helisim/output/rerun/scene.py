@@ -66,12 +66,12 @@ def world_frame(world: str) -> str:
 
 
 def is_posed(record: FlightRecord) -> bool:
-    """Return whether a record tells where the helicopter was, and how it was turned."""
+    """Return whether a record has the position and attitude of the helicopter."""
     return _has(record, (*ATTITUDES, *POSITIONS))
 
 
 def knows_rotor(record: FlightRecord) -> bool:
-    """Return whether a record tells how the tip-path plane was tilted, as a simulation's may."""
+    """Return whether a record has the tilt of the tip-path plane, as a simulation's may."""
     return _has(record, _TILT)
 
 

@@ -68,5 +68,5 @@ def read_log_bytes(path: Path) -> bytes:
 
 
 def digest(data: bytes) -> str:
-    """Return a fingerprint of a file's bytes."""
+    """Return a digest of a file's bytes, 32 hexadecimal digits."""
     return hashlib.blake2b(data, digest_size=16).hexdigest()

@@ -124,7 +124,7 @@ _OUTPUTS = ("neutral", "held")
 
 @dataclass(frozen=True, kw_only=True)
 class GyroDropout:
-    """The gyro's own rate sensors say nothing new for a while. The recorder's do.
+    """The gyro's own rate sensors freeze, or read zero, for a while; the recorder's go on.
 
     Attributes:
         at: s.

@@ -23,7 +23,7 @@ _FEWEST = 2
 
 @dataclass(frozen=True, kw_only=True)
 class SensorDropout:
-    """Channels that say nothing new for a while.
+    """Channels that freeze, or read zero, for a while.
 
     Attributes:
         channels: names, one or several.

@@ -1,4 +1,4 @@
-"""Ground tests: the helicopter held by a rig, its rotor off, and what its records tell.
+"""Ground tests: the helicopter held by a rig, its rotor off, and what its records identify.
 
 The bench and the turntable give the yaw gyro's gains, the suspension the centre of gravity
 and with it the IMU's lever arm (Wu and Chen, sections 2 and 3.1).

@@ -1,4 +1,4 @@
-"""What a ground test found."""
+"""The findings of a ground test: numbers with their standard errors, beside the truth."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +16,7 @@ class Finding:
         value: from the record.
         truth: what the vehicle and its recorder carry; None where there is none.
         standard_error: of `value`; None where it is not estimated.
-        how: one line.
+        how: the method, in one line.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class RigTest:
-    """What one rig told.
+    """What the test in one rig found.
 
     Attributes:
         rig: its name.

@@ -119,7 +119,7 @@ def step_pedals(
 ) -> FlightRecord:
     """Step the pedals of a helicopter on the bench, rotor off, and return the record."""
     steps = steps or PedalSteps()
-    control = _still(held, steps.duration)
+    control = _at_rest(held, steps.duration)
     time = np.arange(len(control)) * held.model.opt.timestep
     control[:, held.model.actuator("PED").id] = steps.sticks(time)
     return _record(held, "mounted", control, "bench", asdict(steps), seed, recorder)
@@ -134,7 +134,7 @@ def turn(
 ) -> FlightRecord:
     """Sweep the rate of a helicopter on the turntable, sticks centred, rotor off."""
     sweep = sweep or TableSweep()
-    control = _still(held, sweep.duration)
+    control = _at_rest(held, sweep.duration)
     time = np.arange(len(control)) * held.model.opt.timestep
     control[:, held.model.actuator("drive").id] = -sweep.rates(time)
     return _record(held, "mounted", control, "turntable", asdict(sweep), seed, recorder)
@@ -163,7 +163,7 @@ def hang(
     points = suspension_points(held)
     if point not in points:
         raise UnknownNameError("suspension point", point, points)
-    control = _still(held, duration)
+    control = _at_rest(held, duration)
     what = {"point": point, "duration": duration}
     return _record(held, point, control, "suspension", what, seed, recorder)
 
@@ -175,7 +175,7 @@ def suspension_points(held: Vehicle) -> dict[str, NDArray[np.float64]]:
     return {weld.name: np.array(flip(*weld.data[:3])) for weld in welds}
 
 
-def _still(held: Vehicle, duration: float) -> NDArray[np.float64]:
+def _at_rest(held: Vehicle, duration: float) -> NDArray[np.float64]:
     """Return controls at zero, (n_step, n_control): sticks centred, rotor off."""
     steps = round(duration / held.model.opt.timestep) + 1
     return np.zeros((steps, held.model.nu))

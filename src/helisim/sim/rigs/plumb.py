@@ -50,14 +50,14 @@ def plumb_line(record: FlightRecord, point: ArrayLike, *, rest: float = REST) ->
     Args:
         record: of one hanging, with phi and theta.
         point: (3,) m, airframe axes (FRD), where it hung by.
-        rest: s at the end of the record, in which it hung still.
+        rest: s at the end of the record, in which it hung at rest.
 
     Raises:
-        RecordError: it did not hang still.
+        RecordError: it did not hang at rest.
     """
-    still = record.slice(record.time[-1] - rest, record.time[-1])
-    angles = still.select(("phi", "theta"))
-    blocks = np.array_split(angles, max(4, round(still.duration / _BLOCK)))
+    at_rest = record.slice(record.time[-1] - rest, record.time[-1])
+    angles = at_rest.select(("phi", "theta"))
+    blocks = np.array_split(angles, max(4, round(at_rest.duration / _BLOCK)))
     means = np.array([block.mean(axis=0) for block in blocks])
     half = len(means) // 2
     drift = np.abs(means[:half].mean(axis=0) - means[half:].mean(axis=0))

@@ -61,7 +61,7 @@ def bench_test(
     seed: int = 1,
     recorder: Recorder | None = None,
 ) -> RigTest:
-    """Find k_p and k_I of the yaw gyro: the pedals step while the heading is held still.
+    """Find k_p and k_I of the yaw gyro: the pedals step while the rig holds the heading.
 
     The gyro answers the step with a jump of k_p k_delta and a ramp of k_I k_delta: the bench
     sees the two products and their ratio. The gain of the stick, k_delta, must come from

@@ -58,7 +58,7 @@ def _pair(item: IdentifiedModel, output: str, input_: str) -> str:
     return f"models/{item.name}/{output}_{input_}"
 
 
-def log_findings(recording: rr.RecordingStream, run: Run) -> None:
+def log_results(recording: rr.RecordingStream, run: Run) -> None:
     """Log all that was found, below the entity `models`."""
     recording.send_property(
         "run", rr.AnyValues(results=json.dumps(run.results.to_dict(), sort_keys=True))
