@@ -31,9 +31,9 @@ def no_callback_left_behind() -> Iterator[None]:
     for hook in left:
         getattr(mujoco, f"set_mjcb_{hook}")(None)
     assert not left
-    told = interpreted.raised.copy()
+    errors = interpreted.raised.copy()
     interpreted.raised.clear()
-    assert not told
+    assert not errors
 
 
 @pytest.fixture(scope="session")

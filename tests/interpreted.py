@@ -69,14 +69,14 @@ def _cfunc(signature: Any, **_: Any) -> Callable[[Callable], SimpleNamespace]:
     prototype = ctypes.CFUNCTYPE(_C[signature.return_type], *(_C[one] for one in signature.args))
 
     def decorate(function: Callable) -> SimpleNamespace:
-        def told(*arguments: Any) -> Any:
+        def guarded(*arguments: Any) -> Any:
             try:
                 return function(*arguments)
             except BaseException as error:  # ctypes would print it and go on
                 raised.append(error)
                 return 0
 
-        pointer = prototype(told)
+        pointer = prototype(guarded)
         return SimpleNamespace(ctypes=pointer, address=ctypes.cast(pointer, ctypes.c_void_p).value)
 
     return decorate

@@ -68,8 +68,8 @@ def unsafe(tree):
             names = {(node.module or "").split(".")[0]} & UNSAFE_MODULES
         elif isinstance(node, ast.Call):
             called = {node.func.id} if isinstance(node.func, ast.Name) else set()
-            told = {word.arg for word in node.keywords if word.arg}
-            names = (called & UNSAFE_CALLS) | (told & UNSAFE_OPTIONS)
+            options = {word.arg for word in node.keywords if word.arg}
+            names = (called & UNSAFE_CALLS) | (options & UNSAFE_OPTIONS)
             names |= {ast.unparse(node.func)} & UNSAFE_FUNCTIONS
         else:
             continue

@@ -115,10 +115,10 @@ def test_a_forked_child_flies_on_within_the_block(jr700, expected):
         child = os.fork()
         if child == 0:
             try:
-                told = fingerprint(hs.fly(jr700, HOP, seed=0, jobs=2)[0])
+                outcome = fingerprint(hs.fly(jr700, HOP, seed=0, jobs=2)[0])
             except BaseException as error:
-                told = repr(error)
-            os.write(writer, told.encode())
+                outcome = repr(error)
+            os.write(writer, outcome.encode())
             os._exit(0)
         os.close(writer)
         with os.fdopen(reader) as pipe:

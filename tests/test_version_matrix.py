@@ -54,6 +54,6 @@ def test_a_combination_passes_as_its_tests_do(matrix, tmp_path, monkeypatch, cap
     monkeypatch.setattr(matrix, "run", run)
     outcome = matrix.tested("3.12", "oldest", tmp_path / "a.whl", ["tests"])
     assert outcome is (status == 0)
-    told = capsys.readouterr().out
-    assert "Python 3.12 oldest: 2 passed" in told
-    assert "numba 1.0" in told
+    printed = capsys.readouterr().out
+    assert "Python 3.12 oldest: 2 passed" in printed
+    assert "numba 1.0" in printed

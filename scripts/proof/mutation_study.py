@@ -149,7 +149,7 @@ def sample(files: list[Path], root: Path, count: int, seed: int) -> list[Mutant]
     return drawn
 
 
-class Watch:
+class Times:
     """A plugin of pytest: how long each test takes, and under which name coverage counts it."""
 
     def __init__(self, coverage) -> None:
@@ -212,19 +212,19 @@ class Baseline:
         import coverage
         import pytest
 
-        watching = coverage.Coverage(
+        measured = coverage.Coverage(
             data_file=None, include=[f"*/helisim/{package}/*"], config_file=False
         )
-        watching.start()
-        watch = Watch(watching)
-        status = pytest.main(["-q", "-n0", "-m", "not slow", *tests], plugins=[watch])
-        watching.stop()
-        data = watching.get_data()
+        measured.start()
+        times = Times(measured)
+        status = pytest.main(["-q", "-n0", "-m", "not slow", *tests], plugins=[times])
+        measured.stop()
+        data = measured.get_data()
         lines = {
             str(Path(file).relative_to(self.root)): data.contexts_by_lineno(file)
             for file in data.measured_files()
         }
-        answer.write_text(json.dumps({"seconds": watch.seconds, "lines": lines}), encoding="utf-8")
+        answer.write_text(json.dumps({"seconds": times.seconds, "lines": lines}), encoding="utf-8")
         return int(status)
 
     def tests_of(self, mutant: Mutant, budget: float) -> tuple[list[str], float]:

@@ -61,13 +61,13 @@ def folder(tmp_path_factory):
 
 def outcome(arguments):
     """Return a command's status and the lines it left on standard error."""
-    told = io.StringIO()
-    with contextlib.redirect_stderr(told), contextlib.redirect_stdout(io.StringIO()):
+    stderr = io.StringIO()
+    with contextlib.redirect_stderr(stderr), contextlib.redirect_stdout(io.StringIO()):
         try:
             status = main(arguments)
         except SystemExit as exit_:  # argparse's own, with its one line and status 2
             status = exit_.code
-    return status, [line for line in told.getvalue().split("\n") if line]
+    return status, [line for line in stderr.getvalue().split("\n") if line]
 
 
 @pytest.mark.parametrize("command", SOUND)

@@ -132,10 +132,10 @@ def fuzz(name: str, seconds: int, keep: Path) -> None:
         try:
             read(path)
         except HelisimError as error:
-            told = str(error)
+            message = str(error)
             # An expression has no file; what it says is put behind the place by its structure.
-            if not told or (name != "expression" and str(folder) not in told):
-                raise InputError(f"the message doesn't name the file: {told}") from error
+            if not message or (name != "expression" and str(folder) not in message):
+                raise InputError(f"the message doesn't name the file: {message}") from error
 
     options = [f"-max_total_time={seconds}", "-timeout=20", "-rss_limit_mb=4096", "-max_len=8192"]
     options += [f"-artifact_prefix={keep}/{name}-", "-print_final_stats=1"]
@@ -159,9 +159,9 @@ def main() -> int:
         command = [sys.executable, __file__, "--here", "--only", name]
         command += ["--seconds", str(options.seconds), "--keep", str(options.keep)]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace")
-        told = done.stdout + done.stderr
-        count = re.search(r"number_of_executed_units:\s*(\d+)", told)
-        reached = re.findall(r"cov: (\d+)", told)
+        message = done.stdout + done.stderr
+        count = re.search(r"number_of_executed_units:\s*(\d+)", message)
+        reached = re.findall(r"cov: (\d+)", message)
         print(
             f"{name:<11} {int(count[1]) if count else 0:>9} inputs, "
             f"{reached[-1] if reached else 0} places reached",
@@ -169,8 +169,8 @@ def main() -> int:
         )
         if done.returncode:
             defects += 1
-            start = told.find("=== Uncaught Python exception")
-            print(told[start if start >= 0 else -2000 :][:3000])
+            start = message.find("=== Uncaught Python exception")
+            print(message[start if start >= 0 else -2000 :][:3000])
     return 1 if defects else 0
 
 

@@ -39,8 +39,8 @@ for name, write in writers.items():
     whole = path.stat().st_size
     path.write_bytes(b"old")
     for least in (lambda size: 0, lambda size: size // 2, lambda size: size - 60):
-        told = "no error"
-        while told == "no error":  # a recording's size varies by a few bytes from write to write
+        message = "no error"
+        while message == "no error":  # a recording's size varies by a few bytes from write to write
             limit = least(whole)
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, endless))
             try:
@@ -49,10 +49,10 @@ for name, write in writers.items():
                 assert whole <= limit, (name, whole, limit)
                 path.write_bytes(b"old")
             except StorageError as error:
-                told = str(error).replace(str(folder), "FOLDER")
+                message = str(error).replace(str(folder), "FOLDER")
             resource.setrlimit(resource.RLIMIT_FSIZE, (endless, endless))
         left = sorted(file.name for file in folder.iterdir())
-        print(name, path.read_bytes() == b"old", left == [name], told, sep="|")
+        print(name, path.read_bytes() == b"old", left == [name], message, sep="|")
     path.unlink()
 """
 
@@ -64,7 +64,7 @@ def test_a_write_that_the_disk_refuses_leaves_the_old_file_and_one_clear_error(t
     assert done.returncode == 0, done.stderr
     lines = [line.split("|") for line in done.stdout.splitlines()]
     assert len(lines) == 15
-    for name, kept, alone, told in lines:
-        assert told.startswith(f"FOLDER/{name}: can't write it: "), (name, told)
+    for name, kept, alone, message in lines:
+        assert message.startswith(f"FOLDER/{name}: can't write it: "), (name, message)
         assert (kept, alone) == ("True", "True"), name
     assert list(tmp_path.iterdir()) == []

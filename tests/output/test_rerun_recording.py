@@ -274,7 +274,7 @@ def test_an_interrupted_recording_leaves_nothing(tmp_path, monkeypatch):
 
 def test_each_flight_of_a_recording_is_progress(tmp_path):
     """The caller is told each flight's name, in order."""
-    told = []
+    reported = []
     flights = {"b": make_flight(), "a": make_flight(RATES)}
-    write_recording(tmp_path / "a.rrd", flights, on_progress=told.append)
-    assert told == ["b", "a"]
+    write_recording(tmp_path / "a.rrd", flights, on_progress=reported.append)
+    assert reported == ["b", "a"]

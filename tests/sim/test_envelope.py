@@ -260,9 +260,9 @@ def test_the_identification_refuses_a_flight_that_was_over(jr700, tmp_path, wild
     asked = {"inputs": "LAT", "outputs": "p", "band": (10.0, 30.0)}
     with pytest.raises(IdentificationError, match=r"record 2 .*terminated early.*use_ended"):
         frequency_response([good, wild.record], **asked)
-    told = frequency_response([good, wild.record], **asked, use_ended=True)
+    allowed = frequency_response([good, wild.record], **asked, use_ended=True)
     unmarked = replace(wild.record, provenance={})
-    assert np.array_equal(told.response, frequency_response([good, unmarked], **asked).response)
+    assert np.array_equal(allowed.response, frequency_response([good, unmarked], **asked).response)
     part = wild.record.slice(0.0, 3.0)
     with pytest.raises(IdentificationError, match="record 1"):
         frequency_response(part, **asked)

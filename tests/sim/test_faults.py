@@ -22,13 +22,13 @@ from helisim.sim.simulation import simulate
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 
-STILL = Pilot(remnant=0.0)
+NO_REMNANT = Pilot(remnant=0.0)
 QUIET = Doublet(axis="ped", duration=12.0, amplitude=1e-6)
 """As good as no manoeuvre: the pilot keeps the hover."""
 AT = 2.0
 
 
-def hover(vehicle, *faults, pilot=STILL, excitation=QUIET):
+def hover(vehicle, *faults, pilot=NO_REMNANT, excitation=QUIET):
     """Return the truth of a hover with faults, whatever becomes of it."""
     plan = FlightPlan(
         excitation=excitation, pilot=pilot, faults=faults, envelope=FlightEnvelope.off()
@@ -260,7 +260,7 @@ def test_only_the_rates_that_drop_out_do(jr700):
 def test_provenance_tells_the_faults(jr700):
     """Kind and every number, in the record."""
     faults = [ServoStuck(servo="servo_left", at=2.0), GyroDropout(at=1.0, lasts=0.1)]
-    record = fly(jr700, FlightPlan(excitation=QUIET, faults=faults, pilot=STILL), jobs=1)[0]
+    record = fly(jr700, FlightPlan(excitation=QUIET, faults=faults, pilot=NO_REMNANT), jobs=1)[0]
     assert record.provenance["faults"] == [
         {"kind": "ServoStuck", "servo": "servo_left", "at": 2.0, "position": None},
         {"kind": "GyroDropout", "at": 1.0, "lasts": 0.1, "rates": list(RATES), "reads": "zero"},

@@ -16,7 +16,7 @@ from helisim.sim.trajectory import read_trajectory
 from helisim.vehicle import load
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
-STILL = Pilot(remnant=0.0)
+NO_REMNANT = Pilot(remnant=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +156,7 @@ def test_flight_that_stopped_is_refused(jr700):
 @pytest.mark.parametrize(("axis", "rate"), [("lat", "p"), ("lon", "q"), ("ped", "r")])
 def test_doublet_turns_its_axis_first_one_way(jr700, axis, rate):
     """A positive doublet rolls right, pitches up or yaws right, and then the other way."""
-    record = fly(jr700, FlightPlan(excitation=Doublet(axis=axis), pilot=STILL), jobs=1)[0]
+    record = fly(jr700, FlightPlan(excitation=Doublet(axis=axis), pilot=NO_REMNANT), jobs=1)[0]
     stick = record[axis.upper()]
     first = (record.time > 2.1) & (record.time < 2.5)
     second = (record.time > 2.6) & (record.time < 3.0)
@@ -170,7 +170,7 @@ def test_doublet_turns_its_axis_first_one_way(jr700, axis, rate):
 
 def test_collective_doublet_climbs_first(jr700):
     """A positive collective doublet gives upward velocity: w falls."""
-    record = fly(jr700, FlightPlan(excitation=Doublet(axis="col"), pilot=STILL), jobs=1)[0]
+    record = fly(jr700, FlightPlan(excitation=Doublet(axis="col"), pilot=NO_REMNANT), jobs=1)[0]
     assert np.interp(2.5, record.time, record["w"]) < -0.3
 
 

@@ -161,10 +161,10 @@ def test_one_evaluation_a_step_flies_as_four(axis):
 
 def test_remnant_is_what_was_asked(jr700):
     """The hand's unrest has the rms of the pilot, on every stick, on top of the holding."""
-    still, human = Pilot(remnant=0.0), Pilot(remnant=0.01)
+    steady, human = Pilot(remnant=0.0), Pilot(remnant=0.01)
     excitation = Sweep(axis="col", duration=40.0, amplitude=1e-6, band=(0.3, 1.0))
     truth = next(simulate(jr700, FlightPlan(excitation=excitation, pilot=human), jobs=1))
-    quiet = next(simulate(jr700, FlightPlan(excitation=excitation, pilot=still), jobs=1))
+    quiet = next(simulate(jr700, FlightPlan(excitation=excitation, pilot=steady), jobs=1))
     assert np.abs(quiet.sticks[:, 1:]).max() < 1e-4
     # the fast part alone: the holding moves well below 5 rad/s
     fast = np.diff(truth.sticks[:: round(0.1 / truth.timestep)], axis=0)

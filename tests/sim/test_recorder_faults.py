@@ -28,7 +28,7 @@ def made():
     return FlightRecord(time, values, tuple(channel(name) for name in NAMES), {"seed": 1})
 
 
-def spoilt(fault, seed=0):
+def faulty(fault, seed=0):
     return fault.apply(made(), np.random.default_rng(seed))
 
 
@@ -36,7 +36,7 @@ def test_a_dropout_holds_or_reads_zero_for_as_long_as_said():
     """The named channels for the time said, nothing else."""
     good = made()
     for reads, wanted in (("held", good["p"][1999]), ("zero", 0.0)):
-        bad = spoilt(SensorDropout(channels="p", at=20.0, lasts=0.5, reads=reads))
+        bad = faulty(SensorDropout(channels="p", at=20.0, lasts=0.5, reads=reads))
         out = (good.time >= 20.0) & (good.time < 20.5)
         assert np.count_nonzero(out) == 50
         assert np.all(bad["p"][out] == wanted)
@@ -46,7 +46,7 @@ def test_a_dropout_holds_or_reads_zero_for_as_long_as_said():
 
 def test_spikes_have_their_size_and_their_rate():
     """Single samples are off by the size either way; as many a minute as said."""
-    bad, good = spoilt(SensorSpikes(channels=("p", "r"), size=5.0, per_minute=60.0)), made()
+    bad, good = faulty(SensorSpikes(channels=("p", "r"), size=5.0, per_minute=60.0)), made()
     for name in ("p", "r"):
         off = bad[name] - good[name]
         hit = np.abs(off) > 1e-9
@@ -60,7 +60,7 @@ def test_spikes_have_their_size_and_their_rate():
 @pytest.mark.parametrize("burst", [1, 5])
 def test_samples_are_lost_by_share_and_burst(burst):
     """What is left has its own stamps and values; losses come as bursts at least so long."""
-    bad, good = spoilt(SampleLoss(share=0.05, burst=burst)), made()
+    bad, good = faulty(SampleLoss(share=0.05, burst=burst)), made()
     lost = np.isin(good.time, bad.time, invert=True)
     bursts = 0.05 * COUNT / burst
     # bursts are nearly Poisson: 4.5 of their standard error
@@ -73,7 +73,7 @@ def test_samples_are_lost_by_share_and_burst(burst):
 
 def test_a_gap_is_where_it_was_said():
     """From its start until its end, and nowhere else."""
-    bad = spoilt(RecordGap(at=20.0, lasts=0.5))
+    bad = faulty(RecordGap(at=20.0, lasts=0.5))
     assert len(bad) == COUNT - 50
     steps = np.diff(bad.time)
     assert steps.max() == pytest.approx(0.51, abs=1e-9)
@@ -83,10 +83,10 @@ def test_a_gap_is_where_it_was_said():
 def test_a_fast_clock_counts_more():
     """Of the recorder: every stamp; of a second computer: its channels slip against the others."""
     good = made()
-    bad = spoilt(ClockDrift(ppm=500.0))
+    bad = faulty(ClockDrift(ppm=500.0))
     assert bad.duration == pytest.approx(60.0 * 1.0005, rel=1e-12)
     assert np.array_equal(bad.values, good.values)
-    slipped = spoilt(ClockDrift(ppm=500.0, channels="p"))
+    slipped = faulty(ClockDrift(ppm=500.0, channels="p"))
     assert np.array_equal(slipped.time, good.time)
     true = np.sin(3.0 * good.time / 1.0005)
     # a cubic spline through a sine of 3 rad/s at 100 Hz: (w h)^4 / 384 = 2e-9
@@ -137,6 +137,6 @@ def test_a_fault_that_can_not_be_is_refused(make, error, says):
 def test_a_fault_needs_its_channels_and_some_samples():
     """A channel that isn't recorded, and a recorder that writes nothing."""
     with pytest.raises(UnknownNameError, match="p, r, LAT"):
-        spoilt(SensorDropout(channels="q", at=1.0, lasts=1.0))
+        faulty(SensorDropout(channels="q", at=1.0, lasts=1.0))
     with pytest.raises(InputError, match="lose less"):
-        spoilt(RecordGap(at=0.0, lasts=100.0))
+        faulty(RecordGap(at=0.0, lasts=100.0))

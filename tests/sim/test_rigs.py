@@ -42,9 +42,9 @@ GAINS = {"gyro.k_p": 0.6, "gyro.k_i": 11.0, "gyro.k_delta": 2.0, "gyro.k_a": 0.4
 @pytest.fixture(scope="module")
 def ground(jr700):
     """All rigs, run once with the default recorder."""
-    told = []
-    tests = run_rigs(jr700, seed=1, on_progress=told.append)
-    assert told == [test.rig for test in tests]
+    reported = []
+    tests = run_rigs(jr700, seed=1, on_progress=reported.append)
+    assert reported == [test.rig for test in tests]
     return {test.rig: test for test in tests}
 
 
@@ -106,9 +106,9 @@ def test_the_turntable_turns_as_it_is_told(jr700):
     """The recorded yaw rate is the prescribed sweep, behind the drive's bandwidth."""
     sweep = TableSweep(band=(2.0, 6.0), duration=16.0)
     record = turn(hold(jr700, "turntable"), sweep, recorder=EXACT)
-    told = sweep.rates(record.time)
+    commanded = sweep.rates(record.time)
     # drive, clamp and anti-alias filter lag by about 25 ms: 0.15 rad at 6 rad/s
-    assert np.abs(record["r"] - told).max() < 0.2 * np.abs(told).max()
+    assert np.abs(record["r"] - commanded).max() < 0.2 * np.abs(commanded).max()
     assert np.abs(record.select(("p", "q"))).max() < 1e-6
 
 

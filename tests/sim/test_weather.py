@@ -219,7 +219,7 @@ def test_record_says_what_the_weather_was(rough):
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "message"),
     [
         ({"turbulence": "terrible"}, "available: light, moderate, severe"),
         ({"turbulence": -3.0}, "wind at 20 ft of 0 m/s or more"),
@@ -235,9 +235,9 @@ def test_record_says_what_the_weather_was(rough):
         ({"height": 400.0, "turbulence": "light"}, "from 3.05 to 305 m"),
     ],
 )
-def test_impossible_weather_is_refused(given, told):
+def test_impossible_weather_is_refused(given, message):
     """Each with one line that says what was expected."""
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         Weather(**given)
 
 

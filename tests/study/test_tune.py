@@ -41,9 +41,9 @@ def test_tuning_again_prints_the_shipped_gains_and_the_margins(vehicle, table, c
     rows = [line.split()[1:] for line in printed.splitlines() if line.startswith(("# l", "# p"))]
     assert [row[0] for row in rows] == [axis for axis in LOOPS for _ in EXTRA_DELAYS]
     for row, one in zip(rows, table):
-        told = [1e3 * one.extra_delay, one.margins.gain_db, one.margins.phase_deg]
+        shown = [1e3 * one.extra_delay, one.margins.gain_db, one.margins.phase_deg]
         # printed digits, and what 1e-3 of a gain does to them
-        assert [float(cell) for cell in row[1:4]] == pytest.approx(told, abs=0.2)
+        assert [float(cell) for cell in row[1:4]] == pytest.approx(shown, abs=0.2)
 
 
 @pytest.mark.parametrize("model", [YAW_OVERALL, ROLLPITCH_IN2], ids=lambda model: model.name)

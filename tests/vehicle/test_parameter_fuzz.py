@@ -23,16 +23,16 @@ VALUES = st.one_of(
 @settings(max_examples=40)
 def test_any_override_loads_or_is_one_clear_error(changes):
     """No other exception, no warning, no linearisation with NaN, and one line of text."""
-    told = ""
+    message = ""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
             system = load(parameters=changes).linearize().system
         except HelisimError as error:
-            told = str(error)
+            message = str(error)
         else:
             assert np.all(np.isfinite(np.asarray(system.A)))
-    assert len(told.splitlines()) <= 1
+    assert len(message.splitlines()) <= 1
 
 
 @pytest.mark.parametrize(

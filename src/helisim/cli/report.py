@@ -1,7 +1,6 @@
 """`helisim report`: a run's report, made again from its files."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ def add(commands: Any) -> None:
     )
     command.add_argument("folder", type=Path, metavar="DIR", help="folder of a run")
     add_quiet(command)
-    command.add_argument("--json", action="store_true", help="print the paths as JSON")
     command.set_defaults(run=_run)
 
 
@@ -27,9 +25,5 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.output.report import write_report
 
     path = write_report(options.folder)
-    if options.json:
-        figures = sorted(str(item) for item in (path.parent / "figures").iterdir())
-        print(json.dumps({"report": str(path), "figures": figures}, indent=2))
-    else:
-        print_written(options, f"{path}, figures in {path.parent / 'figures'}")
+    print_written(options, f"{path}, figures in {path.parent / 'figures'}")
     return 0

@@ -1,6 +1,6 @@
 """The tables that helisim shows, each made once: for terminal, page and recording."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import degrees
 
 from helisim.ident import Fit
@@ -139,21 +139,9 @@ def _changed(one: Change) -> tuple[Cell, ...]:
 
 def gyro_statements(found: Sequence[Statement]) -> Table:
     """Return what the paper says of the gyro's effect, beside what is so."""
-    return Table(
-        "",
-        (
-            Column("said", left=True, label="the paper says"),
-            Column("paper", left=True, label="its table"),
-            Column("found", left=True, label="identified"),
-        ),
-        tuple(
-            (
-                words(f'"{one.said}"', "name long"),
-                words(one.paper, "long"),
-                words(one.identified, "long"),
-            )
-            for one in found
-        ),
+    return _sentences(
+        [("said", "the paper says"), ("paper", "its table"), ("found", "identified")],
+        [(f'"{one.said}"', one.paper, one.identified) for one in found],
         cards="-",
     )
 
@@ -260,26 +248,34 @@ def fitted(fit: Fit) -> Table:
 
 def errata(found: Sequence[Erratum]) -> Table:
     """Return the known errors of the paper, each with its calculation."""
-    return Table(
-        "",
-        (
-            Column("", left=True, label="error"),
-            Column("printed", left=True),
-            Column("calculated", left=True),
-            Column("so", left=True, label="result"),
-            Column("", left=True, label="conclusion"),
-        ),
-        tuple(
+    return _sentences(
+        [("", "error"), ("printed", ""), ("calculated", ""), ("so", "result"), ("", "conclusion")],
+        [
             (
-                words(f"{one.title} ({one.where})", "name long"),
-                words(one.printed, "long"),
-                words(one.calculation, "long"),
-                words(one.computed, "long"),
-                words(one.conclusion, "long"),
+                f"{one.title} ({one.where})",
+                one.printed,
+                one.calculation,
+                one.computed,
+                one.conclusion,
             )
             for one in found
-        ),
+        ],
         cards="1.",
+    )
+
+
+def _sentences(
+    columns: Sequence[tuple[str, str]], rows: Iterable[tuple[str, ...]], *, cards: str
+) -> Table:
+    """Return a table of sentences: headings and labels of the columns, the first naming a row."""
+    return Table(
+        "",
+        tuple(Column(heading, left=True, label=label) for heading, label in columns),
+        tuple(
+            (words(first, "name long"), *(words(one, "long") for one in rest))
+            for first, *rest in rows
+        ),
+        cards=cards,
     )
 
 

@@ -21,7 +21,7 @@ from helisim.sim.pilot import Pilot
 from helisim.sim.plan import FlightPlan, read_plan, write_plan
 from helisim.sim.recorder import Recorder
 from helisim.sim.simulation import simulate
-from helisim.sim.trajectory import End, Trajectory, read_trajectory
+from helisim.sim.trajectory import End, Trajectory
 from helisim.sim.weather import Gust, Weather
 
 __all__ = [
@@ -54,7 +54,6 @@ __all__ = [
     "fly_to",
     "parse_fault",
     "read_plan",
-    "read_trajectory",
     "simulate",
     "write_plan",
 ]

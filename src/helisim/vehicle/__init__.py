@@ -2,7 +2,7 @@
 
 from helisim.vehicle.atmosphere import isa_density
 from helisim.vehicle.calibrate import calibrate
-from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
+from helisim.vehicle.linearize import Linearization, linearize
 from helisim.vehicle.parameters import GyroSettings, Parameters, PhysicalParameter, read_parameters
 from helisim.vehicle.trim import Trim, find_trim
 from helisim.vehicle.vehicle import Vehicle, load, standard_parameters
@@ -20,6 +20,5 @@ __all__ = [
     "linearize",
     "load",
     "read_parameters",
-    "stability_derivatives",
     "standard_parameters",
 ]

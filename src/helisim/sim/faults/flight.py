@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,15 +103,12 @@ class GyroRestart:
     lasts: float = 0.3
     output: Literal["neutral", "held"] = "neutral"
 
+    part: ClassVar[str] = "restarting gyro"
+
     def __post_init__(self) -> None:
         check_time(self, "at", "lasts")
-        if self.output not in ("neutral", "held"):
+        if self.output not in _OUTPUTS:
             raise UnknownNameError("output of a gyro that restarts", self.output, _OUTPUTS)
-
-    @property
-    def part(self) -> str:
-        """What fails."""
-        return "restarting gyro"
 
     def write(self, par: NDArray[np.float64]) -> None:
         """Put the fault into a vehicle's parameters (n_param,) for the force laws."""
@@ -138,6 +135,8 @@ class GyroDropout:
     rates: str | Sequence[str] = RATES
     reads: Literal["zero", "held"] = "zero"
 
+    part: ClassVar[str] = "gyro's sensors"
+
     def __post_init__(self) -> None:
         check_time(self, "at", "lasts")
         object.__setattr__(self, "rates", tuple(self.rates))
@@ -148,11 +147,6 @@ class GyroDropout:
             raise InputError("a gyro dropout needs one of the rates p, q, r")
         if self.reads not in _READS:
             raise UnknownNameError("reading of a rate that dropped out", self.reads, _READS)
-
-    @property
-    def part(self) -> str:
-        """What fails."""
-        return "gyro's sensors"
 
     def write(self, par: NDArray[np.float64]) -> None:
         """Put the fault into a vehicle's parameters (n_param,) for the force laws."""

@@ -1,5 +1,6 @@
 """Hold the helicopter in a rig, do something to it, and record what its computer sees."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -119,10 +120,7 @@ def step_pedals(
 ) -> FlightRecord:
     """Step the pedals of a helicopter on the bench, rotor off, and return the record."""
     steps = steps or PedalSteps()
-    control = _at_rest(held, steps.duration)
-    time = np.arange(len(control)) * held.model.opt.timestep
-    control[:, held.model.actuator("PED").id] = steps.sticks(time)
-    return _record(held, "mounted", control, "bench", asdict(steps), seed, recorder)
+    return _driven(held, "bench", "PED", steps, steps.sticks, seed, recorder)
 
 
 def turn(
@@ -134,10 +132,8 @@ def turn(
 ) -> FlightRecord:
     """Sweep the rate of a helicopter on the turntable, sticks centred, rotor off."""
     sweep = sweep or TableSweep()
-    control = _at_rest(held, sweep.duration)
-    time = np.arange(len(control)) * held.model.opt.timestep
-    control[:, held.model.actuator("drive").id] = -sweep.rates(time)
-    return _record(held, "mounted", control, "turntable", asdict(sweep), seed, recorder)
+    # the table's drive is positive to the left
+    return _driven(held, "turntable", "drive", sweep, lambda t: -sweep.rates(t), seed, recorder)
 
 
 def hang(
@@ -173,6 +169,22 @@ def suspension_points(held: Vehicle) -> dict[str, NDArray[np.float64]]:
     model = held.model
     welds = [model.equality(k) for k in range(model.neq)]
     return {weld.name: np.array(flip(*weld.data[:3])) for weld in welds}
+
+
+def _driven(
+    held: Vehicle,
+    rig: str,
+    actuator: str,
+    test: PedalSteps | TableSweep,
+    law: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    seed: int,
+    recorder: Recorder | None,
+) -> FlightRecord:
+    """Return the record of a test in which one actuator follows a law of time."""
+    control = _at_rest(held, test.duration)
+    time = np.arange(len(control)) * held.model.opt.timestep
+    control[:, held.model.actuator(actuator).id] = law(time)
+    return _record(held, "mounted", control, rig, asdict(test), seed, recorder)
 
 
 def _at_rest(held: Vehicle, duration: float) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 Last comes what the envelope costs a flight that it finds nothing in, in processor time, and whether
 that flight is the same to the bit without it.
 
-    python scripts/proof/watch_study.py
+    python scripts/proof/envelope_study.py
 """
 
 import tempfile
@@ -89,7 +89,7 @@ def _seconds(work: Callable[[], object]) -> float:
 
 def main() -> None:
     """Print a case a line, and the cost."""
-    with tempfile.TemporaryDirectory(prefix="helisim-watch-") as folder:
+    with tempfile.TemporaryDirectory(prefix="helisim-envelope-") as folder:
         for name in CASES:
             print(case(name, Path(folder)), flush=True)
     print(cost())
