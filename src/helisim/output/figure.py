@@ -116,14 +116,14 @@ class Scale:
         return cls(low, high, ticks, tuple(f"{tick:g}" for tick in ticks), logarithmic=True)
 
     def share(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where values (n,) are along the axis: 0 at its start, 1 at its end."""
+        """Return where values are along the axis, 0 at its start, 1 at its end; (n_value,) each."""
         if self.logarithmic:
             return np.log(values / self.low) / math.log(self.high / self.low)
         return (values - self.low) / (self.high - self.low)
 
 
 def extent(values: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
-    """Return lowest and highest of all finite values, apart even for a constant."""
+    """Return lowest and highest of all finite values, (n_value,) each, apart even if constant."""
     whole = np.concatenate([np.ravel(one) for one in values]) if values else np.zeros(1)
     finite = whole[np.isfinite(whole)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
@@ -153,7 +153,7 @@ def outline(
 
 
 def less(values: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return values (n,) less a base (n,); 0 where they differ by no more than rounding."""
+    """Return values less a base, 0 where they differ by rounding alone; (n_value,) each."""
     apart = values - base
     finite = np.abs(values[np.isfinite(values)])
     return np.where(np.abs(apart) <= _ROUNDING * np.max(finite, initial=0.0), 0.0, apart)
