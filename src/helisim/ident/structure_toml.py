@@ -1,19 +1,16 @@
 """Reads and writes structures as TOML and plain data, checked entry by entry."""
 
-import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from helisim.errors import InputError, UnknownNameError
+from helisim.records.files import toml_key, toml_value
 
 REQUIRED = ("name", "parameters", "states", "inputs", "outputs", "F", "G")
 OPTIONAL = ("M", "H0", "H1", "D", "input_delays", "output_delays", "constants", "meaning")
 MATRICES = ("M", "F", "G", "H0", "H1", "D")
 PARAMETER_KEYS = ("unit", "start", "bounds", "meaning", "scale", "fixed")
-
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def axes(
@@ -68,20 +65,20 @@ def read_fields(data: Mapping[str, Any]) -> dict[str, Any]:
 
 def to_toml(data: Mapping[str, Any]) -> str:
     """Return a structure's plain data as TOML with sparse matrices by name."""
-    lines = [f"name = {_quoted(data['name'])}"]
+    lines = [f"name = {toml_value(data['name'])}"]
     if data["meaning"]:
-        lines.append(f"meaning = {_quoted(data['meaning'])}")
-    lines += [f"{key} = {_value(data[key])}" for key in ("states", "inputs", "outputs")]
+        lines.append(f"meaning = {toml_value(data['meaning'])}")
+    lines += [f"{key} = {toml_value(data[key])}" for key in ("states", "inputs", "outputs")]
     for name, table in data["parameters"].items():
-        lines += ["", f"[parameters.{_key(name)}]"]
+        lines += ["", f"[parameters.{toml_key(name)}]"]
         lines += [
-            f"{key} = {_limits(item) if key == 'bounds' else _value(item)}"
+            f"{key} = {_limits(item) if key == 'bounds' else toml_value(item)}"
             for key, item in table.items()
         ]
     for key in ("constants", "input_delays", "output_delays"):
         if data[key]:
             lines += ["", f"[{key}]"]
-            lines += [f"{_key(name)} = {_value(item)}" for name, item in data[key].items()]
+            lines += [f"{toml_key(name)} = {toml_value(item)}" for name, item in data[key].items()]
     for matrix, (rows, columns) in axes(data["states"], data["inputs"], data["outputs"]).items():
         written = _sparse(matrix, data[matrix], rows, columns)
         if written or matrix in ("F", "G", "H0"):
@@ -100,28 +97,11 @@ def _sparse(
             if text != str(int(matrix == "M" and row == column))
         }
         if kept:
-            inside = ", ".join(f"{_key(name)} = {_quoted(text)}" for name, text in kept.items())
-            lines.append(f"{_key(row)} = {{ {inside} }}")
+            inside = ", ".join(
+                f"{toml_key(name)} = {toml_value(text)}" for name, text in kept.items()
+            )
+            lines.append(f"{toml_key(row)} = {{ {inside} }}")
     return lines
-
-
-def _key(name: str) -> str:
-    return name if _BARE_KEY.fullmatch(name) else _quoted(name)
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _value(item: object) -> str:
-    match item:
-        case bool():
-            return "true" if item else "false"
-        case int() | float():
-            return repr(item)
-        case list() | tuple():
-            return f"[{', '.join(_value(one) for one in item)}]"
-    return _quoted(str(item))
 
 
 def _limits(bounds: Sequence[float | None]) -> str:

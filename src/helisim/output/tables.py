@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from math import degrees
+from typing import Literal
 
 from helisim.ident import Fit
 from helisim.ident.verify import VerificationFigures
@@ -265,7 +266,10 @@ def errata(found: Sequence[Erratum]) -> Table:
 
 
 def _sentences(
-    columns: Sequence[tuple[str, str]], rows: Iterable[tuple[str, ...]], *, cards: str
+    columns: Sequence[tuple[str, str]],
+    rows: Iterable[tuple[str, ...]],
+    *,
+    cards: Literal["-", "1."],
 ) -> Table:
     """Return a table of sentences: headings and labels of the columns, the first naming a row."""
     return Table(

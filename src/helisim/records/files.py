@@ -1,7 +1,8 @@
-"""Writes files whole or not at all, and reads those of a sane size."""
+"""Reads and writes files: each is written whole or not at all, and too large a one refused."""
 
 import json
 import os
+import re
 import secrets
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -23,6 +24,8 @@ _TOML_BYTES = 1 << 20
 
 _STEM_KEPT = 40
 """Characters of a file's name in its temporary's, whose name may have 255 bytes."""
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def read_bytes(path: str | PathLike[str], *, limit: int = MAX_BYTES) -> bytes:
@@ -72,6 +75,23 @@ def read_toml(path: str | PathLike[str]) -> dict[str, Any]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise StorageError(f"{path}: not TOML: {error}") from None
+
+
+def toml_key(name: str) -> str:
+    """Return a name as TOML writes a key: bare where it can be."""
+    return name if _BARE_KEY.fullmatch(name) else toml_value(name)
+
+
+def toml_value(item: object) -> str:
+    """Return a number, a truth value, text, or a list of such as TOML."""
+    match item:
+        case bool():
+            return str(item).lower()
+        case int() | float():
+            return repr(item)
+        case list() | tuple():
+            return f"[{', '.join(map(toml_value, item))}]"
+    return json.dumps(str(item), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def write_json(

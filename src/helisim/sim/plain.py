@@ -1,14 +1,13 @@
 """Value objects as plain data and TOML, and back, each value checked by its type."""
 
-import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from helisim.errors import InputError, UnknownNameError
+from helisim.records.files import toml_key, toml_value
 
 T = TypeVar("T")
 
@@ -17,8 +16,6 @@ OFF = "off"
 
 INFINITE = "inf"
 """In JSON, which knows no infinity: an infinite number of a result."""
-
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def to_plain(value: Any) -> Any:
@@ -106,10 +103,10 @@ def toml_settings(value: Any) -> dict[str, Any]:
 def toml_text(tables: Mapping[str, Any], prefix: str = "") -> str:
     """Return tables as TOML: plain values first, then a section for each table in them."""
     inner = {key: value for key, value in tables.items() if _is_section(value)}
-    lines = [f"{_key(key)} = {_literal(tables[key])}" for key in tables if key not in inner]
+    lines = [f"{toml_key(key)} = {toml_value(tables[key])}" for key in tables if key not in inner]
     text = "".join(f"{line}\n" for line in lines)
     for key, value in inner.items():
-        name = f"{prefix}{_key(key)}"
+        name = f"{prefix}{toml_key(key)}"
         for heading, table in (
             [(f"[{name}]", value)]
             if isinstance(value, Mapping)
@@ -123,18 +120,6 @@ def _is_section(value: Any) -> bool:
     if isinstance(value, list):
         return bool(value) and isinstance(value[0], Mapping)
     return isinstance(value, Mapping)
-
-
-def _key(name: str) -> str:
-    return name if _BARE_KEY.fullmatch(name) else json.dumps(name)
-
-
-def _literal(value: Any) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_literal, value))}]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
 
 
 def _from_plain(hint: Any, value: Any, where: str, lenient: bool) -> Any:
