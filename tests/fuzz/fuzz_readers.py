@@ -33,8 +33,8 @@ with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING])
     from helisim.ident import Structure, load_fit, structures
     from helisim.ident.expression import Expression
     from helisim.records.channels import channel
+    from helisim.records.log_terms import MAP_EXAMPLE
     from helisim.records.logs import REPAIRS, Clock, Column, Map, read_log
-    from helisim.records.logs.mapping import EXAMPLE
     from helisim.records.record import FlightRecord
     from helisim.records.storage import read_record, write_record
     from helisim.study.identified import read_models
@@ -106,7 +106,7 @@ def seeds(name: str, folder: Path) -> list[bytes]:
         "log": [foreign, foreign.replace(b",", b";"), b"ULog\x01\x12\x35\x01", b"\xa3\x95", *own],
         "parquet": own[:1],
         "csv": own[1:],
-        "map": [EXAMPLE.encode()],
+        "map": [MAP_EXAMPLE.encode()],
         "structure": [structures.heave.to_toml().encode()],
         "parameters": [(model_folder("jr700") / "tuned.toml").read_bytes()],
         "expression": [b"-tau_f * sqrt(N_v) ** 2 + exp(-1.5e3)"],

@@ -6,15 +6,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from textwrap import indent
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from helisim.cli.common import names, wrapped
 from helisim.errors import HelisimError, IdentificationError, InputError
-from helisim.records.logs import REPAIRS, Clock, Column, Log, Map, read_log
-from helisim.records.logs.mapping import EXAMPLE
-from helisim.records.record import FlightRecord
+from helisim.records.log_terms import MAP_EXAMPLE, REPAIRS
 
-MAP_HELP = "a map is a TOML file, such as\n" + indent(EXAMPLE, "  ")
+if TYPE_CHECKING:
+    from helisim.records.logs import Clock, Column, Log, Map
+    from helisim.records.record import FlightRecord
+
+MAP_HELP = "a map is a TOML file, such as\n" + indent(MAP_EXAMPLE, "  ")
 
 
 def add_log_options(command: argparse.ArgumentParser) -> None:
@@ -91,8 +93,8 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
 class Read(NamedTuple):
     """Logs that were read, and their records in one row."""
 
-    logs: tuple[Log, ...]
-    records: tuple[FlightRecord, ...]
+    logs: "tuple[Log, ...]"
+    records: "tuple[FlightRecord, ...]"
 
 
 def read_logs(
@@ -103,6 +105,8 @@ def read_logs(
     Raises:
         HelisimError: a log can't be used; the message names the file.
     """
+    from helisim.records.logs import read_log
+
     channels, time = _columns(options, wanted)
     repair = [name for item in options.repair for name in names(item)]
     logs = []
@@ -135,7 +139,7 @@ def read_logs(
 
 
 @contextmanager
-def located(logs: Sequence[Log]) -> Iterator[None]:
+def located(logs: "Sequence[Log]") -> Iterator[None]:
     """Add files, columns and rows to an error about the channels that its message names."""
     try:
         yield
@@ -150,20 +154,22 @@ def located(logs: Sequence[Log]) -> Iterator[None]:
         raise IdentificationError(f"{'; '.join(places)}: {text}") from None
 
 
-def describe(logs: Sequence[Log]) -> str:
+def describe(logs: "Sequence[Log]") -> str:
     """Return how the logs were read."""
     return "\n".join(wrapped(str(log.report), indent=2) for log in logs)
 
 
-def reports(logs: Sequence[Log]) -> list[dict[str, Any]]:
+def reports(logs: "Sequence[Log]") -> list[dict[str, Any]]:
     """Return how the logs were read, as plain data."""
     return [log.report.to_dict() for log in logs]
 
 
 def _columns(
     options: argparse.Namespace, wanted: Sequence[str]
-) -> tuple[Map | tuple[str, ...], Clock | None]:
+) -> "tuple[Map | tuple[str, ...], Clock | None]":
     """Return the map, or the wanted names where none is given, and the clock."""
+    from helisim.records.logs import Clock, Column, Map
+
     if options.time is not None and options.rate is not None:
         raise InputError("--time and --rate exclude each other: give one")
     time = None if options.rate is None else Clock(rate=options.rate)
@@ -180,8 +186,10 @@ def _columns(
     )
 
 
-def _channel(item: str) -> tuple[str, Column]:
+def _channel(item: str) -> "tuple[str, Column]":
     """Return NAME=COLUMN[:UNIT][:sign=-1][:trim=X][:range=X] as a channel and its column."""
+    from helisim.records.logs import Column
+
     name, equals, rest = item.partition("=")
     column, *further = rest.split(":")
     if not equals or not name.strip() or not column:

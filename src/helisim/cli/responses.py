@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from helisim.cli.common import names
 from helisim.cli.logs import located, read_logs
 from helisim.errors import IdentificationError
-from helisim.records.logs import Log
-from helisim.records.record import FlightRecord
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse
+    from helisim.records.logs import Log
+    from helisim.records.record import FlightRecord
 
 _SAMPLES_A_PERIOD = 10.0
 """The default band ends where a period still has so many samples."""
@@ -37,8 +37,8 @@ class Signals(NamedTuple):
 class Estimated(NamedTuple):
     """Logs as they were read, their records, and the frequency response of all together."""
 
-    logs: tuple[Log, ...]
-    records: tuple[FlightRecord, ...]
+    logs: "tuple[Log, ...]"
+    records: "tuple[FlightRecord, ...]"
     response: "FrequencyResponse"
 
 
@@ -100,7 +100,7 @@ def estimate(
     return Estimated(logs, records, response)
 
 
-def _check_moving(logs: Sequence[Log], channels: Sequence[str]) -> None:
+def _check_moving(logs: "Sequence[Log]", channels: Sequence[str]) -> None:
     """Raise IdentificationError, with the places, if a channel is constant in every log."""
     for name in channels:
         columns = [record[name] for log in logs for record in log.records]
@@ -111,7 +111,7 @@ def _check_moving(logs: Sequence[Log], channels: Sequence[str]) -> None:
             )
 
 
-def _band(options: argparse.Namespace, records: Sequence[FlightRecord]) -> tuple[float, float]:
+def _band(options: argparse.Namespace, records: "Sequence[FlightRecord]") -> tuple[float, float]:
     """Return --band, or what the records resolve: rad/s.
 
     By default from one period in the longest window that the rules allow to ten samples a

@@ -6,9 +6,10 @@ in the report and in the record's provenance. Spikes, dead sensors, lost samples
 go wrong are looked for in every log, and noted.
 """
 
+from helisim.records.log_terms import REPAIRS
 from helisim.records.logs.log import Log
 from helisim.records.logs.mapping import Clock, Column, Layout, Map
-from helisim.records.logs.read import REPAIRS, read_log, screen
+from helisim.records.logs.read import read_log, screen
 from helisim.records.logs.report import LogFinding, LogReport
 from helisim.records.logs.units import UNITS
 

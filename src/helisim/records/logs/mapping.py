@@ -1,4 +1,4 @@
-"""Which column of a log is which channel: as values, or from a small TOML file; see EXAMPLE."""
+"""Which column of a log is which channel: as values, or from a small TOML file."""
 
 import math
 import re
@@ -12,28 +12,6 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import CHANNELS, Channel
 from helisim.records.files import read_toml
 from helisim.records.logs.units import PULSE, TIME_UNITS, check_same, is_unit, time_unit, unit
-
-EXAMPLE = """\
-[time]
-column = "t"
-unit = "us"
-
-[channels.p]
-column = "gyro_x"
-unit = "deg/s"
-sign = -1
-
-[channels.lat]
-column = "rc1"
-unit = "us"          # pulse width: (pulse - trim) / range
-trim = 1520
-range = 800
-
-[file]               # only where it can't be found out, CSV
-delimiter = ";"
-decimal = ","
-"""
-"""A map as a file."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +190,7 @@ class Map:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Map":
-        """Read a map from plain data, as a TOML file holds it; see `EXAMPLE`.
+        """Read a map from plain data, as a TOML file holds it; as in `MAP_EXAMPLE`.
 
         Raises:
             InputError: a key is unknown, missing or of the wrong kind.
@@ -232,7 +210,7 @@ class Map:
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Map":
-        """Read a map from a TOML file; see `EXAMPLE`.
+        """Read a map from a TOML file; as in `MAP_EXAMPLE`.
 
         Raises:
             StorageError: the file can't be read or isn't TOML.

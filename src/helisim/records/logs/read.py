@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from helisim.errors import HelisimError, InputError, RecordError, StorageError, UnknownNameError
+from helisim.records.log_terms import REPAIRS
 from helisim.records.logs.assembly import from_record, from_source
 from helisim.records.logs.autopilot import (
     DATAFLASH_MAGIC,
@@ -24,19 +25,6 @@ from helisim.records.logs.source import Source, digest, read_log_bytes
 from helisim.records.logs.text import TIME_NAMES, TextLog
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record
-
-REPAIRS: dict[str, str] = {
-    "duplicates": "average rows that have the same stamp",
-    "frozen": "leave out stretches in which measured motion is frozen, and split the log there "
-    "as at gaps",
-    "gaps": "split the log at its gaps",
-    "missing": "interpolate cells without a number",
-    "order": "sort rows by time",
-    "resets": "split the log where the clock goes back",
-    "spikes": "interpolate single samples, or two, that stick out",
-    "tail": "leave out an incomplete last line",
-}
-"""What may be done to a log, each only on request."""
 
 _OURS_CSV = b"# helisim flight record"
 _PARQUET_MAGIC = b"PAR1"
