@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from helisim.errors import InputError
 from helisim.ident import ClosedLoopWarning, FrequencyResponse, frequency_response
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
@@ -75,3 +76,24 @@ def test_files_keep_the_response_without_what_records_alone_give():
     np.testing.assert_array_equal(again.response, frf.response)
     assert again.scatter is None
     assert again.direct is None
+
+
+def noise(seed, names=("lat", "p"), *, samples=1500, step=0.02):
+    random = np.random.default_rng(seed)
+    values = random.normal(size=(samples, len(names)))
+    values[:, -1] += 2.0 * values[:, 0]
+    return FlightRecord(step * np.arange(samples), values, tuple(map(channel, names)))
+
+
+def test_too_few_references_are_counted():
+    """As many references as inputs and conditioning inputs together."""
+    record = noise(1, ("LAT", "lat", "lon", "p"))
+    with pytest.raises(InputError, match=r"1 reference\(s\) for 2 active inputs"):
+        frequency_response(
+            record,
+            inputs=["lat"],
+            conditioning=["lon"],
+            outputs=["p"],
+            reference=["LAT"],
+            band=(1.0, 20.0),
+        )

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -285,3 +286,71 @@ def test_bad_calls_are_refused_with_advice():
         identify(frf, structure, band={"q/ped": (1.0, 2.0)})
     with pytest.raises(InputError, match="at least 5"):
         identify(frf, structure, frequencies_per_response=2)
+
+
+GRID = np.geomspace(0.5, 20.0, 60)
+
+
+@pytest.fixture(scope="module")
+def fit():
+    structure = structures.yaw_base
+    values = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
+    exact = response(structure, values, GRID)
+    wobble = 1.0 + 0.03 * np.random.default_rng(1).normal(size=(*exact.shape, 2)) @ [1.0, 1j]
+    data = FrequencyResponse.exact(
+        GRID, exact * wobble, inputs=structure.inputs, outputs=structure.outputs
+    )
+    return identify(data, structure)
+
+
+@pytest.mark.parametrize(("count", "searches"), [(4, 1), (5, 0)])
+def test_too_few_points_or_searches_are_refused(fit, count, searches):
+    """At least five frequencies a response, and one search."""
+    data = FrequencyResponse.exact(
+        GRID, np.ones((1, 1, 60)), inputs=fit.structure.inputs, outputs=fit.structure.outputs
+    )
+    with pytest.raises(InputError, match="expected at least 5 and 1"):
+        identify(data, fit.structure, frequencies_per_response=count, searches=searches)
+    identify(data, fit.structure, frequencies_per_response=5, searches=1)
+
+
+@pytest.mark.parametrize("band", [(2.0, 2.0), (3.0, 2.0), (-1.0, 2.0), (math.nan, 2.0)])
+def test_a_band_has_a_lower_and_an_upper_edge(fit, band):
+    """Equal or reversed edges, and what is no frequency."""
+    data = FrequencyResponse.exact(
+        GRID, np.ones((1, 1, 60)), inputs=fit.structure.inputs, outputs=fit.structure.outputs
+    )
+    with pytest.raises(InputError, match="expected 0 <= lower < upper"):
+        identify(data, fit.structure, band=band)
+
+
+COARSE = np.geomspace(0.5, 20.0, 40)
+
+
+TRUE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
+
+
+def fitted(structure=structures.heave):
+    exact = response(structures.heave, TRUE, COARSE)
+    data = FrequencyResponse.exact(
+        COARSE, exact, inputs=structure.inputs, outputs=structure.outputs
+    )
+    return identify(data, structure)
+
+
+def test_a_parameter_is_at_its_bound_when_the_data_want_it_beyond():
+    """Z_w = -0.8 within -2 to 0 is free; within -0.7 to 0, or -2 to -0.9, it ends at the edge."""
+
+    def bounded(low, high):
+        old = structures.heave
+        new = tuple(
+            replace(one, start=0.5 * (low + high), bounds=(low, high)) if one.name == "Z_w" else one
+            for one in old.parameters
+        )
+        return fitted(replace(old, parameters=new))
+
+    assert bounded(-2.0, 0.0).at_bound == ()
+    assert bounded(-0.7, 0.0).at_bound == ("Z_w",)
+    assert bounded(-2.0, -0.9).at_bound == ("Z_w",)
+    # a thousandth of the range inside is not the edge, whose width is a millionth of it
+    assert bounded(-0.802, 0.0).at_bound == ()

@@ -1,6 +1,9 @@
 """Frequency responses: conditioning, gates, and refusals that say what to do."""
 
+import json
+import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +11,17 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 
 from helisim.errors import IdentificationError, InputError, UnknownNameError
-from helisim.ident import CrossControlWarning, FrequencyResponse, frequency_response
-from helisim.ident.composite import PERIODS, compose
+from helisim.ident import (
+    CrossControlWarning,
+    FrequencyResponse,
+    frequency_response,
+    identify,
+    structures,
+    verify,
+)
+from helisim.ident.composite import PERIODS, compose, window_lengths
 from helisim.ident.conditioning import condition, random_error
+from helisim.ident.evaluate import response
 from helisim.ident.spectra import cross_spectra
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
@@ -215,3 +226,129 @@ def test_composite_spectra_minimise_the_published_cost():
         np.testing.assert_allclose(
             composed.coherence[0, 0, k], (x[2] ** 2 + x[3] ** 2) / (x[0] * x[1]), rtol=1e-4
         )
+
+
+GRID = np.geomspace(0.5, 20.0, 40)
+
+
+def test_a_point_is_usable_from_a_coherence_of_six_tenths():
+    """The published limit, which counts itself."""
+    data = FrequencyResponse.exact(GRID[:3], np.ones((1, 1, 3)), inputs=["lat"], outputs=["p"])
+    doubtful = replace(data, coherence=np.array([[[0.59, 0.6, 0.61]]]))
+    assert doubtful.usable().tolist() == [[[False, True, True]]]
+
+
+FINE = np.geomspace(0.5, 20.0, 60)
+
+
+def noise(seed, names=("lat", "p"), *, samples=1500, step=0.02):
+    random = np.random.default_rng(seed)
+    values = random.normal(size=(samples, len(names)))
+    values[:, -1] += 2.0 * values[:, 0]
+    return FlightRecord(step * np.arange(samples), values, tuple(map(channel, names)))
+
+
+def vars_of(value):
+    return {name: getattr(value, name) for name in value.__dataclass_fields__}
+
+
+def test_records_too_short_for_the_band_are_told_with_their_figures():
+    """What they last, the window that they allow, and the frequency that it resolves."""
+    with pytest.raises(IdentificationError) as raised:
+        window_lengths([30.0, 40.0], (0.4, 20.0))
+    for message in (
+        "lasts 30 s",
+        "together 70 s",
+        "windows of 14 s",
+        "from 0.4488 rad/s",
+        "at 0.4 ",
+    ):
+        assert message in str(raised.value)
+
+
+@pytest.mark.parametrize("windows", [[], [0.0], [-1.0], [math.inf], [math.nan]])
+def test_windows_are_positive_lengths(windows):
+    """Anything else is in the message."""
+    with pytest.raises(InputError, match="expected positive lengths in s"):
+        frequency_response(
+            noise(1), inputs=["lat"], outputs=["p"], band=(1.0, 20.0), windows=windows
+        )
+
+
+def test_incoherence_is_told_with_its_figures():
+    """The best coherence of each response, where it was looked for, and the grid's ends."""
+    still = FrequencyResponse.exact(FINE, np.ones((1, 1, 60)), inputs=["col"], outputs=["w"])
+    dull = FrequencyResponse(**{**vars_of(still), "coherence": np.full((1, 1, 60), 0.34)})
+    with pytest.raises(IdentificationError) as raised:
+        identify(dull, structures.heave, band=(1.0, 10.0))
+    inside = int(np.sum((FINE >= 1.0) & (FINE <= 10.0)))
+    assert f"at most 0.34 at {inside} frequencies" in str(raised.value)
+    assert "(frequency response: 0.5 to 20 rad/s)" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("field", "item", "message"),
+    [
+        ("frequency", [3.0, 2.0, 1.0], "frequenc"),
+        ("frequency", "low", "can't read the frequency response"),
+        ("response", {"real": [1.0]}, "can't read the frequency response"),
+        ("surprise", 1.0, "unknown field"),
+    ],
+)
+def test_a_damaged_frequency_response_is_refused(field, item, message):
+    """Fields of another kind, of another shape, or of another version."""
+    data = FrequencyResponse.exact(
+        np.array([1.0, 2.0, 3.0]), np.ones((1, 1, 3)), inputs=["lat"], outputs=["p"]
+    )
+    plain = json.loads(json.dumps(data.to_dict()))
+    assert FrequencyResponse.from_dict(plain).frequency.tolist() == [1.0, 2.0, 3.0]
+    with pytest.raises(InputError, match=message):
+        FrequencyResponse.from_dict({**plain, field: item})
+
+
+TRUE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
+
+
+def fitted(structure=structures.heave):
+    exact = response(structures.heave, TRUE, GRID)
+    data = FrequencyResponse.exact(GRID, exact, inputs=structure.inputs, outputs=structure.outputs)
+    return identify(data, structure)
+
+
+def noisy(seed, **provenance):
+    """A record of p that follows lat with as much noise as signal."""
+    random = np.random.default_rng(seed)
+    values = random.normal(size=(3000, 2))
+    values[:, 1] += values[:, 0]
+    time = 0.02 * np.arange(len(values))
+    return FlightRecord(time, values, (channel("lat"), channel("p")), provenance)
+
+
+@pytest.mark.parametrize("frequency", [[1.0, 1.0, 2.0], [0.0, 1.0, 2.0], [1.0, 3.0, 2.0], []])
+def test_frequencies_are_positive_and_increasing(frequency):
+    """None twice, none zero, none out of order, and one at least."""
+    exact = np.ones((1, 1, len(frequency)), dtype=complex)
+    with pytest.raises(InputError, match="frequency"):
+        FrequencyResponse.exact(frequency, exact, inputs=("col",), outputs=("w",))
+
+
+def test_coherence_of_half_signal_and_half_noise_is_a_half():
+    """Of one input the multiple coherence is the ordinary one, near 1/2 in the composite too."""
+    found = frequency_response(noisy(1), inputs=("lat",), outputs=("p",), band=(2.0, 40.0))
+    assert np.mean(found.multiple_coherence) == pytest.approx(0.5, abs=0.1)
+    # 60 s and windows of 20 s and less: the estimate scatters by 0.1 to 0.2 at a frequency
+    assert np.mean(found.coherence) == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_flight_that_was_terminated_early_is_refused_by_default():
+    """By the frequency response and by the verification."""
+    over = noisy(1, ended={"at": 12.0, "why": "p is 30 rad/s", "state": {}})
+    asked = {"inputs": ("lat",), "outputs": ("p",), "band": (2.0, 40.0)}
+    with pytest.raises(IdentificationError, match="use_ended=True"):
+        frequency_response(over, **asked)
+    assert frequency_response(over, use_ended=True, **asked).coherence.size
+    heave = fitted()
+    flown = replace(over, channels=(channel("col"), channel("w")))
+    with pytest.raises(IdentificationError, match="use_ended=True"):
+        verify(heave, flown)
+    assert verify(heave, flown, use_ended=True)

@@ -4,6 +4,8 @@ import copy
 import dataclasses
 import json
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +14,15 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 
 from helisim.errors import InputError, StorageError, UnknownNameError
-from helisim.ident import Fit, FrequencyResponse, Structure, identify, load_fit, structures
+from helisim.ident import (
+    Fit,
+    FrequencyResponse,
+    Parameter,
+    Structure,
+    identify,
+    load_fit,
+    structures,
+)
 from helisim.ident.evaluate import response
 from helisim.ident.export import rounded
 
@@ -199,3 +209,149 @@ def test_matlab_reads_the_same_model(fit, tmp_path):
     assert data["ParameterValue"][1, 0] == fit["L_b"].value
     with pytest.raises(StorageError, match="can't write"):
         fit.to_matlab(tmp_path / "missing" / "model.mat")
+
+
+GRID = np.geomspace(0.5, 20.0, 40)
+
+
+LATE = Structure(
+    name="late",
+    parameters=(
+        Parameter("a", "1/s", -1.5),
+        Parameter("b", "1", 3.0),
+        Parameter("tau_in", "s", 0.04),
+        Parameter("tau_p", "s", 0.03),
+        Parameter("tau_q", "s", -0.02),
+    ),
+    states=("p", "q"),
+    inputs=("lat", "lon"),
+    outputs=("p", "q"),
+    F=(("a", "0.4"), ("0", "2*a")),
+    G=(("b", "0"), ("1", "b")),
+    input_delays={"lat": "tau_in"},
+    output_delays={"p": "tau_p", "q": "tau_q"},
+)
+
+
+@pytest.fixture(scope="module")
+def loose():
+    exact = response(LATE, {p.name: p.start for p in LATE.parameters}, GRID)
+    data = FrequencyResponse.exact(GRID, exact, inputs=LATE.inputs, outputs=LATE.outputs)
+    return identify(data, LATE)
+
+
+def test_the_latex_table_marks_what_is_poorly_identified_or_at_its_bound(loose):
+    """A star for either, and the figures of each parameter; one of these five is poor."""
+    rows = [line for line in loose.to_latex().splitlines() if line.count("&") == 4][1:]
+    assert len(rows) == len(LATE.parameters)
+    stars = 0
+    for row, parameter in zip(rows, LATE.parameters):
+        one = loose[parameter.name]
+        assert ("^*" in row) == (one.poorly_identified or one.at_bound)
+        assert f" & {one.cr_percent:.1f} & {one.insensitivity_percent:.1f} " in row
+        stars += "^*" in row
+    assert 0 < stars < len(rows)
+
+
+FINE = np.geomspace(0.5, 20.0, 60)
+
+
+@pytest.fixture(scope="module")
+def wobbly():
+    structure = structures.yaw_base
+    values = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
+    exact = response(structure, values, FINE)
+    wobble = 1.0 + 0.03 * np.random.default_rng(1).normal(size=(*exact.shape, 2)) @ [1.0, 1j]
+    data = FrequencyResponse.exact(
+        FINE, exact * wobble, inputs=structure.inputs, outputs=structure.outputs
+    )
+    return identify(data, structure)
+
+
+def test_the_table_states_each_response_its_band_and_the_verdict(wobbly):
+    """A line a parameter, a line a response, and the average with its word."""
+    lines = str(wobbly).splitlines()
+    (pair,) = wobbly.costs
+    low, high = wobbly.bands[pair]
+    message = f"J {pair} = {wobbly.costs[pair]:.4g} from {low:.3g} to {high:.3g} rad/s"
+    assert message in lines
+    word = (
+        "excellent" if wobbly.cost <= 50.0 else "acceptable" if wobbly.cost <= 100.0 else "too high"
+    )
+    assert f"average J = {wobbly.cost:.4g}: {word}" in lines
+    for name in ("N_r", "N_ped", "tau_r_base"):
+        (line,) = (one for one in lines if one.startswith(name + " "))
+        assert re.search(
+            rf"{wobbly[name].cr_percent:.2f} .* {wobbly[name].insensitivity_percent:.2f} ",
+            line,
+        )
+    for number, (a, b, size) in enumerate(wobbly.correlated):
+        assert a != b
+        assert abs(size) > 0.9
+        assert f"correlated with {b}" in wobbly.verdict(a) or number
+
+
+def test_a_fit_of_known_error_states_who_is_correlated_with_whom(wobbly):
+    """Pairs once each, as in the matrix of correlations."""
+    names = [parameter.name for parameter in wobbly.structure.free]
+    expected = {
+        (a, b): wobbly.correlation[i, j]
+        for i, a in enumerate(names)
+        for j, b in enumerate(names)
+        if i < j and abs(wobbly.correlation[i, j]) > 0.9
+    }
+    assert {(a, b): size for a, b, size in wobbly.correlated} == expected
+
+
+TRUE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
+
+
+def fitted(structure=structures.heave):
+    exact = response(structures.heave, TRUE, GRID)
+    data = FrequencyResponse.exact(GRID, exact, inputs=structure.inputs, outputs=structure.outputs)
+    return identify(data, structure)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return fitted()
+
+
+def test_a_fit_is_in_order_only_if_nothing_is_amiss(exact):
+    """One complaint is enough: each of the four alone takes the verdict away."""
+    assert exact.ok
+    name, sound = next(iter(exact.parameters.items()))
+    others = {key: one for key, one in exact.parameters.items() if key != name}
+    assert not replace(exact, converged=False).ok
+    assert not replace(exact, costs=dict.fromkeys(exact.costs, 1e4)).ok
+    assert not replace(exact, parameters={name: replace(sound, at_bound=True), **others}).ok
+    vague = replace(sound, cramer_rao=abs(sound.value), insensitivity=abs(sound.value))
+    assert not replace(exact, parameters={name: vague, **others}).ok
+
+
+def test_percent_is_of_the_values_size_and_endless_of_nothing(exact):
+    """A bound of 0.5 is 50 % of -1, infinitely much of 0, and none of either if it is 0."""
+    one = replace(exact["Z_w"], cramer_rao=0.5, insensitivity=0.25)
+    assert replace(one, value=-1.0).cr_percent == 50.0
+    assert replace(one, value=-1.0).insensitivity_percent == 25.0
+    assert replace(one, value=0.0).cr_percent == np.inf
+    assert replace(one, value=0.0, cramer_rao=0.0).cr_percent == 0.0
+
+
+def test_a_verdict_names_whom_a_parameter_is_correlated_with(exact):
+    """In both directions, and nobody where no correlation exceeds nine tenths."""
+    names = [parameter.name for parameter in exact.structure.free]
+    apart = replace(exact, correlation=np.eye(len(names)))
+    assert all("correlated" not in apart.verdict(name) for name in names)
+    tied = np.eye(len(names))
+    tied[0, 1] = tied[1, 0] = -0.95
+    together = replace(exact, correlation=tied)
+    for one, other in (names[:2], names[1::-1]):
+        assert together.verdict(one) == f"{apart.verdict(one)}, correlated with {other}"
+
+
+def test_a_value_of_negligible_error_has_seven_digits():
+    """An error of a ten-millionth of the value or less isn't stated."""
+    assert rounded(1.23456789, 1e-8) == ("1.234568", "")
+    assert rounded(1.23456789, 1e-7) == ("1.234568", "")
+    assert rounded(1.23456789, 2e-7)[1] != ""

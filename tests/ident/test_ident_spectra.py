@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import ZoomFFT, lfilter
 
+from helisim.errors import IdentificationError, InputError
 from helisim.ident import frequency_response
 from helisim.ident.conditioning import random_error
 from helisim.ident.spectra import _kernel, cross_spectra, segment_starts
@@ -108,3 +109,21 @@ def test_overlap_factor_is_the_published_one(overlap, factor):
     (spectra,) = cross_spectra([record], ["lat"], np.array([2.0]), windows=[50.0], overlap=overlap)
     # Windows over the ends and the fade into trim add up to one in twenty windows.
     assert (record.duration / 50.0) / spectra.averages == pytest.approx(factor, rel=0.05)
+
+
+def noise(seed, names=("lat", "p"), *, samples=1500, step=0.02):
+    random = np.random.default_rng(seed)
+    values = random.normal(size=(samples, len(names)))
+    values[:, -1] += 2.0 * values[:, 0]
+    return FlightRecord(step * np.arange(samples), values, tuple(map(channel, names)))
+
+
+def test_a_window_that_does_not_fit_is_told_in_seconds():
+    """Its length and the record's; and what it resolves, and where the band starts."""
+    ask = {"inputs": ["lat"], "outputs": ["p"]}
+    with pytest.raises(IdentificationError) as raised:
+        frequency_response(noise(1), **ask, band=(1.0, 20.0), windows=[40.0])
+    assert "a window of 40 s does not fit into a record of 30 s" in str(raised.value)
+    with pytest.raises(InputError) as refused:
+        frequency_response(noise(1), **ask, band=(0.5, 20.0), windows=[10.0])
+    assert "from 0.6283 rad/s, but the band starts at 0.5 rad/s" in str(refused.value)

@@ -1,6 +1,9 @@
 """Structures are data: expressions, derivatives, reading and refusing."""
 
+import hashlib
 import json
+import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -197,3 +200,130 @@ def test_no_start_is_a_published_result():
             assert float(f"{parameter.start:.1g}") == parameter.start or (
                 structure.name == "yaw_overall"  # well-damped poles at 10 rad/s
             )
+
+
+def test_renamed_structures_keep_their_name_unless_given_another():
+    """New channels, in their places, and the rest as it was."""
+    moved = structures.heave.renamed({"col": "COL"})
+    assert moved.name == structures.heave.name
+    assert moved.inputs == ("COL",)
+    assert moved.names == structures.heave.names
+    assert structures.heave.renamed({"col": "COL"}, name="heave by stick").name == "heave by stick"
+
+
+def test_an_expression_has_at_most_so_many_characters():
+    """Two hundred are read; one more is refused with what was given."""
+    longest = "11" + "+a" * 99
+    assert len(longest) == 200
+    assert Expression(longest).names == {"a"}
+    with pytest.raises(InputError):
+        Expression(longest + "1")
+
+
+def built_in():
+    found = {name: getattr(structures, name) for name in dir(structures)}
+    return {name: one for name, one in found.items() if isinstance(one, Structure)}
+
+
+@pytest.mark.parametrize("bounds", [(2.0, 1.0), (1.0, 1.0), (1.5, 2.0), (0.0, 0.5)])
+def test_bounds_that_hold_no_start_are_refused(bounds):
+    """Reversed, equal, above and below the start."""
+    with pytest.raises(InputError, match="expected lower < upper with the start between"):
+        Parameter("K", "1", 1.0, bounds)
+
+
+def test_a_bound_may_be_open_and_a_start_may_not():
+    """None and infinity leave a side open; a start or a scale is a finite number."""
+    plain = structures.heave.to_dict()
+    name = next(iter(plain["parameters"]))
+
+    def changed(**fields):
+        copied = json.loads(json.dumps(plain))
+        copied["parameters"][name].update(fields)
+        return Structure.from_dict(copied)
+
+    start = plain["parameters"][name]["start"]
+    for pair, limits in (
+        ([None, start + 1.0], (-math.inf, start + 1.0)),
+        ([start - 1.0, None], (start - 1.0, math.inf)),
+        ([-math.inf, math.inf], (-math.inf, math.inf)),
+    ):
+        assert changed(bounds=pair).parameter(name).limits == limits
+    for field in ("start", "scale"):
+        with pytest.raises(InputError, match=f"{field} is inf, expected a finite number"):
+            changed(**{field: math.inf})
+        with pytest.raises(InputError, match=f"{field} is nan, expected a number"):
+            changed(**{field: math.nan})
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"input_delays": {"q": "K"}}, UnknownNameError, "input with a delay"),
+        ({"output_delays": {"q": "K"}}, UnknownNameError, "output with a delay"),
+        ({"inputs": (), "D": ((),)}, InputError, "at least one input"),
+        ({"outputs": (), "H0": (), "D": ()}, InputError, "at least one input and one output"),
+        ({"inputs": ("p",)}, InputError, "signal names repeat: p"),
+        (
+            {
+                "states": ("x", "x"),
+                "F": (("0", "0"),) * 2,
+                "G": (("1",),) * 2,
+                "H0": (("1", "0"),),
+            },
+            InputError,
+            "state names repeat: x",
+        ),
+        ({"states": ("x",), "H0": (("1",),)}, InputError, "F is missing"),
+        ({"states": ("x",), "F": (("0",),), "G": (("1",),), "H0": ()}, InputError, "H0 must be"),
+        ({"D": (("K", "K"),)}, InputError, r"1 rows of \[2\] entries, expected 1 of 1"),
+    ],
+)
+def test_a_structure_that_does_not_fit_together_is_refused(change, error, message):
+    """Delays of signals that it lacks, names twice, matrices of another shape."""
+    sound = {
+        "name": "gain",
+        "parameters": (Parameter("K", "1", 1.0),),
+        "states": (),
+        "inputs": ("lat",),
+        "outputs": ("p",),
+        "H0": ((),),
+        "D": (("K",),),
+    }
+    with pytest.raises(error, match=message):
+        Structure(**(sound | change))
+
+
+def test_a_change_of_a_built_in_structure_is_seen():
+    """Starts, bounds and matrices alter every user's numbers: CHANGELOG.md then says so.
+
+    If this fails and the change is meant, write the new digest here and a line there.
+    """
+    text = json.dumps({name: one.to_dict() for name, one in sorted(built_in().items())})
+    assert hashlib.sha256(text.encode()).hexdigest()[:16] == "ae7f0cd20e8dd43b"
+
+
+def test_a_parameters_size_is_its_scale_or_its_start_or_one():
+    """The scale counts first, then the size of the start; a start of zero has none."""
+    assert Parameter("k", "1", -4.0, scale=3.0).magnitude == 3.0
+    assert Parameter("k", "1", -4.0).magnitude == 4.0
+    assert Parameter("k", "1", 0.0).magnitude > 0.0
+    for scale in (0.0, -1.0, np.inf):
+        with pytest.raises(InputError, match="expected > 0"):
+            Parameter("k", "1", 1.0, scale=scale)
+
+
+def test_only_signals_of_a_structure_are_renamed():
+    """The message names what there is."""
+    with pytest.raises(UnknownNameError, match="'ped'; available: col, w"):
+        structures.heave.renamed({"ped": "PED"})
+
+
+def test_a_structure_keeps_its_own_delays_and_constants():
+    """A dictionary that it was made from may change later."""
+    delays = dict(structures.heave.input_delays)
+    mine = replace(structures.heave, input_delays=delays)
+    delays.clear()
+    assert mine.input_delays == structures.heave.input_delays
+    with pytest.raises(TypeError):
+        mine.constants["g"] = 1.0

@@ -13,6 +13,7 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, identify, structures, verify
 from helisim.ident.evaluate import matrices, response, state_space
 from helisim.ident.simulation import delayed, simulate
+from helisim.ident.verify import _theil, _tic
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -159,3 +160,26 @@ def test_unsuitable_records_are_refused():
     lacking = FlightRecord(lacking.time, lacking.values[:, :1], lacking.channels[:1])
     with pytest.raises(UnknownNameError, match="'r'; available: ped"):
         verify(fit, lacking)
+
+
+def test_theils_coefficient_of_all_weighs_each_output_by_its_own_size():
+    """Outputs of 0.1 and 0.01, each in units of its own root mean square."""
+    random = np.random.default_rng(4)
+    measured = random.normal(size=(50, 2)) * [0.1, 0.01]
+    predicted = measured + random.normal(size=(50, 2)) * [0.02, 0.005]
+    size = np.sqrt(np.mean(measured**2, axis=0))
+    error, one, other = (
+        np.sqrt(np.mean((values / size) ** 2))
+        for values in (measured - predicted, measured, predicted)
+    )
+    assert _tic(measured, predicted) == pytest.approx(error / (one + other), rel=1e-12)
+
+
+def test_what_does_not_move_has_no_theil_coefficient():
+    """Zero over zero is zero, by output and in all; a still output leaves the others alone."""
+    still, moving = np.zeros((5, 2)), np.array([[0.0, 1.0], [0.0, -1.0]])
+    assert list(_theil(still, still)) == [0.0, 0.0]
+    assert _tic(still, still) == 0.0
+    assert list(_theil(moving, -moving)) == [0.0, 1.0]
+    # of two outputs of which one stands still, the mean squares are halved on both sides
+    assert _tic(moving, -moving) == pytest.approx(1.0)
