@@ -1,5 +1,7 @@
 """The commands `record`, `report` and `view`: what they write, and how they fail."""
 
+from dataclasses import replace
+
 import pytest
 
 from command import fails
@@ -75,6 +77,26 @@ def test_a_run_becomes_a_recording_and_a_report(tmp_path, capsys):
     assert f"Written: {tmp_path / 'report.html'}" in capsys.readouterr().out
     figures = list((tmp_path / "figures").iterdir())
     assert len(figures) == 5 + 2 + 1  # pairs, sweeps, a verification
+
+
+def test_the_vehicle_that_flew_is_drawn(tmp_path, capsys, monkeypatch):
+    """The Blade 360's flight shows a Blade 360; two vehicles do not fit into one recording."""
+    drawn = []
+    monkeypatch.setattr(
+        "helisim.output.rerun.recording.write_recording",
+        lambda path, flights, *, model, **_: drawn.append(model.names),
+    )
+    for name in ("blade360", "jr700"):
+        record = make_flight()
+        write_record(
+            replace(record, provenance={**record.provenance, "vehicle": name}),
+            tmp_path / f"{name}.parquet",
+        )
+    out = ["--out", str(tmp_path / "a.rrd")]
+    assert main(["record", str(tmp_path / "blade360.parquet"), *out]) == 0
+    assert drawn[0].startswith(b"blade360 ")
+    both = [str(tmp_path / f"{name}.parquet") for name in ("blade360", "jr700")]
+    assert "blade360, jr700" in fails(capsys, "record", *both, *out)
 
 
 def test_mistakes_end_in_one_line(tmp_path, capsys, monkeypatch):

@@ -2,12 +2,15 @@
 
 import argparse
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from helisim.cli.common import add_quiet, print_recording, wrapped
 from helisim.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from helisim.records.record import FlightRecord
 
 
 def add(commands: Any) -> None:
@@ -17,7 +20,7 @@ def add(commands: Any) -> None:
         help="turn flight records into a Rerun recording",
         description="Turn flight records (.parquet or .csv) into a Rerun recording: the "
         "helicopter in space and its signals over time. A folder that helisim reproduce wrote "
-        "gives the whole run, with what was found.",
+        "gives the flights that the run used, and what was found from them.",
         epilog="example: helisim record lat.parquet --out lat.rrd",
     )
     command.add_argument(
@@ -46,7 +49,8 @@ def _run(options: argparse.Namespace) -> int:
             if run is not None:
                 raise InputError("give one folder of a run, got several")
             run = read_run(log)
-            paths += sorted((log / FLIGHTS).glob("[!.]*.parquet"))
+            found = sorted((log / FLIGHTS).glob("[!.]*.parquet"))
+            paths += [path for path in found if path.stem not in run.results.left_out]
         else:
             paths.append(log)
     twins = [name for name, count in Counter(path.stem for path in paths).items() if count > 1]
@@ -57,13 +61,30 @@ def _run(options: argparse.Namespace) -> int:
         for path in paths:
             flights[path.stem] = read_record(path)
             advance(f"{path.stem} read")
-        model = load("jr700").visual_model()
+        model = load(_vehicle(flights)).visual_model()
         write_recording(options.out, flights, model=model, run=run, on_progress=advance)
     print_recording(options.out, options.quiet)
+    if run is not None and run.results.left_out and not options.quiet:
+        names = ", ".join(sorted(run.results.left_out))
+        print(
+            wrapped(f"Left out by the run, so not recorded: {names}; give their files to see them.")
+        )
     plain = [name for name, record in flights.items() if not knows_rotor(record)]
     if plain and not options.quiet:
         print(_without_rotor(plain, len(flights)))
     return 0
+
+
+def _vehicle(flights: "Mapping[str, FlightRecord]") -> str:
+    """Return the vehicle to draw: the one that flew, and the JR700 for other people's logs."""
+    from helisim.errors import InputError
+    from helisim.vehicle.assembly import vehicle_names
+
+    named = {record.provenance.get("vehicle") for record in flights.values()}
+    flew = [name for name in vehicle_names() if name in named]
+    if len(flew) > 1:
+        raise InputError(f"one recording draws one vehicle, got {', '.join(flew)}")
+    return flew[0] if flew else "jr700"
 
 
 def _without_rotor(plain: Sequence[str], count: int) -> str:
