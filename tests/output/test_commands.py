@@ -95,6 +95,7 @@ def test_the_vehicle_that_flew_is_drawn(tmp_path, capsys, monkeypatch):
     out = ["--out", str(tmp_path / "a.rrd")]
     assert main(["record", str(tmp_path / "blade360.parquet"), *out]) == 0
     assert drawn[0].startswith(b"blade360 ")
+    capsys.readouterr()
     both = [str(tmp_path / f"{name}.parquet") for name in ("blade360", "jr700")]
     assert "blade360, jr700" in fails(capsys, "record", *both, *out)
 
