@@ -3,29 +3,10 @@
 import numpy as np
 import pytest
 
-from helisim.ident import Parameter, Structure
 from helisim.ident.evaluate import response, response_and_slope
+from late import LATE
 
 GRID = np.geomspace(0.5, 20.0, 40)
-
-
-LATE = Structure(
-    name="late",
-    parameters=(
-        Parameter("a", "1/s", -1.5),
-        Parameter("b", "1", 3.0),
-        Parameter("tau_in", "s", 0.04),
-        Parameter("tau_p", "s", 0.03),
-        Parameter("tau_q", "s", -0.02),
-    ),
-    states=("p", "q"),
-    inputs=("lat", "lon"),
-    outputs=("p", "q"),
-    F=(("a", "0.4"), ("0", "2*a")),
-    G=(("b", "0"), ("1", "b")),
-    input_delays={"lat": "tau_in"},
-    output_delays={"p": "tau_p", "q": "tau_q"},
-)
 
 
 def test_delays_of_outputs_turn_the_phase_and_have_exact_derivatives():

@@ -17,7 +17,6 @@ from helisim.errors import InputError, StorageError, UnknownNameError
 from helisim.ident import (
     Fit,
     FrequencyResponse,
-    Parameter,
     Structure,
     identify,
     load_fit,
@@ -25,6 +24,7 @@ from helisim.ident import (
 )
 from helisim.ident.evaluate import response
 from helisim.ident.export import rounded
+from late import LATE
 
 FREQUENCY = np.geomspace(1.0, 40.0, 90)
 VALUES = {
@@ -212,25 +212,6 @@ def test_matlab_reads_the_same_model(fit, tmp_path):
 
 
 GRID = np.geomspace(0.5, 20.0, 40)
-
-
-LATE = Structure(
-    name="late",
-    parameters=(
-        Parameter("a", "1/s", -1.5),
-        Parameter("b", "1", 3.0),
-        Parameter("tau_in", "s", 0.04),
-        Parameter("tau_p", "s", 0.03),
-        Parameter("tau_q", "s", -0.02),
-    ),
-    states=("p", "q"),
-    inputs=("lat", "lon"),
-    outputs=("p", "q"),
-    F=(("a", "0.4"), ("0", "2*a")),
-    G=(("b", "0"), ("1", "b")),
-    input_delays={"lat": "tau_in"},
-    output_delays={"p": "tau_p", "q": "tau_q"},
-)
 
 
 @pytest.fixture(scope="module")

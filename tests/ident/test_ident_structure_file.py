@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from helisim.errors import InputError, StorageError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
 from helisim.ident.evaluate import response
+from late import LATE
 
 GOOD = """
 name = "side"
@@ -210,25 +211,6 @@ def test_whatever_is_written_ends_in_a_structure_or_an_input_error(data):
         assert Structure.from_dict(structure.to_dict()).to_dict() == structure.to_dict()
         return
     assert message
-
-
-LATE = Structure(
-    name="late",
-    parameters=(
-        Parameter("a", "1/s", -1.5),
-        Parameter("b", "1", 3.0),
-        Parameter("tau_in", "s", 0.04),
-        Parameter("tau_p", "s", 0.03),
-        Parameter("tau_q", "s", -0.02),
-    ),
-    states=("p", "q"),
-    inputs=("lat", "lon"),
-    outputs=("p", "q"),
-    F=(("a", "0.4"), ("0", "2*a")),
-    G=(("b", "0"), ("1", "b")),
-    input_delays={"lat": "tau_in"},
-    output_delays={"p": "tau_p", "q": "tau_q"},
-)
 
 
 def test_a_matrix_that_is_no_table_is_refused_by_its_row():
