@@ -17,7 +17,7 @@ _EYE = (-1.9, -1.35, -0.75)
 """m from the helicopter to the eye: behind, to the left and above; north, east, down."""
 _TRAIL_SECONDS = 15.0
 _LEGEND_ROOM = 0.12
-"""Of the flight, after its end: where legends, at the right as by default, hide nothing."""
+"""Of the flight, after its end: where the legends hide nothing."""
 _DARK = (13, 16, 17)
 """Behind a Bode plot: as behind the viewer's own plots."""
 _TABS = 8
@@ -200,6 +200,7 @@ def _plot(entity: str, name: str, start: float, stop: float) -> rrb.View:
     """Return a plot over a whole flight, start to stop in s, with room for its legend."""
     end = stop + _LEGEND_ROOM * (stop - start)
     return rrb.TimeSeriesView(
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
         origin=entity,
         name=name,
         axis_x=rrb.TimeAxis(
