@@ -141,6 +141,7 @@ def test_other_commands_fail_as_clearly(tmp_path, monkeypatch, capsys):
     assert "file" in fails(capsys, "reproduce", "--out", "file/here")
     assert "timestep" in fails(capsys, "reproduce", "--timestep", "0")
     assert "jobs" in fails(capsys, "reproduce", "--jobs", "0")
+    assert "jobs" in fails(capsys, "reproduce", "--jobs", "-1", "--reuse")
 
 
 @pytest.mark.skipif(

@@ -95,6 +95,7 @@ class Excitation:
         par[PARAM.excitation_col : PARAM.excitation_ped + 1] = 0.0
 
     def _write_closed_form(self, par: NDArray[np.float64]) -> None:
+        """Put a compiled formula in place of `sticks`; a plan refuses a class that has neither."""
         raise NotImplementedError
 
 

@@ -60,6 +60,18 @@ def flight_numbers(count: int) -> range:
     return range(count)
 
 
+def thread_count(jobs: int | None) -> int:
+    """Return how many threads `jobs` asks for: all processors if None. Raises InputError."""
+    threads = (os.cpu_count() or 1) if jobs is None else jobs
+    _check_at_least("jobs", threads, 1)
+    return threads
+
+
+def _check_at_least(name: str, number: int, least: int) -> None:
+    if not isinstance(number, int) or number < least:
+        raise InputError(f"{name} must be an integer of {least} or more, got {number}")
+
+
 def simulated(
     vehicle: Vehicle,
     plan: FlightPlan | Excitation,
@@ -73,10 +85,8 @@ def simulated(
 
     A thread does all of a flight, and nothing goes on in threads while the caller has the word.
     """
-    threads = (os.cpu_count() or 1) if jobs is None else jobs
-    for name, number, least in (("jobs", threads, 1), ("seed", seed, 0)):
-        if not isinstance(number, int) or number < least:
-            raise InputError(f"{name} must be an integer of {least} or more, got {number}")
+    threads = thread_count(jobs)
+    _check_at_least("seed", seed, 0)
     plan = as_plan(plan)
     vehicle = plan.weather.trimmed(vehicle)
     buffers = _state_buffers(vehicle, min(threads, len(numbers)), plan.excitation.duration)

@@ -1,6 +1,5 @@
 """The paper's experiment from end to end: test on the ground, fly, record, identify, compare."""
 
-import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
@@ -14,6 +13,7 @@ from helisim.records.files import make_folder, write_json
 from helisim.records.provenance import versions
 from helisim.sim import Recorder
 from helisim.sim.rigs import run_rigs
+from helisim.sim.simulation import thread_count
 from helisim.study.flights import (
     FOLDER,
     RESULTS,
@@ -92,6 +92,7 @@ def reproduce(
         raise InputError(f"flights must be 1 or more, got {flights}")
     if reuse and out is None:
         raise InputError("reuse needs the folder of the run whose flights are used again")
+    threads = thread_count(jobs)
     if out is not None:
         make_folder(out / FOLDER)
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
@@ -102,7 +103,7 @@ def reproduce(
     else:
         kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, out, on_progress)
         doublets = fly_doublets(vehicle, seed, recorder, out)
-    with one_blas_thread(), ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(threads) as pool:
         rigs = pool.submit(run_rigs, vehicle, seed=seed, recorder=recorder)
         estimated = list(pool.map(lambda model: frequency_response(model, kept), MODELS))
         ground = {test.rig: test for test in rigs.result()}
