@@ -99,9 +99,14 @@ def test_controls_are_where_the_layout_says(jr700):
 def test_sensors_are_where_the_layout_says(jr700):
     """Each sensor's numbers start at its first name, whatever sensors stand before."""
     model, names = jr700.model, SENSOR._fields
-    first = model.sensor("gyro_rate").adr[0]
+    first = model.sensor("imu_gyro").adr[0]
     starts = {name: names[model.sensor(name).adr[0] - first] for name in SENSORS}
     assert list(starts.values()) == [
+        "imu_p",
+        "imu_ax",
+        "imu_u",
+        "imu_quat_w",
+        "imu_x",
         "gyro_x",
         "stick_col",
         "command_front",

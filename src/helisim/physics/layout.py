@@ -47,6 +47,11 @@ ROTOR = CONTROL.rotor
 """Ordinal of the rotor among the vehicle's actuators."""
 
 SENSORS = {
+    "imu_gyro": 3,
+    "imu_accelerometer": 3,
+    "imu_velocity": 3,
+    "imu_attitude": 4,
+    "imu_position": 3,
     "gyro_rate": 3,
     "stick": 4,
     "servo_command": 4,
@@ -58,15 +63,33 @@ SENSORS = {
 }
 """The sensors that a vehicle needs, consecutive and in this order, and the numbers of each.
 
-The first and the last are MuJoCo's own; those between are user sensors that the callbacks fill.
+The first six and the last are MuJoCo's own; those between are user sensors that the callbacks
+fill.
 """
 
 
 @known
 class SensorIndex(NamedTuple):
-    """Numbers of a vehicle's `SENSORS`, from the first of what the gyro sees."""
+    """Numbers of a vehicle's `SENSORS`, from the first of the IMU's."""
 
-    # gyro_rate: rad/s, MuJoCo's axes (forward, left, up)
+    # the IMU, MuJoCo's axes (forward, left, up): rad/s, m/s^2, m/s, 1, m
+    imu_p: int
+    imu_q: int
+    imu_r: int
+    imu_ax: int
+    imu_ay: int
+    imu_az: int
+    imu_u: int
+    imu_v: int
+    imu_w: int
+    imu_quat_w: int
+    imu_quat_x: int
+    imu_quat_y: int
+    imu_quat_z: int
+    imu_x: int
+    imu_y: int
+    imu_z: int
+    # gyro_rate: rad/s, MuJoCo's axes too
     gyro_x: int
     gyro_y: int
     gyro_z: int

@@ -184,7 +184,7 @@ def view_of(m, d, offsets, rotor):
 def first_sensor(m, offsets, body):
     """Return where a vehicle's `SENSORS` start in `sensordata`; negative where it has none.
 
-    The sticks are the first user sensor on its body, and what the gyro sees stands before them.
+    The sticks are the first user sensor on its body; IMU and what the gyro sees stand before them.
     """
     for k in range(long(m, offsets.nsensor)):
         ours = ints(m, offsets.sensor_type)[k] == _USER_SENSOR
