@@ -10,7 +10,6 @@ import pytest
 
 from helisim.errors import ModelError
 from helisim.paper import blade360, published
-from helisim.physics import servo
 from helisim.physics.frames import flip
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
@@ -20,6 +19,7 @@ from helisim.vehicle.assembly import check_interface, mass_and_gravity, model_fo
 from helisim.vehicle.calibrate import DIRECT, SOLVED, calibrate, first_guess
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.rate_command import sensitivity
+from plates import H3_120
 
 FOLDER = model_folder("blade360")
 SOURCES = Path(__file__).parents[2] / "src" / "helisim"
@@ -111,7 +111,7 @@ def test_signs_are_the_published_ones_in_flight(vehicle, axis, rate):
     model.actuator_user[where.rotor, PARAM.gyro_on] = 0.0
     data = vehicle.hovering()
     col, lon, lat, ped = (0.02 * (axis == name) for name in ("col", "lon", "lat", "ped"))
-    data.ctrl[where.control + 4 : where.control + 7] += servo.mix(col, lon, lat)
+    data.ctrl[where.control + 4 : where.control + 7] += H3_120.mix(col, lon, lat)
     data.ctrl[where.control + 7] += ped
     with installed():
         mujoco.mj_step(model, data, 100)

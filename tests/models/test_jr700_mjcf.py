@@ -247,7 +247,7 @@ def test_sensors(model):
 
 def test_room_for_parameters_and_state(model):
     """The callbacks keep parameters in the actuators' user data and memory in mjData's."""
-    assert model.nuser_actuator == 160
+    assert model.nuser_actuator == 240
 
 
 def test_options(model):

@@ -46,24 +46,24 @@ OTHERS = {
         '<general joint="b" dyntype="user" actdim="3"/></actuator>'
     },
     "as many user numbers as ours": {
-        "size": '<size nuser_actuator="160"/>',
+        "size": '<size nuser_actuator="240"/>',
         "actuator": '<actuator><general joint="a" dyntype="user" actdim="2"/></actuator>',
     },
     "user numbers near ours": {
-        "size": '<size nuser_actuator="160"/>',
+        "size": '<size nuser_actuator="240"/>',
         "actuator": f'<actuator><general joint="a" dyntype="user" actdim="2" '
         f'user="{MAGIC + 1.0:.1f} 8 1 1 1"/></actuator>',
     },
     "as many actuators as ours, numbers near ours": {
-        "size": '<size nuser_actuator="160"/>',
+        "size": '<size nuser_actuator="240"/>',
         "actuator": actuators(lambda k: (MAGIC - 1.0, k)),
     },
     "our actuators in another order": {
-        "size": '<size nuser_actuator="160"/>',
+        "size": '<size nuser_actuator="240"/>',
         "actuator": actuators(lambda k: (MAGIC, (k + 8) % 9 if k < 8 else k)),
     },
     "user sensor": {
-        "size": '<size nuser_actuator="160"/>',
+        "size": '<size nuser_actuator="240"/>',
         "actuator": '<actuator><motor joint="a" user="1 2 3"/></actuator>',
         "sensor": '<sensor><user dim="4" objtype="body" objname="world" needstage="acc"/></sensor>',
     },

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.physics import loads, servo
+from helisim.physics import loads
 from helisim.physics.body import Velocities
 from helisim.physics.layout import PARAM, STATE
+from plates import H3_120
 
 speed = st.floats(-4.0, 4.0)
 rate = st.floats(-2.0, 2.0)
@@ -22,12 +23,12 @@ ODD = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 def activations(a=0.0, b=0.0, col=0.0, ped=0.0):
     act = np.zeros(len(STATE))
     act[STATE.flap_a], act[STATE.flap_b] = a, b
-    act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*servo.mix(col, 0.0, 0.0), ped]
+    act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*H3_120.mix(col, 0.0, 0.0), ped]
     return act
 
 
 def wrench(par, act, motion, speed_ratio=1.0):
-    col, _, _ = servo.unmix(*act[STATE.front_position : STATE.tail_position : 2])
+    col, _, _ = H3_120.unmix(*act[STATE.front_position : STATE.tail_position : 2])
     main = main_rotor(par, *motion, speed_ratio=speed_ratio, col=col)
     pedal, a, b = act[[STATE.tail_position, STATE.flap_a, STATE.flap_b]]
     return np.array(loads.wrench(par, pedal, a, b, Velocities(*motion), speed_ratio, main))

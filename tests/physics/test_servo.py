@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from helisim.physics.servo import equivalent_delay, mix, servo_rates, unmix
+from helisim.physics.servo import equivalent_delay, servo_rates
+from plates import H3_120
 
 FREQUENCY, DAMPING = 175.0, 0.7
 NO_LIMIT = 1e9
@@ -26,21 +27,23 @@ def step_response(size, time, *, rate_limit=NO_LIMIT, travel=NO_LIMIT):
 @given(col=unit, lon=unit, lat=unit)
 def test_unmix_undoes_mix(col, lon, lat):
     """From swashplate to servos and back is the identity, to rounding."""
-    assert unmix(*mix(col, lon, lat)) == pytest.approx((col, lon, lat), abs=1e-15)
+    assert H3_120.unmix(*H3_120.mix(col, lon, lat)) == pytest.approx((col, lon, lat), abs=1e-15)
 
 
 @given(front=unit, left=unit, right=unit)
 def test_mix_undoes_unmix(front, left, right):
     """From servos to swashplate and back is the identity, to rounding."""
-    assert mix(*unmix(front, left, right)) == pytest.approx((front, left, right), abs=1e-15)
+    assert H3_120.mix(*H3_120.unmix(front, left, right)) == pytest.approx(
+        (front, left, right), abs=1e-15
+    )
 
 
 def test_mix_signs():
     """Collective lifts all three, nose-up lifts the front, right roll lifts the left."""
-    assert mix(1.0, 0.0, 0.0) == (1.0, 1.0, 1.0)
-    front, left, right = mix(0.0, 1.0, 0.0)
+    assert H3_120.mix(1.0, 0.0, 0.0) == (1.0, 1.0, 1.0)
+    front, left, right = H3_120.mix(0.0, 1.0, 0.0)
     assert front > 0.0 > left == right
-    front, left, right = mix(0.0, 0.0, 1.0)
+    front, left, right = H3_120.mix(0.0, 0.0, 1.0)
     assert left > front == 0.0 > right
 
 
@@ -48,7 +51,7 @@ def test_mix_is_a_tilted_plane():
     """Each servo stands where the swashplate's plane is at its own 120-degree station."""
     stations = np.radians([0.0, -120.0, 120.0])  # front, left, right, clockwise from the nose
     heights = 0.1 + 0.2 * np.cos(stations) - 0.3 * np.sin(stations)
-    assert mix(0.1, 0.2, 0.3) == pytest.approx(heights, abs=1e-15)
+    assert H3_120.mix(0.1, 0.2, 0.3) == pytest.approx(heights, abs=1e-15)
 
 
 def test_small_step_is_the_analytic_second_order():

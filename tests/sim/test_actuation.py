@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.physics import servo
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.records.channels import IN1, SERVOS
@@ -15,6 +14,7 @@ from helisim.sim.fly import fly
 from helisim.sim.plan import FlightPlan
 from helisim.sim.recorder import Recorder
 from helisim.vehicle.motion import addresses
+from plates import H3_120
 
 STEP = 0.002
 
@@ -64,10 +64,10 @@ def test_no_servo_goes_beyond_its_travel(jr700, commanded):
 
 def test_a_limited_swashplate_moves_less_than_asked(commanded):
     """Full collective and full cyclic at once: the front servo stops, so the swashplate does."""
-    asked = servo.mix(0.4, 0.5, 0.0)
+    asked = H3_120.mix(0.4, 0.5, 0.0)
     assert asked[0] == pytest.approx(0.9)
     positions = commanded([*asked, 0.0], 0.4)
-    col, lon, lat = servo.unmix(*positions[-1, :3])
+    col, lon, lat = H3_120.unmix(*positions[-1, :3])
     # the front is 0.15 short: a third of it in collective, two thirds in longitudinal
     assert (col, lon, lat) == pytest.approx((0.4 - 0.05, 0.5 - 0.1, 0.0), abs=1e-3)
 
@@ -82,6 +82,6 @@ def test_four_servo_signals_are_recorded_and_give_in1(jr700):
     )[0]
     assert set(SERVOS) <= set(record.names)
     front, left, right, tail = record.select(SERVOS).T
-    recomputed = np.column_stack([*servo.unmix(front, left, right), tail])
+    recomputed = np.column_stack([*H3_120.unmix(front, left, right), tail])
     assert record.select(IN1) == pytest.approx(recomputed, abs=1e-15)  # rounding
     assert np.abs(record["ped"]).max() > 0.45  # the gyro's own limit of 0.5, filtered

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.physics import servo
 from helisim.physics.native import installed
 from helisim.vehicle import GyroSettings
 from helisim.vehicle.motion import addresses
+from plates import H3_120
 
 START = 0.1
 """s, at which the stick goes to its stop."""
@@ -25,7 +25,7 @@ def flown(jr700, stick, hold, *, anti_windup):
             data.ctrl[control + stick] = 0.5 if START <= data.time < START + hold else 0.0
             mujoco.mj_step(vehicle.model, data)
             commands = data.sensor("servo_command").data
-            swash = servo.unmix(*commands[:3])
+            swash = H3_120.unmix(*commands[:3])
             rates = data.sensor("imu_gyro").data * [1.0, -1.0, -1.0]
             rows.append([*data.sensor("clock").data, *rates, swash[2], swash[1], commands[3]])
     time, p, q, r, lat, lon, ped = np.array(rows).T

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.physics import servo
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.records.channels import RATES, SERVOS
@@ -21,6 +20,7 @@ from helisim.sim.plan import FlightPlan
 from helisim.sim.simulation import simulate
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
+from plates import H3_120
 
 NO_REMNANT = Pilot(remnant=0.0)
 QUIET = Doublet(axis="ped", duration=12.0, amplitude=1e-6)
@@ -105,7 +105,7 @@ def test_a_stuck_servo_tilts_as_the_mixing_says(jr700, name):
     """The first turn of the helicopter is that of col, lon and lat of one servo out of place."""
     out = 0.02
     alone = np.where(np.array(SERVOS[:3]) == name, out, 0.0)
-    col, lon, lat = servo.unmix(*alone)
+    col, lon, lat = H3_120.unmix(*alone)
     rows = without_gyro(jr700, 0.3, ServoStuck(servo=name, at=0.0, position=out))
     base = jr700.linearize("IN1").system
     time = rows[:, 0]
@@ -127,7 +127,7 @@ def test_a_stuck_swashplate_servo_takes_the_collective(jr700):
     out = 0.01
     truth = hover(jr700, ServoStuck(servo="servo_front", at=AT, position=out))
     late = truth.time > 8.0
-    col, lon, lat = servo.unmix(*truth.servo_positions[late, :3].T)
+    col, lon, lat = H3_120.unmix(*truth.servo_positions[late, :3].T)
     assert np.mean(col) == pytest.approx(out, abs=0.1 * out)
     assert np.abs([np.mean(lon), np.mean(lat)]).max() < 0.1 * out
     # the pilot pulls the stick the other way, and the helicopter climbs all the same

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.physics import servo
 from helisim.physics.native import installed
 from helisim.records.channels import (
     ACCELERATIONS,
@@ -30,6 +29,7 @@ from helisim.sim.simulation import simulate
 from helisim.sim.trajectory import Trajectory, imu_offset, read_trajectory
 from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, write_motion
+from plates import H3_120
 
 STEP = 0.002
 WIDE = {"rate_hz": 1000.0, "antialias_hz": 400.0}
@@ -63,6 +63,7 @@ def artificial(**changes):
         specific_forces=wave(3),
         positions=wave(3),
         imu_offset=np.zeros(3),
+        swashplate=H3_120,
     )
     return dataclasses.replace(truth, **changes)
 
@@ -206,7 +207,7 @@ def test_in1_is_recomputed_from_the_servos(jr700):
         jobs=1,
     )[0]
     front, left, right, tail = flown.select(SERVOS).T
-    recomputed = np.column_stack([*servo.unmix(front, left, right), tail])
+    recomputed = np.column_stack([*H3_120.unmix(front, left, right), tail])
     # to rounding, resolution included
     assert flown.select(IN1) == pytest.approx(recomputed, abs=1e-15)
     assert np.ptp(flown["lat"]) > 0.01
@@ -241,7 +242,7 @@ def test_servo_noise_is_in_in1():
     """IN1 is recomputed from the recorded servo signals, with the noise that they have."""
     seen = record(artificial(), **WIDE, **{**PLAIN, "noise": dict.fromkeys(SERVOS, 0.01)})
     front, left, right, tail = seen.select(SERVOS).T
-    recomputed = np.column_stack([*servo.unmix(front, left, right), tail])
+    recomputed = np.column_stack([*H3_120.unmix(front, left, right), tail])
     assert np.array_equal(seen.select(IN1), recomputed)
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from helisim.errors import InputError
 from helisim.paper.jr700 import table
-from helisim.physics import servo
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
+from plates import H3_120
 
 PAPER = {
     item.name: item.value
@@ -104,7 +104,7 @@ def test_linear_model_is_the_flown_one(jr700, axis):
     step, seconds = 1e-3, 0.6
     unit = dict.fromkeys(("col", "lon", "lat", "ped"), 0.0) | {axis: step}
     offsets = np.zeros(8)
-    offsets[4:7] = servo.mix(unit["col"], unit["lon"], unit["lat"])
+    offsets[4:7] = H3_120.mix(unit["col"], unit["lon"], unit["lat"])
     offsets[7] = unit["ped"]
     up = response(jr700, offsets, seconds, gyro=0.0)
     down = response(jr700, -offsets, seconds, gyro=0.0)

@@ -243,6 +243,7 @@ class _Rotors:
     def __init__(self, model: mujoco.MjModel) -> None:
         where = addresses(model)
         self.main, self.tail = RotorGeoms.of(model, "rotor"), RotorGeoms.of(model, "tail_rotor")
+        self.direction = model.actuator_user[where.rotor, PARAM.main_direction]
         self.speeds = model.actuator_user[where.rotor, [PARAM.main_speed, PARAM.tail_speed]]
         self.tilts = where.state + np.array([STATE.flap_a, STATE.flap_b])
         self.thrust = model.sensor("rotor").adr[0]
@@ -254,8 +255,8 @@ class _Rotors:
         """Put the rotors and the arrow where the state has them."""
         tilt = Rotation.from_rotvec(flip(*drawn_tilt(*data.act[self.tilts]).as_rotvec()))
         main, tail = drawn_turn(data.time, self.speeds)
-        # clockwise from above, as its torque, which the tail's thrust holds, tells
-        self.main.place(data, (tilt * Rotation.from_rotvec([0.0, 0.0, -main])).as_matrix())
+        turned = Rotation.from_rotvec([0.0, 0.0, -self.direction * main])
+        self.main.place(data, (tilt * turned).as_matrix())
         self.tail.place(data, Rotation.from_rotvec([0.0, tail, 0.0]).as_matrix())
         if scene is None:
             return

@@ -24,7 +24,14 @@ from helisim.physics.gyro import (
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
 from helisim.physics.loads import flow, tail_rotor, wrench
-from helisim.physics.memory import buffer, is_rotor, sensor_numbers, vehicles, view_of
+from helisim.physics.memory import (
+    buffer,
+    from_element,
+    is_rotor,
+    sensor_numbers,
+    vehicles,
+    view_of,
+)
 from helisim.physics.pilot import fly
 from helisim.physics.servo import mix, write_servo_rates
 from helisim.physics.timing import held_for, is_tick, last_tick, position_ahead
@@ -79,7 +86,7 @@ def command_servos(view):
     lat = min(0.5, max(-0.5, cyclic.lat))
     lon = min(0.5, max(-0.5, cyclic.lon))
     col = par[PARAM.gyro_collective] * controls[CONTROL.col]
-    front, left, right = mix(col, lon, lat)
+    front, left, right = mix(from_element(par, PARAM.mix_front_col), col, lon, lat)
     controls[CONTROL.servo_front] = front
     controls[CONTROL.servo_left] = left
     controls[CONTROL.servo_right] = right

@@ -6,6 +6,7 @@ Wu and Chen, eq. (8) of section 3.2, rows three and four; with the flap-back of 
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.loads import STOPPED
+from helisim.physics.memory import from_element
 from helisim.physics.servo import unmix
 
 
@@ -26,19 +27,21 @@ def flap_back(pitch, inflow, advance):
 
 
 @kernel()
-def cyclic_of_turning_air(p, q, speed):
+def cyclic_of_turning_air(p, q, speed, direction):
     """Return the tilts a and b (rad) that turning air calls for.
 
     Air that turns gives the blades a cyclic pitch of its rate over the rotor's, which the tilt
     follows a quarter of a revolution later (Bramwell, Helicopter Dynamics, ch. 3): for blades
-    that turn clockwise a roll of the air tilts the disc rearwards, a pitch tilts it left.
+    that turn clockwise a roll of the air tilts the disc rearwards, a pitch tilts it left; for
+    others forwards and right.
 
     Args:
         p: the air's roll rate, rad/s.
         q: its pitch rate, rad/s.
         speed: of the rotor, rad/s.
+        direction: 1 for blades that turn clockwise seen from above, -1 for others.
     """
-    return p / speed, -q / speed
+    return direction * p / speed, -direction * q / speed
 
 
 @kernel()
@@ -73,7 +76,10 @@ def tilt_rates(view, flow, step):
     par, act = view.par, view.act
     motion, main, air = flow.motion, flow.main, flow.air
     _, lon, lat = unmix(
-        act[STATE.front_position], act[STATE.left_position], act[STATE.right_position]
+        from_element(par, PARAM.mix_front_col),
+        act[STATE.front_position],
+        act[STATE.left_position],
+        act[STATE.right_position],
     )
     a_target = par[PARAM.a_lat] * lat + par[PARAM.a_lon] * lon
     b_target = par[PARAM.b_lat] * lat + par[PARAM.b_lon] * lon
@@ -81,7 +87,9 @@ def tilt_rates(view, flow, step):
         ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
         a_target += par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, ahead)
         b_target -= par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, right)
-        a_turn, b_turn = cyclic_of_turning_air(air.p, air.q, flow.speed * par[PARAM.main_speed])
+        a_turn, b_turn = cyclic_of_turning_air(
+            air.p, air.q, flow.speed * par[PARAM.main_speed], par[PARAM.main_direction]
+        )
         a_target, b_target = a_target + a_turn, b_target + b_turn
     p, q = motion.p + air.p, motion.q + air.q  # the blades' inertia knows no air
     a, b = act[STATE.flap_a], act[STATE.flap_b]

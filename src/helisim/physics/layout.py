@@ -173,6 +173,7 @@ class ParamIndex(NamedTuple):
     air_density: int
     ground_effect: int
     # main rotor
+    main_direction: int
     main_radius: int
     main_speed: int
     main_solidity: int
@@ -219,6 +220,28 @@ class ParamIndex(NamedTuple):
     tail_damping: int
     servo_rate_limit: int
     servo_travel: int
+    # swashplate: from col, lon, lat to each servo's position, and back
+    mix_front_col: int
+    mix_front_lon: int
+    mix_front_lat: int
+    mix_left_col: int
+    mix_left_lon: int
+    mix_left_lat: int
+    mix_right_col: int
+    mix_right_lon: int
+    mix_right_lat: int
+    unmix_col_front: int
+    unmix_col_left: int
+    unmix_col_right: int
+    unmix_col_over: int
+    unmix_lon_front: int
+    unmix_lon_left: int
+    unmix_lon_right: int
+    unmix_lon_over: int
+    unmix_lat_front: int
+    unmix_lat_left: int
+    unmix_lat_right: int
+    unmix_lat_over: int
     # gyro
     gyro_on: int
     gyro_period: int
@@ -335,6 +358,9 @@ class ParamIndex(NamedTuple):
 
 
 PARAM = ParamIndex(*range(len(ParamIndex._fields)))
+
+ROOM = 240
+"""User numbers of each actuator in the shipped models: all of `PARAM`, and some to come."""
 
 SWEEP = 1
 DOUBLET = 2

@@ -7,7 +7,7 @@ from helisim.physics import air, rotor
 from helisim.physics.body import Velocities, Wrench
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.memory import speed_ratio
+from helisim.physics.memory import from_element, speed_ratio
 from helisim.physics.servo import unmix
 from helisim.physics.timing import position_ahead
 
@@ -56,6 +56,7 @@ def flow(view, ahead):
     motion = air.relative_motion(view, moving)
     speed = speed_ratio(view)
     collective, _, _ = unmix(
+        from_element(view.par, PARAM.mix_front_col),
         position_ahead(view, STATE.front_position, ahead),
         position_ahead(view, STATE.left_position, ahead),
         position_ahead(view, STATE.right_position, ahead),
@@ -109,7 +110,10 @@ def main_rotor(par, motion, speed, collective, nearness=0.0):
 
 @kernel()
 def tail_rotor(par, motion, speed, pedal):
-    """Return the tail rotor's thrust, N; it pushes the tail to the left (nose right).
+    """Return the tail rotor's thrust, N.
+
+    Under blades that turn clockwise it pushes the tail to the left (nose right), and more so with
+    the pedals; under others to the right, and less so: pedals forward is nose right for both.
 
     Args:
         par: parameters.
@@ -120,8 +124,9 @@ def tail_rotor(par, motion, speed, pedal):
     tip_speed = par[PARAM.tail_speed] * speed * par[PARAM.tail_radius]
     if speed < STOPPED:
         return 0.0
-    pitch = par[PARAM.tail_pitch_trim] + par[PARAM.tail_pitch_range] * pedal
-    climb = -tail_v(par, motion) / tip_speed
+    hand = par[PARAM.main_direction]
+    pitch = par[PARAM.tail_pitch_trim] + hand * par[PARAM.tail_pitch_range] * pedal
+    climb = -hand * tail_v(par, motion) / tip_speed
     _, ct = rotor.inflow_and_thrust(
         pitch,
         climb,
@@ -160,20 +165,20 @@ def wrench(par, pedal, a, b, motion, speed, main):
     a = rotor.soft_limit(a, stop, 0.7)
     b = rotor.soft_limit(b, stop, 0.7)
     stiffness = par[PARAM.hub_stiffness] if speed >= STOPPED else 0.0
-    # hub: thrust along the tip-path plane's normal, springs, torque (blades turn clockwise)
+    # hub: thrust along the tip-path plane's normal, springs, torque, against the blades' turning
     hub_x = -main.thrust * math.sin(a)
     hub_y = main.thrust * math.sin(b)
     hub_z = -main.thrust * math.cos(a) * math.cos(b)
     arm_x, arm_z = par[PARAM.hub_x], par[PARAM.hub_z]
     moment_l = stiffness * b - arm_z * hub_y
     moment_m = stiffness * a + arm_z * hub_x - arm_x * hub_z
-    moment_n = arm_x * hub_y - main.torque
+    moment_n = arm_x * hub_y - par[PARAM.main_direction] * main.torque
     # drag of fuselage and fin
     density = par[PARAM.air_density]
     pressure = 0.5 * density * math.sqrt(u**2 + v**2 + w**2)
     side_speed = tail_v(par, motion)
     fin = -0.5 * density * par[PARAM.fin_area] * abs(side_speed) * side_speed
-    side = fin - tail
+    side = fin - par[PARAM.main_direction] * tail
     return Wrench(
         hub_x - pressure * par[PARAM.drag_x] * u,
         hub_y - pressure * par[PARAM.drag_y] * v + side,

@@ -1,34 +1,40 @@
-"""Servos, and the mixing of three of them at 120 degrees under one swashplate (CCPM)."""
-
-import math
+"""Servos, and the mixing of three of them under one swashplate (CCPM)."""
 
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
 
-_HALF_ROOT_3 = 0.5 * math.sqrt(3.0)
-
 
 @kernel()
-def mix(col, lon, lat):
+def mix(plate, col, lon, lat):
     """Return the positions of the front, left and right servo for a swashplate position.
 
-    The front servo sits at the nose; left and right are 120 degrees from it. Positive `lon`
-    lowers the rear (nose up), so the front rises; positive `lat` raises the left.
+    Positive `lon` raises the swashplate's front (nose up), positive `lat` its left.
+
+    Args:
+        plate: where the servos stand under it, (21,): the vehicle's parameters from
+            `PARAM.mix_front_col` on.
+        col: unitised.
+        lon: unitised.
+        lat: unitised.
     """
     return (
-        col + lon,
-        col - 0.5 * lon + _HALF_ROOT_3 * lat,
-        col - 0.5 * lon - _HALF_ROOT_3 * lat,
+        plate[0] * col + plate[1] * lon + plate[2] * lat,
+        plate[3] * col + plate[4] * lon + plate[5] * lat,
+        plate[6] * col + plate[7] * lon + plate[8] * lat,
     )
 
 
 @kernel()
-def unmix(front, left, right):
-    """Return collective, longitudinal and lateral from three servo positions; undoes `mix`."""
-    col = (front + left + right) / 3.0
-    lon = (2.0 * front - left - right) / 3.0
-    lat = (left - right) / (2.0 * _HALF_ROOT_3)
-    return col, lon, lat
+def unmix(plate, front, left, right):
+    """Return collective, longitudinal and lateral from three servo positions; undoes `mix`.
+
+    Each row is whole numbers over a divisor where the geometry allows it, as at 120 degrees.
+    """
+    return (
+        (plate[9] * front + plate[10] * left + plate[11] * right) / plate[12],
+        (plate[13] * front + plate[14] * left + plate[15] * right) / plate[16],
+        (plate[17] * front + plate[18] * left + plate[19] * right) / plate[20],
+    )
 
 
 @kernel()

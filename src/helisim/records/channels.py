@@ -72,7 +72,7 @@ _STANDARD = (
     Channel("b", "rad", "OTHER", "true rightward tilt of the tip-path plane"),
     Channel("thrust", "N", "OTHER", "true main rotor thrust"),
     Channel("torque", "N m", "OTHER", "true main rotor torque"),
-    Channel("tail_thrust", "N", "OTHER", "true tail rotor thrust, positive nose right"),
+    Channel("tail_thrust", "N", "OTHER", "true tail rotor thrust, against the main torque"),
     Channel("air_u", "m/s", "OTHER", "true forward velocity of the air itself, wind and gusts"),
     Channel("air_v", "m/s", "OTHER", "true right velocity of the air itself"),
     Channel("air_w", "m/s", "OTHER", "true down velocity of the air itself"),

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import DivergedError, InputError
-from helisim.physics import servo
 from helisim.records.channels import IN2, SERVOS
 from helisim.sim.clearance import closer_than
 from helisim.sim.trajectory import Trajectory
@@ -22,8 +21,6 @@ _STOP = 0.5
 """Of a stick, and of what the gyro commands: unitised."""
 _ROUNDING = 1e-9
 """By which the mixing may leave a command short of its stop."""
-_LEAST_AT_STOP = 0.7 * _STOP
-"""Of a swashplate servo's command, when a cyclic command is at its stop; by the mixing, 3/4."""
 _FULL_RATE = 0.999
 """Share of a servo's rate limit that counts as all of it: over a step it is a mean."""
 
@@ -166,8 +163,9 @@ def hover_induced_velocity(vehicle: Vehicle) -> float:
 def _saturated(vehicle: Vehicle, trajectory: Trajectory) -> Iterator[tuple[str, NDArray[np.bool_]]]:
     """Yield the name of each stick, command and servo that may be at its limit, and where, (n,)."""
     commands = dict(zip(IN2, trajectory.sticks.T)) | {"ped": trajectory.servo_commands[:, 3]}
-    if np.abs(trajectory.servo_commands[:, :3]).max() >= _LEAST_AT_STOP:
-        _, commands["lon"], commands["lat"] = servo.unmix(*trajectory.servo_commands[:, :3].T)
+    plate, swash = trajectory.swashplate, trajectory.servo_commands[:, :3]
+    if np.abs(swash).max() >= plate.least_travel(_STOP - _ROUNDING):
+        _, commands["lon"], commands["lat"] = plate.unmix(*swash.T)
     for name, command in commands.items():
         yield name, np.abs(command) >= _STOP - _ROUNDING
     limit = _FULL_RATE * vehicle.parameters["servo.rate_limit"] * trajectory.timestep

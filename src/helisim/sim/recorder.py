@@ -16,7 +16,6 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
 from helisim.errors import InputError
-from helisim.physics import servo
 from helisim.records.channels import (
     ACCELERATIONS,
     AIR,
@@ -203,7 +202,8 @@ class _Sampling:
             self._digitised(servo_name, self.commands[:, k], late_as=name)
             for k, servo_name in enumerate(SERVOS)
         ]
-        mixed = (*servo.unmix(*commands[:3]), commands[3])[IN1.index(name)]
+        plate = self.trajectory.swashplate
+        mixed = (*plate.unmix(*commands[:3]), commands[3])[IN1.index(name)]
         return self._rounded(name, mixed + self._noise(name))
 
     def motion(self) -> dict[str, NDArray[np.float64]]:

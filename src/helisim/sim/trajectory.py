@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from helisim.errors import DivergedError
 from helisim.physics.frames import flip
 from helisim.vehicle import Vehicle
+from helisim.vehicle.swashplate import Swashplate
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,7 @@ class Trajectory:
         velocities: (n_time, 3) u, v, w in m/s at the IMU.
         specific_forces: (n_time, 3) ax, ay, az in m/s^2 at the IMU.
         positions: (n_time, 3) north, east, down in m of the IMU.
+        swashplate: of the vehicle, by which servo commands are col, lon and lat.
         hold: s, for which sticks and servo commands are held; 0 if they are not.
         imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
         end: why the flight was terminated early; None if it wasn't.
@@ -72,6 +74,7 @@ class Trajectory:
     specific_forces: NDArray[np.float64]
     positions: NDArray[np.float64]
     imu_offset: NDArray[np.float64]
+    swashplate: Swashplate
     hold: float = 0.0
     end: End | None = None
 
@@ -141,6 +144,7 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         specific_forces=forces,
         positions=positions,
         imu_offset=imu_offset(vehicle),
+        swashplate=vehicle.swashplate,
         hold=vehicle.parameters["gyro.period"],
     )
 

@@ -16,7 +16,8 @@ from scipy.optimize import root
 from helisim.errors import InputError, ModelError
 from helisim.vehicle.assembly import assemble, mass_and_gravity
 from helisim.vehicle.linearize import linearize, stability_derivatives
-from helisim.vehicle.parameters import Parameters, PhysicalParameter, untuned
+from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, untuned
+from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import find_trim
 
 DIRECT = ("tau_f", "A_b", "B_a", "A_lat", "A_lon", "B_lat", "B_lon")
@@ -113,7 +114,8 @@ def _unit(derivative: str) -> str:
 def _miss(name: str, parameters: Parameters, targets: Mapping[str, float]) -> NDArray[np.float64]:
     model = assemble(name, parameters, delays=False)
     trim = find_trim(model)
-    found = stability_derivatives(linearize(model, trim, inputs="IN1"))
+    plate = Swashplate.of(completed(parameters))
+    found = stability_derivatives(linearize(model, trim, inputs="IN1"), plate)
     errors = [found[key] / targets[key] - 1.0 for key in SOLVED]
     return np.array([trim.col, trim.ped, *errors])
 

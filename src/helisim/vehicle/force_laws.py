@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from helisim.errors import ModelError
 from helisim.physics.gyro import held_lag
 from helisim.physics.layout import MAGIC, NEVER, PARAM, ROTOR
-from helisim.vehicle.parameters import Parameters, check_settings
+from helisim.vehicle.parameters import Parameters, check_settings, completed
+from helisim.vehicle.swashplate import Swashplate
 
 _DIRECT = {
     "air_density": "air.density",
     "ground_effect": "air.ground_effect",
+    "main_direction": "main_rotor.direction",
     "main_radius": "main_rotor.radius",
     "main_speed": "main_rotor.speed",
     "main_lift_slope": "main_rotor.lift_slope",
@@ -138,7 +140,14 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         ModelError: a parameter has a sign that it can't have.
         InputError: the gyro has no such setting.
     """
+    parameters = completed(parameters)
     check_settings(parameters)
+    direction = parameters["main_rotor.direction"]
+    if direction not in (-1.0, 1.0):
+        raise ModelError(
+            "main_rotor.direction must be 1 for blades that turn clockwise seen from above, or -1 "
+            f"for the others, got {direction:g}"
+        )
     for name in _POSITIVE:
         if parameters[name] <= 0.0:
             raise ModelError(f"parameter {name!r} must be positive, got {parameters[name]:g}")
@@ -152,6 +161,7 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         block[getattr(PARAM, slot)] = parameters[name]
     block[PARAM.main_solidity] = _solidity(parameters, "main_rotor")
     block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
+    Swashplate.of(parameters).write(block)
     block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
     block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
     block[PARAM.gyro_attitude_lock] = 0.5 * (parameters["gyro.flight_mode"] - 1.0)

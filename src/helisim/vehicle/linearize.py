@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError
-from helisim.physics import servo
 from helisim.physics.layout import CONTROL, PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
 from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
+from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import Trim, place
 
 Inputs = Literal["IN1", "IN2"]
@@ -125,6 +125,7 @@ class _Dynamics:
         self.where = addresses(self.model)
         self.model.actuator_user[self.where.rotor, PARAM.gyro_on] = float(inputs == "IN2")
         self.model.actuator_user[self.where.rotor, PARAM.pilot_on] = 0.0
+        self.plate = Swashplate.in_block(self.model.actuator_user[self.where.rotor])
         self.first = _GYRO if inputs == "IN1" else 0
         self.inputs = IN1 if inputs == "IN1" else IN2
         self.states = (*MOTION, *StateIndex._fields[self.first : _AIR])
@@ -149,7 +150,7 @@ class _Dynamics:
         seen = [getattr(motion, name) for name in OUTPUTS[:-3]]
         control = self.data.ctrl[self.where.control : self.where.control + ROTOR]
         *swashplate, tail = control[CONTROL.servo_front :]
-        asked = [*servo.unmix(*swashplate), tail]
+        asked = [*self.plate.unmix(*swashplate), tail]
         return np.concatenate([motion_rates(self.data, motion), rates, seen, felt, asked])
 
     def _command(self, deviation: NDArray[np.float64]) -> None:
@@ -157,13 +158,13 @@ class _Dynamics:
         control[:] = self.ctrl[self.where.control : self.where.control + ROTOR + 1]
         if self.inputs == IN1:
             col, lon, lat, ped = deviation
-            control[CONTROL.servo_front : CONTROL.servo_tail] += servo.mix(col, lon, lat)
+            control[CONTROL.servo_front : CONTROL.servo_tail] += self.plate.mix(col, lon, lat)
             control[CONTROL.servo_tail] += ped
         else:
             control[: CONTROL.servo_front] += deviation
 
 
-def stability_derivatives(base: Linearization) -> dict[str, float]:
+def stability_derivatives(base: Linearization, swashplate: Swashplate) -> dict[str, float]:
     """Return the derivatives of the base helicopter by their names in the field.
 
     Those of Wu and Chen's equations (1), (8) and (10), and those that their structures leave
@@ -171,8 +172,9 @@ def stability_derivatives(base: Linearization) -> dict[str, float]:
 
     Args:
         base: a linearisation with inputs IN1.
+        swashplate: of the vehicle, for the derivatives by what its servos do together.
     """
-    swash = {name: _swash_derivatives(base, name) for name in ("w", "flap_a", "flap_b")}
+    swash = {name: _swash_derivatives(base, swashplate, name) for name in ("w", "flap_a", "flap_b")}
     tau_a = -1.0 / base.derivative("flap_a", "flap_a")
     tau_b = -1.0 / base.derivative("flap_b", "flap_b")
     return {
@@ -198,10 +200,10 @@ def stability_derivatives(base: Linearization) -> dict[str, float]:
     }
 
 
-def _swash_derivatives(base: Linearization, rate: str) -> dict[str, float]:
+def _swash_derivatives(base: Linearization, plate: Swashplate, rate: str) -> dict[str, float]:
     servos = ("front_position", "left_position", "right_position")
     by_servo = np.array([base.derivative(rate, name) for name in servos])
     return {
-        name: float(by_servo @ servo.mix(*unit))
+        name: float(by_servo @ plate.mix(*unit))
         for name, unit in zip(("col", "lon", "lat"), np.eye(3))
     }

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.errors import ModelError, UnknownNameError
 from helisim.physics.frames import flip
-from helisim.physics.layout import PARAM, ROTOR, STATE
+from helisim.physics.layout import PARAM, ROOM, ROTOR, STATE
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def addresses(model: mujoco.MjModel, prefix: str = "") -> Addresses:
     if model.nuser_actuator < len(PARAM):
         raise ModelError(
             f"the scene has room for {model.nuser_actuator} numbers of an actuator, and a vehicle "
-            f'has {len(PARAM)}; give the scene <size nuser_actuator="160"/>'
+            f'has {len(PARAM)}; give the scene <size nuser_actuator="{ROOM}"/>'
         )
     return Addresses(
         rotor=rotor,

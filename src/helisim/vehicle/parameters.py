@@ -83,6 +83,8 @@ def read_parameters(*paths: Path) -> Parameters:
     return Parameters(entries)
 
 
+_SWASH_SERVOS = ("front", "left", "right")
+
 _UNTUNED = {
     "gyro.ped_latency": (0.0, "s"),
     "gyro.kp_lat": (0.0, "s/rad"),
@@ -113,6 +115,26 @@ def untuned(parameters: Parameters) -> Parameters:
         for name, (value, unit) in _UNTUNED.items()
     }
     return Parameters({**plain, **{name: parameters.entry(name) for name in parameters}})
+
+
+_LEFT_OUT = {
+    "main_rotor.direction": (1.0, "1", "clockwise seen from above"),
+    "swashplate.front_angle": (0.0, "rad", "at the nose"),
+    "swashplate.left_angle": (2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),
+    "swashplate.right_angle": (-2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),
+    **{f"swashplate.{name}_arm": (1.0, "1", "all arms are equal") for name in _SWASH_SERVOS},
+    **{f"swashplate.{name}_sign": (1.0, "1", "none is reversed") for name in _SWASH_SERVOS},
+}
+
+
+def completed(parameters: Parameters) -> Parameters:
+    """Return the parameters with what a vehicle may leave out: rotor's direction, swashplate."""
+    plain = {
+        name: PhysicalParameter(name, value, unit, f"not given: {meaning}")
+        for name, (value, unit, meaning) in _LEFT_OUT.items()
+        if name not in parameters
+    }
+    return Parameters({**{name: parameters.entry(name) for name in parameters}, **plain})
 
 
 def _read(path: Path) -> dict[str, PhysicalParameter]:

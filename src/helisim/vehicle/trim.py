@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from helisim.errors import TrimError
-from helisim.physics import gyro, servo
+from helisim.physics import gyro
 from helisim.physics.layout import PARAM, ROTOR, STATE
 from helisim.physics.native import installed
 from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
+from helisim.vehicle.swashplate import Swashplate
 
 _RESIDUAL = 1e-9
 """Greatest acceleration left, m/s^2 and rad/s^2: far below any sensor, above rounding."""
@@ -137,7 +138,8 @@ def place(
     where = addresses(model)
     motion = trim.motion if height is None else replace(trim.motion, down=-height)
     write_motion(model, data, motion)
-    swash = servo.mix(trim.col, trim.lon, trim.lat)
+    plate = Swashplate.in_block(model.actuator_user[where.rotor])
+    swash = plate.mix(trim.col, trim.lon, trim.lat)
     act = data.act[where.state : where.state + len(STATE)]
     act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*swash, trim.ped]
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b

@@ -22,8 +22,15 @@ from helisim.vehicle.assembly import Integrator, assemble, model_folder
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.parameters import GyroSettings, Parameters, read_parameters, untuned
+from helisim.vehicle.parameters import (
+    GyroSettings,
+    Parameters,
+    completed,
+    read_parameters,
+    untuned,
+)
 from helisim.vehicle.sampled import SampledGyro, close, sampled_gyro
+from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
 
 _SETTABLE = ("gyro", "gyro_tuned", "recorder_latency")
@@ -130,6 +137,11 @@ class Vehicle:
             "timestep_s": float(self.model.opt.timestep),
         }
 
+    @property
+    def swashplate(self) -> Swashplate:
+        """How its three servos move the swashplate."""
+        return Swashplate.in_block(self.model.actuator_user[addresses(self.model).rotor])
+
     @cached_property
     def gyro(self) -> SampledGyro:
         """The gyro's linear law at its ticks."""
@@ -197,7 +209,7 @@ class Vehicle:
     @cached_property
     def derivatives(self) -> dict[str, float]:
         """Stability and control derivatives of the base helicopter by name, SI."""
-        return stability_derivatives(self.linearize("IN1"))
+        return stability_derivatives(self.linearize("IN1"), self.swashplate)
 
     def servo_delay(self, axis: str) -> float:
         """Return the delay of the servos that move a control axis, s.
@@ -257,5 +269,5 @@ def standard_parameters(name: str = "jr700", *, tuned: bool = True) -> Parameter
     folder = model_folder(name)
     files = [folder / file for file in ("parameters.toml", "calibrated.toml", "tuned.toml")]
     if tuned or files[-1].is_file():
-        return read_parameters(*files)
-    return untuned(read_parameters(*files[:-1]))
+        return completed(read_parameters(*files))
+    return completed(untuned(read_parameters(*files[:-1])))

@@ -184,7 +184,7 @@ def _log_main_rotor(
 ) -> None:
     rotor = f"{entity}/rotor"
     _log_shapes(recording, rotor, shapes.rotor)
-    turn = _turn(record, "main_rotor.speed", (0.0, 0.0, 1.0))
+    turn = _turn(record, "main_rotor.speed", (0.0, 0.0, _direction(record)))
     if knows_rotor(record):  # ring and arrow are the same however far the blades have turned
         tilt = drawn_tilt(record["a"], record["b"])
         turn = tilt if turn is None else tilt * turn
@@ -215,6 +215,12 @@ def _turn(record: FlightRecord, speed: str, axis: tuple[float, float, float]) ->
     return Rotation.from_rotvec(drawn_turn(record.time, turning)[:, None] * np.array(axis))
 
 
+def _direction(record: FlightRecord) -> float:
+    """Return 1 where the main rotor turns clockwise seen from above, the default, else -1."""
+    direction = _parameter(record, "main_rotor.direction")
+    return 1.0 if direction is None else direction
+
+
 def _log_turning(
     recording: rr.RecordingStream,
     rotor: str,
@@ -243,7 +249,8 @@ def _log_loads(
         lift = np.column_stack([zero, zero, -_METRES_PER_NEWTON * record["thrust"]])
         _log_arrow(recording, f"{entity}/rotor/thrust", _THRUST_COLOUR, lift, record)
     if "tail_thrust" in record and shapes.tail_hub is not None:
-        side = np.column_stack([zero, -_METRES_PER_TAIL_NEWTON * record["tail_thrust"], zero])
+        left = _METRES_PER_TAIL_NEWTON * _direction(record) * record["tail_thrust"]
+        side = np.column_stack([zero, -left, zero])
         name = f"{entity}/tail_thrust"
         _log_arrow(recording, name, _TAIL_COLOUR, side, record, shapes.tail_hub)
     stiffness = _parameter(record, "main_rotor.hub_stiffness")

@@ -1,0 +1,157 @@
+"""A vehicle seen in a mirror flies the mirror image of every flight: physics knows no hand."""
+
+import copy
+
+import mujoco
+import numpy as np
+import pytest
+
+from helisim.physics.frames import flip
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.native import installed
+from helisim.records.channels import IN1, IN2, POSITIONS, RATES, SERVOS
+from helisim.sim import FlightPlan, Pilot, Recorder, Weather, fly
+from helisim.sim.excitation import Excitation
+from helisim.vehicle import Vehicle, load
+from helisim.vehicle.assembly import assemble
+from helisim.vehicle.mirror import mirrored
+from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import find_trim
+
+ROUNDING = 1e-11
+"""Of some 10 m, m/s and rad: a sum in another order, in a flight that forgets what it adds up to."""
+ODD_AIR = ("air_v_lag", "air_p", "air_v", "air_r_lag")
+ASKEW = {
+    "swashplate.front_angle": 0.2,
+    "swashplate.left_angle": 1.9,
+    "swashplate.right_angle": -2.3,
+    "swashplate.left_arm": 1.1,
+    "swashplate.right_sign": -1.0,
+}
+"""A swashplate that is not its own mirror image."""
+
+
+@pytest.fixture(scope="module", params=["as shipped", "askew"])
+def pair(request):
+    """A vehicle and its mirror image, as shipped, and with mass and swashplate off the middle."""
+    askew = request.param == "askew"
+    own = load("jr700", parameters=ASKEW).parameters if askew else load("jr700").parameters
+    models = assemble("jr700", own), assemble("jr700", mirrored(own))
+    if askew:
+        for model in models:
+            model.body_ipos[:, 1] += 0.003
+    _mirror(models[1])
+    each = zip((own, mirrored(own)), models)
+    return tuple(Vehicle("jr700", values, model, find_trim(model)) for values, model in each)
+
+
+def _mirror(model):
+    for places in (model.body_ipos, model.site_pos, model.geom_pos):
+        places[:, 1] *= -1.0
+    for turns in (model.body_iquat, model.site_quat, model.geom_quat):
+        turns[:, [1, 3]] *= -1.0
+
+
+def rough(model, hand):
+    """Let the air turn and a gust come from the side, without noise, mirrored by the hand."""
+    par = model.actuator_user[addresses(model).rotor]
+    par[PARAM.turbulence_on], par[PARAM.turbulence_cosine] = 1.0, 1.0
+    par[PARAM.turbulence_span] = 1.5
+    par[PARAM.turbulence_lag_u : PARAM.turbulence_lag_p + 1] = [3.0, 2.0, 2.5, 1.5]
+    par[PARAM.gust_north : PARAM.gust_down + 1] = [1.0, 2.0 * hand, 0.5]
+    par[PARAM.gust_start], par[PARAM.gust_rise], par[PARAM.gust_hold] = 0.5, 0.7, 0.4
+    air = dict(zip(STATE._fields[STATE.air_u :], [1.0, 2.0, 1.5, 0.4, 1.0, -1.0, 0.8, -1.2]))
+    return [value * (hand if name in ODD_AIR else 1.0) for name, value in air.items()]
+
+
+def forward_flight(vehicle, hand):
+    """Fly ahead in a wind from the side and in rough air, moving all sticks; return what is seen."""
+    there = vehicle.trimmed(speed=9.0, wind=(-2.0, 3.0 * hand, 0.4))
+    model, data = copy.copy(there.model), there.hovering()
+    where = addresses(model)
+    data.act[where.state + STATE.air_u : where.state + len(STATE)] = rough(model, hand)
+    sticks = data.ctrl[where.control : where.control + 4].copy()
+    rows = []
+    with installed():
+        for _ in range(1500):
+            t = data.time
+            moved = np.array(
+                [
+                    0.05 * np.sin(2.0 * t),
+                    0.1 * np.sin(5.0 * t),
+                    0.12 * hand * np.cos(4.0 * t),
+                    0.1 * hand * np.sin(3.0 * t),
+                ]
+            )
+            data.ctrl[where.control : where.control + 4] = sticks + moved
+            mujoco.mj_step(model, data)
+            rows.append(
+                [
+                    *flip(*data.sensor("imu_position").data),
+                    *flip(*data.sensor("imu_velocity").data),
+                    *flip(*data.sensor("imu_gyro").data),
+                    *flip(*data.sensor("imu_accelerometer").data),
+                    *data.sensor("flapping").data,
+                    *data.sensor("rotor").data,
+                ]
+            )
+    return np.array(rows)
+
+
+def test_forward_flight_is_the_mirror_image(pair):
+    """Place, velocity, turning, specific force, tilt, thrusts and torque: to rounding, for 3 s."""
+    one, other = (forward_flight(vehicle, hand) for vehicle, hand in zip(pair, (1.0, -1.0)))
+    vector, pseudo = [1.0, -1.0, 1.0], [-1.0, 1.0, -1.0]
+    signs = [*vector, *vector, *pseudo, *vector, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
+    assert np.abs(one[:, 3:9]).max() > 1.0  # it flies and turns
+    assert np.ptp(one[:, 6]) > 0.5
+    scale = np.maximum(1.0, np.abs(one).max(axis=0))
+    assert np.abs(other - one * signs).max(axis=0) / scale == pytest.approx(0.0, abs=ROUNDING)
+
+
+class MirroredWeave(Excitation):
+    """Sines on all sticks; the mirrored pilot moves two of them the other way."""
+
+    def sticks(self, time):
+        hand = 1.0 if self.axis == "lat" else -1.0
+        waves = [0.02 * np.sin(time), 0.05 * np.sin(3.0 * time), 0.05 * np.cos(2.0 * time)]
+        waves[2] *= hand
+        return np.column_stack([*waves, 0.03 * hand * np.sin(4.0 * time)])
+
+
+ODD = {"LAT", "PED", "lat", "ped", "p", "r", "phi", "psi", "v", "ay", "east"}
+ODD |= {"b", "air_v", "air_p", "air_r"}
+SWAPPED = {"left": "right", "right": "left"}
+
+
+def test_a_recorded_flight_is_the_mirror_image(pair):
+    """Pilot, gyro, servos and recorder: every channel, or its namesake on the other side."""
+    records = [
+        fly(
+            vehicle,
+            FlightPlan(
+                excitation=MirroredWeave(axis=axis, duration=6.0),
+                pilot=Pilot(remnant=0.0),
+                weather=Weather(wind=2.2, wind_from=hand),
+                recorder=Recorder(latency=None, noise={}, resolution={}, rotor=True),
+            ),
+            jobs=1,
+        )[0]
+        for vehicle, hand, axis in zip(pair, (1.0, -1.0), ("lat", "ped"))
+    ]
+    assert set(records[0].names) >= {*IN1, *IN2, *SERVOS, *RATES, *POSITIONS}
+    for name in records[0].names:
+        namesake = "_".join(SWAPPED.get(part, part) for part in name.split("_"))
+        sign = -1.0 if name in ODD or name.startswith("servo_tail") else 1.0
+        there = sign * records[1][namesake]
+        scale = max(1.0, np.abs(there).max())
+        assert records[0][name] / scale == pytest.approx(there / scale, abs=ROUNDING), name
+
+
+def test_derivatives_are_those_of_the_mirror_image(pair):
+    """Roll by pitch, and what sideslip does, changes sign; each axis by its own control doesn't."""
+    one, other = (vehicle.derivatives for vehicle in pair)
+    changed = {"A_b", "B_a", "A_lat", "B_lon"}
+    for name, value in one.items():
+        sign = -1.0 if name in changed else 1.0
+        assert other[name] == pytest.approx(sign * value, rel=1e-6, abs=1e-9), name
