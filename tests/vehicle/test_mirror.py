@@ -19,7 +19,7 @@ from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import find_trim
 
 ROUNDING = 1e-11
-"""Of some 10 m, m/s and rad: a sum in another order, in a flight that forgets what it adds up to."""
+"""Of some 10 m, m/s and rad: a sum in another order, in a flight that is stable."""
 ODD_AIR = ("air_v_lag", "air_p", "air_v", "air_r_lag")
 ASKEW = {
     "swashplate.front_angle": 0.2,
@@ -65,7 +65,7 @@ def rough(model, hand):
 
 
 def forward_flight(vehicle, hand):
-    """Fly ahead in a wind from the side and in rough air, moving all sticks; return what is seen."""
+    """Return what is felt on a flight ahead in side wind and rough air, moving all sticks."""
     there = vehicle.trimmed(speed=9.0, wind=(-2.0, 3.0 * hand, 0.4))
     model, data = copy.copy(there.model), there.hovering()
     where = addresses(model)
