@@ -21,7 +21,7 @@ import helisim as hs
 from helisim.errors import DivergedError, ModelError, UnknownNameError
 from helisim.physics import native
 from helisim.physics.layout import PARAM, STATE
-from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 

@@ -27,7 +27,7 @@ from helisim.output.drawings import bode_drawings
 from helisim.output.png import to_png
 from helisim.output.rerun.recording import write_recording
 from helisim.study.run import Run, read_run
-from helisim.vehicle.assembly import model_folder, vehicle_names
+from helisim.vehicle.folder import model_folder, vehicle_names
 
 PICTURES = Path(__file__).parent
 PATIENCE = 60.0

@@ -5,6 +5,7 @@ A message says what was received, what was expected, which names exist, and what
 
 from collections.abc import Iterable
 from difflib import SequenceMatcher
+from functools import partial
 from typing import Any
 
 _MOST_LISTED = 30
@@ -26,26 +27,31 @@ class InputError(HelisimError, ValueError):
 class UnknownNameError(InputError):
     """A name was given that does not exist.
 
-    A short list of names is part of the message; of a long one only those that are alike.
+    A short list of names is part of the message; of a long one only those that are alike. Advice
+    on what else could be done ends it.
 
     Attributes:
         available: all names that exist.
     """
 
-    def __init__(self, what: str, received: object, available: Iterable[str]) -> None:
+    def __init__(
+        self, what: str, received: object, available: Iterable[str], *, advice: str = ""
+    ) -> None:
         self.available = tuple(available)
         said = f"unknown {what} {received!r}"
         alike = " or ".join(similar(str(received), self.available))
         meant = f"did you mean {alike}?" if alike else ""
-        if len(self.available) <= _MOST_LISTED:
+        if not self.available:
+            listed = "there is none"
+        elif len(self.available) <= _MOST_LISTED:
             listed = f"available: {', '.join(self.available)}"
         else:
             listed = f"there are {len(self.available)}"
-        super().__init__("; ".join(filter(None, (said, listed, meant))))
-        self._arguments = what, received, self.available
+        super().__init__("; ".join(filter(None, (said, listed, meant, advice))))
+        self._arguments, self._advice = (what, received, self.available), advice
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return UnknownNameError, self._arguments
+        return partial(UnknownNameError, advice=self._advice), self._arguments
 
     @property
     def unlisted(self) -> tuple[str, ...]:

@@ -41,7 +41,7 @@ with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING])
     from helisim.study.replay import arguments_of
     from helisim.study.run import read_run
     from helisim.vehicle import read_parameters
-    from helisim.vehicle.assembly import model_folder
+    from helisim.vehicle.folder import model_folder
 
 MAP = Map(
     {"p": Column("p", "deg/s"), "lat": Column("u", "us", trim=1500, range=800)}, Clock("t", "s")

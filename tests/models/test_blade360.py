@@ -15,8 +15,9 @@ from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.study.tune import margins
 from helisim.vehicle import load, read_parameters
-from helisim.vehicle.assembly import check_interface, mass_and_gravity, model_folder, total_inertia
+from helisim.vehicle.assembly import check_interface, mass_and_gravity, total_inertia
 from helisim.vehicle.calibrate import DIRECT, SOLVED, calibrate, first_guess
+from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.rate_command import sensitivity
 from plates import H3_120
@@ -86,7 +87,7 @@ def test_balance_is_closed(vehicle):
     assert data.subtree_com[body] - data.xpos[body] == pytest.approx(np.zeros(3), abs=1e-9)
     solved = [vehicle.parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
     assert total_inertia(model, "blade360") == pytest.approx(np.diag(solved), abs=1e-9)
-    check_interface(model, "blade360")
+    check_interface(model)
 
 
 @pytest.mark.parametrize("file", ["blade360.xml", "scene.xml"])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from helisim.vehicle import read_parameters
-from helisim.vehicle.assembly import models_folder
+from helisim.vehicle.folder import models_folder
 
 DRAWN = 2  # the geom group
 MASSIVE = {

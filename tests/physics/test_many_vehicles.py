@@ -10,7 +10,7 @@ from mujoco.batch import Batch
 
 from helisim.physics.layout import PARAM, STATE, SWEEP
 from helisim.physics.native import installed
-from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 

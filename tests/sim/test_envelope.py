@@ -30,7 +30,7 @@ from helisim.sim.clearance import clearance
 from helisim.sim.envelope import hover_induced_velocity
 from helisim.sim.simulation import until_end
 from helisim.vehicle import load
-from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.folder import model_folder
 from helisim.vehicle.trim import place
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)

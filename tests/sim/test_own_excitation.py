@@ -28,7 +28,7 @@ from helisim.sim import (
 from helisim.sim.excitation import EXCITATIONS, ThreeTwoOneOne, step_times, stick_history
 from helisim.sim.simulation import prepare
 from helisim.vehicle import load
-from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 

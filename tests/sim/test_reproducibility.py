@@ -12,7 +12,7 @@ import helisim
 from helisim.records.storage import write_record
 from helisim.sim import Sweep, fly
 from helisim.vehicle import load
-from helisim.vehicle.assembly import models_folder
+from helisim.vehicle.folder import models_folder
 
 SEEDS = (0, 3, 4, 11, 2**40)
 FLIGHTS = 2

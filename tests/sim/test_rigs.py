@@ -31,7 +31,8 @@ from helisim.sim.rigs import (
     turntable_test,
 )
 from helisim.vehicle import load
-from helisim.vehicle.assembly import assemble, models_folder, rig_names, total_inertia
+from helisim.vehicle.assembly import assemble, total_inertia
+from helisim.vehicle.folder import models_folder, rig_names
 
 RIGS = ("bench", "suspension", "turntable")
 EXACT = Recorder(noise={}, resolution={}, latency={})

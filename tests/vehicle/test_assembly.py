@@ -79,7 +79,7 @@ def test_a_model_out_of_order_is_refused():
     """Actuators that are not nine in a row are listed in the message, not flown."""
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     with pytest.raises(ModelError, match="COL, LON, LAT, PED"):
-        check_interface(model, "jr700")
+        check_interface(model)
 
 
 def test_states_are_where_the_layout_says(jr700):
@@ -124,7 +124,7 @@ def test_a_sensor_of_another_size_is_refused(jr700):
     model = copy.copy(jr700.model)
     model.sensor_dim[model.sensor("air").id] = 5
     with pytest.raises(ModelError, match="'air' must have 6 numbers, it has 5"):
-        check_interface(model, "jr700")
+        check_interface(model)
 
 
 def test_the_model_to_look_at_flies_the_same(jr700):

@@ -5,8 +5,8 @@ import pytest
 from helisim.errors import InputError, ModelError
 from helisim.paper.jr700 import table
 from helisim.vehicle import calibrate, read_parameters
-from helisim.vehicle.assembly import model_folder
 from helisim.vehicle.calibrate import DIRECT, SOLVED
+from helisim.vehicle.folder import model_folder
 
 FOLDER = model_folder("jr700")
 TARGETS = {

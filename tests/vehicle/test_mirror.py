@@ -14,6 +14,7 @@ from helisim.sim import FlightPlan, Pilot, Recorder, Weather, fly
 from helisim.sim.excitation import Excitation
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import assemble
+from helisim.vehicle.folder import model_folder
 from helisim.vehicle.mirror import mirrored
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import find_trim
@@ -42,7 +43,9 @@ def pair(request):
             model.body_ipos[:, 1] += 0.003
     _mirror(models[1])
     each = zip((own, mirrored(own)), models)
-    return tuple(Vehicle("jr700", values, model, find_trim(model)) for values, model in each)
+    return tuple(
+        Vehicle(model_folder("jr700"), values, model, find_trim(model)) for values, model in each
+    )
 
 
 def _mirror(model):

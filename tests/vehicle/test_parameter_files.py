@@ -6,7 +6,7 @@ import pytest
 
 from helisim.errors import InputError, ModelError, UnknownNameError
 from helisim.vehicle import load, read_parameters
-from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.folder import model_folder
 from helisim.vehicle.parameters import to_toml
 
 

@@ -4,7 +4,7 @@ import argparse
 import json
 from typing import Any
 
-from helisim.cli.common import add_parameters, add_quiet, parameters
+from helisim.cli.common import add_parameters, add_quiet, add_vehicle, parameters
 from helisim.cli.progress import Progress
 
 
@@ -17,6 +17,7 @@ def add(commands: Any) -> None:
         "with the rotor off, and print what is identified beside the truth.",
         epilog="example: helisim bench --json",
     )
+    add_vehicle(command)
     command.add_argument(
         "--seed", type=int, default=1, metavar="S", help="of the sensors (default: 1)"
     )
@@ -32,7 +33,7 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.sim.rigs import run_rigs
     from helisim.vehicle import load
 
-    vehicle = load(parameters=parameters(options))
+    vehicle = load(options.vehicle, parameters=parameters(options))
     with Progress(3, options.quiet, unit="rig") as advance:
         tests = run_rigs(vehicle, seed=options.seed, on_progress=advance)
     if options.json:

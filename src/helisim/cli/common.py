@@ -88,13 +88,13 @@ def add_quiet(command: argparse.ArgumentParser) -> None:
 
 
 def add_vehicle(command: argparse.ArgumentParser) -> None:
-    """Add the vehicle's name."""
+    """Add the vehicle: a name or a path."""
     command.add_argument(
         "vehicle",
         nargs="?",
         default="jr700",
         metavar="VEHICLE",
-        help="a folder of models/, such as blade360 (default: jr700)",
+        help="jr700 (default) or blade360, or the path of a vehicle's folder of your own",
     )
 
 
@@ -146,7 +146,7 @@ def add_write(command: argparse.ArgumentParser, name: str) -> None:
 def replace_parameter_file(options: argparse.Namespace, name: str, text: str) -> None:
     """Write a vehicle's parameter file of that name anew, and print where."""
     from helisim.records.files import atomic_write
-    from helisim.vehicle.assembly import model_folder
+    from helisim.vehicle.folder import model_folder
 
     path = model_folder(options.vehicle) / name
     with atomic_write(path) as temporary:
@@ -161,7 +161,7 @@ def print_written(options: argparse.Namespace, text: str) -> None:
 
 
 def write_recording(
-    path: Path, records: Any, *, vehicle: str = "jr700", run: Any = None, quiet: bool = False
+    path: Path, records: Any, *, vehicle: str | Path = "jr700", run: Any = None, quiet: bool = False
 ) -> None:
     """Write a Rerun recording of flights, and of what a run found from them, and print where."""
     from helisim.cli.progress import Progress
@@ -169,8 +169,9 @@ def write_recording(
     from helisim.vehicle import load
 
     with Progress(len(records), quiet, unit="flight") as advance:
-        model = load(vehicle).visual_model()
-        write_recording(path, records, model=model, run=run, on_progress=advance)
+        drawn = load(vehicle)
+        model, roles = drawn.visual_model(), drawn.roles
+        write_recording(path, records, model=model, roles=roles, run=run, on_progress=advance)
     print_recording(path, quiet)
 
 

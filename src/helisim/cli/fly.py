@@ -291,7 +291,7 @@ def _write_recording(
 ) -> None:
     if options.rerun is not None:
         flown, quiet = {plan.excitation.axis: record}, options.quiet
-        write_recording(options.rerun, flown, vehicle=vehicle.name, quiet=quiet)
+        write_recording(options.rerun, flown, vehicle=vehicle.folder, quiet=quiet)
 
 
 def _many(options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan") -> int:

@@ -29,6 +29,11 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help="recording to write, .rrd"
     )
+    command.add_argument(
+        "--vehicle",
+        metavar="VEHICLE",
+        help="to draw, a name or the path of a folder (default: the shipped one that flew)",
+    )
     add_quiet(command)
     command.set_defaults(run=_run)
 
@@ -61,8 +66,15 @@ def _run(options: argparse.Namespace) -> int:
         for path in paths:
             flights[path.stem] = read_record(path)
             advance(f"{path.stem} read")
-        model = load(_vehicle(flights)).visual_model()
-        write_recording(options.out, flights, model=model, run=run, on_progress=advance)
+        drawn = load(options.vehicle or _vehicle(flights))
+        write_recording(
+            options.out,
+            flights,
+            model=drawn.visual_model(),
+            roles=drawn.roles,
+            run=run,
+            on_progress=advance,
+        )
     print_recording(options.out, options.quiet)
     if run is not None and run.results.left_out and not options.quiet:
         names = ", ".join(sorted(run.results.left_out))
@@ -78,12 +90,17 @@ def _run(options: argparse.Namespace) -> int:
 def _vehicle(flights: "Mapping[str, FlightRecord]") -> str:
     """Return the vehicle to draw: the one that flew, and the JR700 for other people's logs."""
     from helisim.errors import InputError
-    from helisim.vehicle.assembly import vehicle_names
+    from helisim.vehicle.folder import vehicle_names
 
     named = {record.provenance.get("vehicle") for record in flights.values()}
-    flew = [name for name in vehicle_names() if name in named]
+    flew = sorted(name for name in named if isinstance(name, str))
     if len(flew) > 1:
         raise InputError(f"one recording draws one vehicle, got {', '.join(flew)}")
+    if flew and flew[0] not in vehicle_names():
+        raise InputError(
+            f"flown by {flew[0]!r}, which is not one of the shipped vehicles "
+            f"({', '.join(vehicle_names())}): give its folder with --vehicle PATH"
+        )
     return flew[0] if flew else "jr700"
 
 

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from helisim.errors import UnknownNameError
 from helisim.ident import USABLE_COHERENCE, Fit
 from helisim.output import html, tables
 from helisim.output.drawings import run_drawings
@@ -21,7 +20,7 @@ from helisim.records.files import atomic_write, make_folder
 from helisim.sim.rigs import RigTest
 from helisim.study.results import ComparisonTable, ParameterRow, Results
 from helisim.study.run import Run, read_run
-from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.folder import model_folder, vehicle_names
 
 FIGURES = "figures"
 REPORT = "report.html"
@@ -129,10 +128,9 @@ def _experiment(run: Run) -> str:
 def _airframe(run: Run) -> str:
     record = next(iter(run.sweeps.values()), None)
     vehicle = record.provenance.get("vehicle", "") if record is not None else ""
-    try:
-        picture = model_folder(vehicle) / f"{vehicle}.png"
-    except UnknownNameError:
+    if vehicle not in vehicle_names():
         return html.table(tables.airframe(record))
+    picture = model_folder(vehicle) / f"{vehicle}.png"
     shown = (
         ""
         if not picture.is_file()

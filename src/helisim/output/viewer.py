@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import mujoco
@@ -23,7 +23,8 @@ from helisim.physics.native import installed
 from helisim.sim import Pilot
 from helisim.sim.excitation import Excitation, check_excitation, stick_history
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.motion import addresses, root_body
+from helisim.vehicle.roles import Roles
 from helisim.vehicle.trim import place
 
 _ROOM = 0.9
@@ -69,11 +70,13 @@ class LiveFlight:
         model: with every part to be seen, the pilot and the manoeuvre in place.
         data: in the hover.
         sticks: (n_step, 4) `stick_history` of the manoeuvre; None if it has none.
+        roles: names of the rotors in the model.
     """
 
     model: mujoco.MjModel
     data: mujoco.MjData
     sticks: NDArray[np.float64] | None = None
+    roles: Roles = field(default_factory=Roles)
 
     def step(self) -> None:
         """Fly on by a time step."""
@@ -114,7 +117,7 @@ def prepare_live(
     place(model, data, vehicle.trim, height=height)
     with installed():
         mujoco.mj_forward(model, data)
-    return LiveFlight(model, data, sticks)
+    return LiveFlight(model, data, sticks, vehicle.roles)
 
 
 def _height(model: mujoco.MjModel) -> float:
@@ -122,13 +125,13 @@ def _height(model: mujoco.MjModel) -> float:
     return _ROOM + 0.5 * model.stat.extent
 
 
-def aim(camera: mujoco.MjvCamera, model: mujoco.MjModel, body: str) -> None:
+def aim(camera: mujoco.MjvCamera, model: mujoco.MjModel, body: str | int) -> None:
     """Let a camera follow a body so that it, its shadow and the pad are seen.
 
     Args:
         camera: to be set.
         model: of a scene, with every part to be seen.
-        body: the vehicle's name.
+        body: the vehicle's, by name or number.
     """
     camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
     camera.trackbodyid = model.body(body).id
@@ -159,7 +162,7 @@ def watch(
         DivergedError: the state is no longer finite.
     """
     model, data = flight.model, flight.data
-    rotors = _Rotors(model)
+    rotors = _Rotors(model, flight.roles)
     step, end = model.opt.timestep, np.inf if duration is None else duration
     origin = clock() - data.time
     with installed():
@@ -199,7 +202,7 @@ def view(
     window = _open(flight)
     try:
         with window:
-            aim(window.cam, flight.model, vehicle.name)
+            aim(window.cam, flight.model, root_body(flight.model))
             window.set_texts((None, mujoco.mjtGridPos.mjGRID_BOTTOMLEFT, LEGEND, None))
             return watch(flight, window, duration=duration)
     finally:
@@ -240,9 +243,10 @@ def check_display(
 class _Rotors:
     """Both rotors as they are drawn, and the arrow of the main rotor's thrust."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, roles: Roles) -> None:
         where = addresses(model)
-        self.main, self.tail = RotorGeoms.of(model, "rotor"), RotorGeoms.of(model, "tail_rotor")
+        self.main = RotorGeoms.of(model, roles.body("rotor"))
+        self.tail = RotorGeoms.of(model, roles.body("tail_rotor"))
         self.direction = model.actuator_user[where.rotor, PARAM.main_direction]
         self.speeds = model.actuator_user[where.rotor, [PARAM.main_speed, PARAM.tail_speed]]
         self.tilts = where.state + np.array([STATE.flap_a, STATE.flap_b])

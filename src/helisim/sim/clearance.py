@@ -73,7 +73,7 @@ def _outline(vehicle: Vehicle) -> _Outline:
     model, own = vehicle.model, vehicle.parameters
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)  # level and heading north, as the model is drawn
-    imu = data.site("imu").xpos
+    imu = data.site(vehicle.roles.site("imu")).xpos
 
     def place(where: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.array(flip(*(where - imu)))
@@ -88,7 +88,7 @@ def _outline(vehicle: Vehicle) -> _Outline:
         else:
             points.append(place(centre))
             radii.append(model.geom_rbound[geom])
-    hub, tail = (place(data.site(name).xpos) for name in ("hub", "tail_hub"))
+    hub, tail = (place(data.site(vehicle.roles.site(role)).xpos) for role in ("hub", "tail_hub"))
     discs = (
         (hub, np.array([0.0, 0.0, 1.0]), own["main_rotor.radius"]),
         (tail, np.array([0.0, 1.0, 0.0]), own["tail_rotor.radius"]),

@@ -16,6 +16,7 @@ from helisim.records.channels import IN2, SERVOS
 from helisim.sim.clearance import closer_than
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
+from helisim.vehicle.motion import root_body
 
 _STOP = 0.5
 """Of a stick, and of what the gyro commands: unitised."""
@@ -155,7 +156,7 @@ def terminated_early(time: float, why: str) -> DivergedError:
 def hover_induced_velocity(vehicle: Vehicle) -> float:
     """Return the induced velocity that carries the weight out of the ground's effect, m/s."""
     own, model = vehicle.parameters, vehicle.model
-    weight = model.body_subtreemass[model.body(vehicle.name).id] * np.linalg.norm(model.opt.gravity)
+    weight = model.body_subtreemass[root_body(model)] * np.linalg.norm(model.opt.gravity)
     disc = math.pi * own["main_rotor.radius"] ** 2
     return float(math.sqrt(weight / (2.0 * own["air.density"] * disc)))
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from helisim.errors import DivergedError
 from helisim.physics.frames import flip
 from helisim.vehicle import Vehicle
+from helisim.vehicle.motion import root_body
 from helisim.vehicle.swashplate import Swashplate
 
 
@@ -155,8 +156,8 @@ def imu_offset(vehicle: Vehicle) -> NDArray[np.float64]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    body = model.body(vehicle.name).id
-    arm = data.site("imu").xpos - data.subtree_com[body]
+    body = root_body(model)
+    arm = data.site(vehicle.roles.site("imu")).xpos - data.subtree_com[body]
     return np.array(flip(*(data.xmat[body].reshape(3, 3).T @ arm)))
 
 

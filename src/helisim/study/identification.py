@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from helisim import ident
-from helisim.paper import ReferenceTable, published
+from helisim.paper import ReferenceTable
 from helisim.records.record import FlightRecord
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest
 from helisim.study.identified import IdentifiedModel
 from helisim.study.models import Given, ModelSpec
+from helisim.study.published import paper_table
 from helisim.study.results import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.truth import Air, exact_response, true_values
 from helisim.vehicle import Vehicle
@@ -91,7 +92,7 @@ def comparison_table(
     The truth is the mean over `air`, if there is any.
     """
     truth = true_values(vehicle, model, recorder, like=fit.data, air=air)
-    paper = published(vehicle.name).table(model.name)
+    paper = paper_table(vehicle, model.name)
     found = [name for name in fit.values if name not in model.given or name in model.tolerances]
     return ComparisonTable(
         name=model.name,

@@ -6,6 +6,7 @@ For any vehicle with a folder of its own: nothing here knows the JR700's gyro or
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from importlib.metadata import version
+from os import PathLike
 
 from helisim.errors import InputError
 from helisim.sim import Recorder
@@ -48,7 +49,7 @@ def _adapted(model: ModelSpec, own: Mapping[str, float]) -> ModelSpec:
 
 
 def recover(
-    name: str,
+    vehicle: str | PathLike[str],
     *,
     flights: int = 3,
     seed: int = 1,
@@ -58,11 +59,11 @@ def recover(
 ) -> Results:
     """Fly sweeps on all four axes, identify yaw, roll-pitch and heave, compare with the truth.
 
-    What is published of the vehicle stands beside, and is judged by unless `parameters` change
-    the truth.
+    What is published of a shipped vehicle stands beside, and is judged by unless `parameters`
+    change the truth.
 
     Args:
-        name: of the vehicle.
+        vehicle: name of a shipped one, or path of a folder.
         flights: kept on each axis; some more are flown and the least coherent left out.
         seed: of pilots and sensors.
         jobs: threads; all processors if None.
@@ -70,27 +71,27 @@ def recover(
         on_progress: called with a word after each flight and each model.
 
     Raises:
-        UnknownNameError: no such vehicle or parameter, or nothing is published of the vehicle.
+        UnknownNameError: no such vehicle or parameter.
         InputError: a number is out of range.
         DivergedError: a flight left the validity of the model.
     """
     if flights < 1:
         raise InputError(f"flights must be 1 or more, got {flights}")
     on_progress = on_progress or (lambda _: None)
-    vehicle = load(name, parameters=parameters)
-    recorder = Recorder.of(vehicle)
-    kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, None, on_progress)
+    flying = load(vehicle, parameters=parameters)
+    recorder = Recorder.of(flying)
+    kept, excluded = fly_sweeps(flying, flights, seed, jobs, recorder, None, on_progress)
     tables = []
-    for model in base_models(vehicle):
+    for model in base_models(flying):
         fit = identify_model(model, kept)
-        tables.append(comparison_table(vehicle, model, fit, recorder, judge_paper=not parameters))
+        tables.append(comparison_table(flying, model, fit, recorder, judge_paper=not parameters))
         on_progress(model.name)
     return Results(
         tables=tuple(tables),
         seed=seed,
         versions={one: version(one) for one in ("helisim", "mujoco", "numpy", "scipy", "numba")},
         configuration={
-            "vehicle": name,
+            "vehicle": flying.name,
             "flights_kept_each_axis": flights,
             "flown_each_axis": flown_each_axis(flights),
             "parameters": dict(parameters or {}),

@@ -15,9 +15,9 @@ from scipy.optimize import least_squares
 
 from helisim.errors import ModelError
 from helisim.ident.evaluate import response
-from helisim.paper import published
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
+from helisim.study.published import published_of
 from helisim.study.truth import exact_response, true_values
 from helisim.units import DB_PER_NEPER
 from helisim.vehicle import Parameters, PhysicalParameter, Vehicle
@@ -39,6 +39,11 @@ _CYCLIC = {
     "recorder_latency.LAT": 0.01,
 }
 """Setting -> where the search starts, SI."""
+
+_INSTEAD = (
+    "say what the gyro is to be tuned to in a section [tuning] of its parameters.toml: "
+    "cyclic_bandwidth, yaw_bandwidth, peak_sensitivity"
+)
 
 LOOPS = ("lat", "lon", "ped")
 """Commands of the gyro; it does not act on the collective."""
@@ -142,12 +147,12 @@ def tune(
         on_progress: called with a model's name each time the loop is tried with other settings.
 
     Raises:
-        UnknownNameError: nothing is published of the vehicle, and it asks for nothing.
-        ModelError: the targets can't be met.
+        ModelError: nothing is published of the vehicle and it asks for nothing, or the targets
+            can't be met.
     """
     if any(name.startswith("tuning.") for name in vehicle.parameters):
         return tune_rate_command(vehicle)
-    tables = published(vehicle.name)
+    tables = published_of(vehicle.folder, instead=_INSTEAD)
     settings: dict[str, float] = {}
     for starts, model in ((_YAW, YAW_OVERALL), (_CYCLIC, ROLLPITCH_IN2)):
         target = {value.name: value.value for value in tables.table(model.name)}

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from os import PathLike
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -13,8 +14,17 @@ from helisim.errors import InputError, ModelError, UnknownNameError
 from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, SENSORS, STATE
 from helisim.physics.timing import TICK_TOLERANCE
 from helisim.records.channels import AXES
+from helisim.vehicle.folder import (
+    mjcf_file,
+    model_folder,
+    read_roles,
+    rig_file,
+    scene_file,
+)
 from helisim.vehicle.force_laws import force_law_block
+from helisim.vehicle.motion import root_body
 from helisim.vehicle.parameters import Parameters
+from helisim.vehicle.roles import ROLES, Roles
 
 Integrator = Literal["RK4", "Euler"]
 _INTEGRATORS = {
@@ -25,38 +35,8 @@ _LONGEST = 10.0
 """s, of the gyro's period and latencies: MuJoCo keeps what happened in all that time."""
 
 
-def models_folder() -> Path:
-    """Return the folder of the vehicle models: in the package, or beside it in a checkout."""
-    package = Path(__file__).resolve().parents[1]
-    inside, beside = package / "models", package.parents[1] / "models"
-    return inside if inside.is_dir() else beside
-
-
-def vehicle_names() -> tuple[str, ...]:
-    """Return the names of the vehicles that exist."""
-    folder = models_folder()
-    found = (item.name for item in folder.iterdir() if (item / "parameters.toml").is_file())
-    return tuple(sorted(found))
-
-
-def model_folder(name: str) -> Path:
-    """Return the folder of one vehicle.
-
-    Raises:
-        UnknownNameError: no such vehicle; the message lists those that exist.
-    """
-    if name not in vehicle_names():
-        raise UnknownNameError("vehicle", name, vehicle_names())
-    return models_folder() / name
-
-
-def rig_names(name: str) -> tuple[str, ...]:
-    """Return the names of the rigs that can hold a vehicle on the ground."""
-    return tuple(sorted(path.stem for path in (model_folder(name) / "rigs").glob("*.xml")))
-
-
 def assemble(
-    name: str,
+    vehicle: str | PathLike[str],
     parameters: Parameters,
     *,
     timestep: float | None = None,
@@ -71,7 +51,7 @@ def assemble(
     dynamics are the same, a step costs less than half.
 
     Args:
-        name: of the vehicle.
+        vehicle: name of a shipped one, or path of a folder.
         parameters: all of its parameters.
         timestep: s; the MJCF's own if None.
         integrator: "RK4" or "Euler"; the MJCF's own if None.
@@ -89,44 +69,58 @@ def assemble(
         raise InputError(f"timestep must be a positive number of seconds, got {timestep}")
     if integrator not in (None, *_INTEGRATORS):
         raise InputError(f"integrator must be 'RK4' or 'Euler', got {integrator!r}")
-    path = _mjcf(name, visual=visual, rig=rig)
+    folder = model_folder(vehicle)
+    roles = read_roles(folder)
+    path = _mjcf(folder, roles, visual=visual, rig=rig)
     block = force_law_block(parameters)
     for timing in ("gyro.period", "gyro.latency", "gyro.ped_latency"):
         if not parameters[timing] <= _LONGEST:
             raise ModelError(f"{timing} is {parameters[timing]:g} s, at most {_LONGEST:g} s")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
+        roles.rename(spec)
+        if visual and rig is None and scene_file(folder, roles) is None:
+            _add_scenery(spec)
         if timestep is not None:
             spec.option.timestep = timestep
         if integrator is not None:
             spec.option.integrator = _INTEGRATORS[integrator]
+        spec.compiler.discardvisual = not visual
+        parts = spec.compile()
+        check_channels(parts)
+        _check_roles(parts, roles, visual=visual)
         _set_latency(
             spec, parameters["gyro.ped_latency"] if delays else 0.0, parameters["gyro.period"]
         )
         _set_gyro_rate(spec, parameters["gyro.period"], parameters["gyro.latency"], delays)
         _set_force_laws(spec, block)
         spec.nuserdata = max(spec.nuserdata, len(AXES))  # what an excitation adds to the sticks
-        spec.compiler.discardvisual = not visual
         if rig is None and not visual:  # alone in the air there is nothing to touch
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        _close_inertia(
-            spec, name, [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
-        )
+        wanted = [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
+        fuselage = spec.body(roles.body("fuselage"))
+        _close_inertia(fuselage, np.diag(wanted) - total_inertia(parts, root_body(parts)))
         spec.compiler.fusestatic = not visual
         model = spec.compile()
-    except (ValueError, KeyError) as error:
+        check_interface(model)
+    except (ValueError, KeyError, ModelError) as error:
         reason = " ".join(str(error).split())  # MuJoCo's run over several lines
         raise ModelError(f"{path}: {reason}{_advice(reason)}") from None
-    check_interface(model, name)
     return model
 
 
-def _mjcf(name: str, *, visual: bool, rig: str | None) -> Path:
-    if rig is None:
-        return model_folder(name) / ("scene.xml" if visual else f"{name}.xml")
-    if rig not in rig_names(name):
-        raise UnknownNameError("rig", rig, rig_names(name))
-    return model_folder(name) / "rigs" / f"{rig}.xml"
+def _mjcf(folder: Path, roles: Roles, *, visual: bool, rig: str | None) -> Path:
+    if rig is not None:
+        return rig_file(folder, rig)
+    return (scene_file(folder, roles) if visual else None) or mjcf_file(folder, roles)
+
+
+def _add_scenery(spec: mujoco.MjSpec) -> None:
+    """Add ground and light to a vehicle that has no scene."""
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], rgba=[0.37, 0.46, 0.32, 1.0]
+    )
+    spec.worldbody.add_light(pos=[0.0, 0.0, 5.0], dir=[0.0, 0.0, -1.0])
 
 
 def _set_gyro_rate(spec: mujoco.MjSpec, period: float, latency: float, sampled: bool) -> None:
@@ -182,22 +176,23 @@ def _set_force_laws(spec: mujoco.MjSpec, block: NDArray[np.float64]) -> None:
         spec.actuator(label).userdata = block if ordinal == ROTOR else user
 
 
-def _close_inertia(spec: mujoco.MjSpec, root: str, wanted: list[float]) -> None:
-    """Give the fuselage what the other parts lack of the vehicle's moments of inertia."""
-    model = spec.compile()
-    missing = np.diag(wanted) - total_inertia(model, root)
-    fuselage = spec.body("fuselage")
+def _close_inertia(fuselage: mujoco.MjsBody, missing: NDArray[np.float64]) -> None:
+    """Give the fuselage what the other parts lack of the vehicle's moments of inertia, (3, 3)."""
     terms = [missing[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     fuselage.fullinertia = np.asarray(fuselage.fullinertia) + terms
 
 
-def mass_and_gravity(name: str) -> tuple[float, float]:
+def mass_and_gravity(vehicle: str | PathLike[str]) -> tuple[float, float]:
     """Return a vehicle's mass, kg, and the gravity it flies in, m/s^2, of its MJCF."""
-    model = mujoco.MjModel.from_xml_path(str(_mjcf(name, visual=False, rig=None)))
-    return float(model.body_subtreemass[model.body(name).id]), -float(model.opt.gravity[2])
+    folder = model_folder(vehicle)
+    roles = read_roles(folder)
+    spec = mujoco.MjSpec.from_file(str(mjcf_file(folder, roles)))
+    roles.rename(spec)
+    model = spec.compile()
+    return float(model.body_subtreemass[root_body(model)]), -float(model.opt.gravity[2])
 
 
-def total_inertia(model: mujoco.MjModel, root: str) -> NDArray[np.float64]:
+def total_inertia(model: mujoco.MjModel, root: str | int) -> NDArray[np.float64]:
     """Return the inertia of the vehicle about its centre of gravity, MuJoCo axes, (3, 3)."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -216,11 +211,27 @@ def total_inertia(model: mujoco.MjModel, root: str) -> NDArray[np.float64]:
     return frame.T @ total @ frame
 
 
-def check_interface(model: mujoco.MjModel, root: str) -> None:
-    """Check that the model has the actuators and sensors that the force laws count on.
+def check_interface(model: mujoco.MjModel) -> None:
+    """Check that the model has what the force laws count on, in the order that they count on.
 
     Raises:
         ModelError: something is missing or out of order.
+    """
+    check_channels(model)
+    rotor = model.actuator("rotor").id
+    states = int(np.sum(model.actuator_actnum[rotor - ROTOR : rotor + 1]))
+    if states != len(STATE):
+        raise ModelError(f"the vehicle needs {len(STATE)} activations, the MJCF has {states}")
+    if model.nuser_actuator < len(PARAM):
+        raise ModelError(f"nuser_actuator is {model.nuser_actuator}, needs {len(PARAM)} or more")
+    root_body(model)
+
+
+def check_channels(model: mujoco.MjModel) -> None:
+    """Check that the model has a vehicle's actuators and sensors.
+
+    Raises:
+        ModelError: one is missing, out of order, or has another number of values.
     """
     actuators = [model.actuator(k).name for k in range(model.nactuator)]
     sensors = [model.sensor(k).name for k in range(model.nsensor)]
@@ -231,20 +242,28 @@ def check_interface(model: mujoco.MjModel, root: str) -> None:
             raise ModelError(
                 f"sensor {name!r} must have {numbers} numbers, it has {model.sensor(name).dim[0]}"
             )
-    rotor = model.actuator("rotor").id
-    states = int(np.sum(model.actuator_actnum[rotor - ROTOR : rotor + 1]))
-    if states != len(STATE):
-        raise ModelError(f"the vehicle needs {len(STATE)} activations, the MJCF has {states}")
-    if model.nuser_actuator < len(PARAM):
-        raise ModelError(f"nuser_actuator is {model.nuser_actuator}, needs {len(PARAM)} or more")
-    if model.body(root).dofnum[0] == 0:
-        raise ModelError(f"body {root!r} needs a joint")
+
+
+def _check_roles(model: mujoco.MjModel, roles: Roles, *, visual: bool) -> None:
+    """Check that the bodies and sites are there that are looked up; a picture needs more."""
+    wanted = {"body": ROLES["body"] if visual else ("fuselage",), "site": ROLES["site"]}
+    for kind, those in wanted.items():
+        count, named = getattr(model, f"n{kind}"), getattr(model, kind)
+        present = [named(k).name for k in range(count)]
+        for role in those:
+            name = roles.name(kind, role)
+            if name not in present:
+                unknown = UnknownNameError(kind, name, filter(None, present))
+                raise ModelError(f"the vehicle's {role}: {unknown}")
 
 
 def _require_run(found: list[str], expected: Iterable[str], what: str) -> None:
     names = list(expected)
     start = found.index(names[0]) if names[0] in found else -1
-    if start < 0 or found[start : start + len(names)] != names:
-        raise ModelError(
-            f"{what} must be, one after the other, {', '.join(names)}; found {', '.join(found)}"
-        )
+    if start >= 0 and found[start : start + len(names)] == names:
+        return
+    missing = [name for name in names if name not in found]
+    lacks = f"{', '.join(missing)} missing; " if missing else ""
+    raise ModelError(
+        f"{what} must be, one after the other, {', '.join(names)}; {lacks}found {', '.join(found)}"
+    )

@@ -8,6 +8,8 @@ tail's side force: a few percent from the solution, whatever the size of the hel
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +45,7 @@ _TOLERANCE = 1e-8
 
 
 def calibrate(
-    name: str,
+    vehicle: str | PathLike[str],
     given: Parameters,
     targets: Mapping[str, float],
     source: str,
@@ -56,7 +58,7 @@ def calibrate(
     offsets and the linearised derivatives equal the targets.
 
     Args:
-        name: of the vehicle, whose MJCF is flown.
+        vehicle: name of a shipped one or path of a folder, whose MJCF is flown.
         given: given and chosen parameters; the gyro's may be missing.
         targets: values of DIRECT and SOLVED by name, SI.
         source: where the targets come from, for the provenance.
@@ -78,7 +80,7 @@ def calibrate(
         )
         for key in DIRECT
     }
-    guess = first_guess(given, targets, *mass_and_gravity(name))
+    guess = first_guess(given, targets, *mass_and_gravity(vehicle))
     starts = np.array([guess[key] for key in _UNKNOWNS])
 
     entries = {key: given.entry(key) for key in given}
@@ -91,16 +93,16 @@ def calibrate(
         return untuned(Parameters({**entries, **direct, **solved}))
 
     def miss(scale: NDArray[np.float64]) -> NDArray[np.float64]:
-        missed = _miss(name, join(scale), targets)
+        missed = _miss(vehicle, join(scale), targets)
         if on_progress is not None:
-            on_progress(name)
+            on_progress(Path(vehicle).name)
         return missed
 
     solution = root(miss, np.ones(len(starts)), method="hybr", tol=1e-13)
     worst = float(np.max(np.abs(miss(solution.x))))
     if not worst < _TOLERANCE:
         raise ModelError(
-            f"calibration of {name!r} misses a condition by {worst:.2g} (relative); "
+            f"calibration of {str(vehicle)!r} misses a condition by {worst:.2g} (relative); "
             f"the targets may be out of reach: {dict(targets)}"
         )
     complete = join(solution.x)
@@ -111,8 +113,10 @@ def _unit(derivative: str) -> str:
     return "1" if derivative in ("A_b", "B_a") else "rad"
 
 
-def _miss(name: str, parameters: Parameters, targets: Mapping[str, float]) -> NDArray[np.float64]:
-    model = assemble(name, parameters, delays=False)
+def _miss(
+    vehicle: str | PathLike[str], parameters: Parameters, targets: Mapping[str, float]
+) -> NDArray[np.float64]:
+    model = assemble(vehicle, parameters, delays=False)
     trim = find_trim(model)
     plate = Swashplate.of(completed(parameters))
     found = stability_derivatives(linearize(model, trim, inputs="IN1"), plate)

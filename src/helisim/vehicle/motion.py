@@ -64,6 +64,24 @@ def addresses(model: mujoco.MjModel, prefix: str = "") -> Addresses:
     )
 
 
+def root_body(model: mujoco.MjModel, prefix: str = "") -> int:
+    """Return the number of a vehicle's body: the one that the rotor actuator's joint moves.
+
+    Raises:
+        UnknownNameError: there is no such vehicle.
+        ModelError: the rotor has no free joint.
+    """
+    rotor = addresses(model, prefix).rotor
+    joint = int(model.actuator_trnid[rotor, 0])
+    moves = model.actuator_trntype[rotor] == mujoco.mjtTrn.mjTRN_JOINT
+    if not moves or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
+        raise ModelError(
+            f'actuator {prefix + "rotor"!r} must have the vehicle\'s free joint: joint="NAME" of a '
+            "<freejoint/> in the body of the whole vehicle"
+        )
+    return int(model.jnt_bodyid[joint])
+
+
 def rotation_matrix(phi: float, theta: float, psi: float) -> NDArray[np.float64]:
     """Return the (3, 3) rotation from body (FRD) to earth (NED) axes."""
     return Rotation.from_euler("ZYX", [psi, theta, phi]).as_matrix()

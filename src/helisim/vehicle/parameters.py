@@ -143,6 +143,7 @@ def _read(path: Path) -> dict[str, PhysicalParameter]:
     except StorageError as error:
         raise ModelError(f"can't read parameters: {error}") from None
     entries = {}
+    content.pop("roles", None)  # names, which `helisim.vehicle.roles` reads
     for section, members in content.items():
         if not isinstance(members, dict):
             raise ModelError(f"{path}: {section} must stand in a section, such as [air]")

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import control
@@ -18,7 +20,8 @@ from helisim.physics.layout import PARAM, SENSOR
 from helisim.physics.native import installed
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
-from helisim.vehicle.assembly import Integrator, assemble, model_folder
+from helisim.vehicle.assembly import Integrator, assemble
+from helisim.vehicle.folder import PARAMETER_FILES, is_shipped, model_folder, read_roles
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
 from helisim.vehicle.motion import addresses
@@ -29,6 +32,7 @@ from helisim.vehicle.parameters import (
     read_parameters,
     untuned,
 )
+from helisim.vehicle.roles import Roles
 from helisim.vehicle.sampled import SampledGyro, close, sampled_gyro
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
@@ -42,20 +46,31 @@ class Vehicle:
     """A helicopter with parameters in place and its trim found.
 
     Attributes:
-        name: of the model folder.
+        folder: its own, with its whole path.
         parameters: every physical parameter, with unit and source.
         model: the compiled MuJoCo model, gyro on, pilot off. Copy it before changing it.
         trim: the steady flight that it flies, and is linearised about: the hover when loaded.
     """
 
-    name: str
+    folder: Path
     parameters: Parameters
     model: mujoco.MjModel
     trim: Trim
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let a vehicle pass between processes, without what can be computed again."""
-        return Vehicle, (self.name, self.parameters, self.model, self.trim)
+        where = self.name if is_shipped(self.folder) else self.folder
+        return _passed, (where, self.parameters, self.model, self.trim)
+
+    @property
+    def name(self) -> str:
+        """That of its folder."""
+        return self.folder.name
+
+    @cached_property
+    def roles(self) -> Roles:
+        """The names that the author of its MJCF gave."""
+        return read_roles(self.folder)
 
     def trimmed(
         self,
@@ -83,7 +98,7 @@ class Vehicle:
         model = copy.copy(self.model)
         model.opt.wind[:] = flip(*wind)
         trim = find_trim(model, speed=speed, height=height, near=self.trim)
-        changed = Vehicle(self.name, self.parameters, model, trim)
+        changed = Vehicle(self.folder, self.parameters, model, trim)
         changed.__dict__.update(_unsampled=self._unsampled)
         return changed
 
@@ -183,7 +198,7 @@ class Vehicle:
             )
         model = copy.copy(self.model)
         model.actuator_user[addresses(model).rotor, : len(PARAM)] = force_law_block(parameters)
-        changed = Vehicle(self.name, parameters, model, self.trim)
+        changed = Vehicle(self.folder, parameters, model, self.trim)
         changed.__dict__.update(_base=self._base, _unsampled=self._unsampled)
         return changed
 
@@ -200,11 +215,11 @@ class Vehicle:
 
     @cached_property
     def _unsampled(self) -> mujoco.MjModel:
-        return assemble(self.name, self.parameters, delays=False)
+        return assemble(self.folder, self.parameters, delays=False)
 
     def visual_model(self) -> mujoco.MjModel:
         """Return the same vehicle with all its parts and the scene around it, to look at."""
-        return assemble(self.name, self.parameters, visual=True)
+        return assemble(self.folder, self.parameters, visual=True)
 
     @cached_property
     def derivatives(self) -> dict[str, float]:
@@ -225,8 +240,16 @@ class Vehicle:
         return held + lag
 
 
+def _passed(
+    where: str | Path, parameters: Parameters, model: mujoco.MjModel, trim: Trim
+) -> Vehicle:
+    """Return a vehicle that came from another process, where helisim may be elsewhere."""
+    folder = model_folder(where) if isinstance(where, str) else where
+    return Vehicle(folder, parameters, model, trim)
+
+
 def load(
-    name: str = "jr700",
+    vehicle: str | PathLike[str] = "jr700",
     *,
     parameters: Mapping[str, float] | None = None,
     timestep: float | None = None,
@@ -236,7 +259,7 @@ def load(
     """Load a vehicle, calibrated and trimmed.
 
     Args:
-        name: of the vehicle, such as "jr700".
+        vehicle: name of a shipped one, such as "jr700", or path of a folder of your own.
         parameters: values that replace the calibrated ones, such as
             {"main_rotor.hub_stiffness": 100.0}; the truth then follows them.
         timestep: s; the MJCF's own if None.
@@ -250,24 +273,27 @@ def load(
         ModelError: the model can't be built.
         TrimError: it can't hover.
     """
-    values = standard_parameters(name, tuned=tuned).replace(parameters or {})
-    model = assemble(name, values, timestep=timestep, integrator=integrator)
-    return Vehicle(name, values, model, find_trim(model))
+    folder = model_folder(vehicle)
+    values = standard_parameters(folder, tuned=tuned).replace(parameters or {})
+    model = assemble(folder, values, timestep=timestep, integrator=integrator)
+    return Vehicle(folder, values, model, find_trim(model))
 
 
-def standard_parameters(name: str = "jr700", *, tuned: bool = True) -> Parameters:
+def standard_parameters(
+    vehicle: str | PathLike[str] = "jr700", *, tuned: bool = True
+) -> Parameters:
     """Return a vehicle's parameters as its files give them, calibrated and tuned.
 
     Args:
-        name: of the vehicle.
+        vehicle: name of a shipped one, or path of a folder.
         tuned: False accepts a vehicle whose gyro is not tuned yet.
 
     Raises:
         UnknownNameError: no such vehicle.
         ModelError: a file is missing or malformed.
     """
-    folder = model_folder(name)
-    files = [folder / file for file in ("parameters.toml", "calibrated.toml", "tuned.toml")]
+    folder = model_folder(vehicle)
+    files = [folder / file for file in PARAMETER_FILES]
     if tuned or files[-1].is_file():
         return completed(read_parameters(*files))
     return completed(untuned(read_parameters(*files[:-1])))

@@ -48,6 +48,7 @@ from helisim.records.files import atomic_write
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.study.run import Run
+from helisim.vehicle.roles import Roles
 
 APPLICATION = "helisim"
 
@@ -81,6 +82,7 @@ def write_recording(
     flights: Mapping[str, FlightRecord],
     *,
     model: mujoco.MjModel | None = None,
+    roles: Roles | None = None,
     run: Run | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> Path:
@@ -95,6 +97,7 @@ def write_recording(
         flights: records by name.
         model: its first free body, with all that it carries, gives the helicopter's shape;
             None draws a few boxes.
+        roles: names of its rotors in the model, `Vehicle.roles`; the usual ones if None.
         run: what was found from the flights, to be shown beside them.
         on_progress: called with a flight's name after each flight.
 
@@ -107,7 +110,7 @@ def write_recording(
         raise InputError(f"{path}: a Rerun recording needs the suffix .rrd, got {path.suffix!r}")
     if not flights:
         raise InputError("a recording needs at least one flight, got none")
-    shapes = box_shapes() if model is None else model_shapes(model)
+    shapes = box_shapes() if model is None else model_shapes(model, roles)
     layout = blueprint(
         [_views(name, record) for name, record in flights.items()],
         model_views(run) if run else (),

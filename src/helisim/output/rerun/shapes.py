@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.errors import InputError
 from helisim.physics.frames import flip
+from helisim.vehicle.roles import Roles
 
 _VISUAL_GROUPS = 3
 """MuJoCo's viewer shows geom groups 0 to 2; 3 and above hold collision geometry."""
@@ -88,12 +89,17 @@ class _Geoms:
         return _Geoms(*(getattr(self, item.name)[keep] for item in fields(self)))
 
 
-def model_shapes(model: mujoco.MjModel) -> Shapes:
+def model_shapes(model: mujoco.MjModel, roles: Roles | None = None) -> Shapes:
     """Return the visual geoms of the model's first free body and of all that it carries.
+
+    Args:
+        model: of a vehicle.
+        roles: names of its rotors in the model, where they aren't the usual ones.
 
     Raises:
         InputError: the model has no free body.
     """
+    roles = roles or Roles()
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if free.size == 0:
         raise InputError("the model has no free body: there is no helicopter to draw")
@@ -107,10 +113,11 @@ def model_shapes(model: mujoco.MjModel) -> Shapes:
         (model.body_rootid[model.geom_bodyid] == root) & (model.geom_group < _VISUAL_GROUPS)
     )
     rotor, tail_rotor = (
-        mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("rotor", "tail_rotor")
+        mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, roles.body(role))
+        for role in ("rotor", "tail_rotor")
     )
-    tail = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tail_hub")
-    disc = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "rotor_disc")
+    tail = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, roles.site("tail_hub"))
+    disc = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, roles.geom("rotor_disc"))
     hub = np.zeros(3) if rotor < 0 else to_body @ (data.xpos[rotor] - data.subtree_com[root])
     tail_hub = to_body @ (data.site_xpos[tail] - data.subtree_com[root]) if tail >= 0 else None
     main = _carried(model, rotor, ids)

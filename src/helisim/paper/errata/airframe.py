@@ -7,7 +7,7 @@ from helisim.paper import jr700
 from helisim.paper.errata.erratum import Row, of
 from helisim.physics import rotor
 from helisim.units import RAD_S_PER_RPM
-from helisim.vehicle.assembly import model_folder
+from helisim.vehicle.folder import model_folder
 from helisim.vehicle.parameters import read_parameters
 
 

@@ -107,7 +107,7 @@ def hold(vehicle: Vehicle, rig: str) -> Vehicle:
         UnknownNameError: no such rig.
     """
     timestep = float(vehicle.model.opt.timestep)
-    model = assemble(vehicle.name, vehicle.parameters, timestep=timestep, rig=rig)
+    model = assemble(vehicle.folder, vehicle.parameters, timestep=timestep, rig=rig)
     return replace(vehicle, model=model)
 
 

@@ -13,6 +13,7 @@ from helisim.sim.rigs.hold import hang, hold, suspension_points
 from helisim.sim.rigs.plumb import REST, PlumbLine, centre_of_gravity, plumb_line
 from helisim.sim.trajectory import imu_offset
 from helisim.vehicle import Vehicle
+from helisim.vehicle.motion import root_body
 
 _MILLIMETRE = 1e-3
 
@@ -98,8 +99,8 @@ def _drawing(held: Vehicle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    body = model.body(held.name).id
+    body = root_body(model)
     turned = data.xmat[body].reshape(3, 3).T
     centre = turned @ (data.subtree_com[body] - data.xpos[body])
-    imu = turned @ (data.site("imu").xpos - data.xpos[body])
+    imu = turned @ (data.site(held.roles.site("imu")).xpos - data.xpos[body])
     return np.array(flip(*centre)), np.array(flip(*imu))

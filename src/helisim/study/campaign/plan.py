@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -14,6 +15,7 @@ from helisim.study.campaign.settings import SECTIONS, Change, Settings
 from helisim.study.campaign.variation import Variation, is_variation, parse
 from helisim.study.models import MODELS, ModelSpec
 from helisim.vehicle.assembly import Integrator
+from helisim.vehicle.folder import is_shipped, model_folder
 
 Method = Literal["designed", "direct", "joint"]
 """How responses are estimated: as the experiment's models say, or all by one method."""
@@ -48,7 +50,7 @@ class Campaign:
     """What a campaign flies and identifies.
 
     Attributes:
-        vehicle: name.
+        vehicle: name of a shipped one, or path of a folder.
         integrator: "RK4", or "Euler", which costs less and moves estimates by far less than
             their errors.
         design: "grid", "latin hypercube" or "monte carlo".
@@ -67,7 +69,7 @@ class Campaign:
         settings: what is set and varied.
     """
 
-    vehicle: str = "jr700"
+    vehicle: str | PathLike[str] = "jr700"
     integrator: Integrator = "RK4"
     design: Design = "grid"
     points: int | None = None
@@ -82,6 +84,8 @@ class Campaign:
     settings: tuple[Variation, ...] = field(default_factory=tuple)
 
     def __post_init__(self) -> None:
+        folder = model_folder(self.vehicle)
+        object.__setattr__(self, "vehicle", folder.name if is_shipped(folder) else str(folder))
         for name, least in (("replicates", 1), ("seed", 0), ("flights", 1)):
             _check_integer(name, getattr(self, name), least)
         if self.points is not None:
@@ -117,7 +121,7 @@ class Campaign:
             changes.setdefault(one.section, {})[one.name] = Change(value, one.relative)
         seed = self.seed + (number if self.seeds == "own" else again)
         return Replicate(
-            number, point, seed, values, Settings(self.vehicle, changes, self.integrator)
+            number, point, seed, values, Settings(str(self.vehicle), changes, self.integrator)
         )
 
     @cached_property
@@ -154,6 +158,7 @@ class Campaign:
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain data, for provenance."""
         plan = asdict(self)
+        plan["vehicle"] = Path(self.vehicle).name  # a path is this machine's
         if not self.sweeps:
             del plan["sweeps"]  # as in the datasets of earlier versions, which are gone on with
         return plan
@@ -170,13 +175,21 @@ def read_campaign(path: str | Path) -> Campaign:
     if not content:
         raise InputError(f"{path}: is empty; a campaign has a table [campaign], [set] or [vary]")
     try:
-        return campaign_from(content)
+        return campaign_from(content, beside=Path(path).parent)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def campaign_from(content: Mapping[str, Any]) -> Campaign:
-    """Return the campaign that the content of a campaign file describes. Raises InputError."""
+def campaign_from(content: Mapping[str, Any], *, beside: Path | None = None) -> Campaign:
+    """Return the campaign that the content of a campaign file describes.
+
+    Args:
+        content: of the file.
+        beside: the file's folder, from which a vehicle's path counts; the present one if None.
+
+    Raises:
+        InputError: something in it isn't known or can't be.
+    """
     _check_names("section", content, ("campaign", "set", "vary"))
     plan = _table("campaign", content.get("campaign", {}))
     _check_names("key of [campaign]", plan, _KEYS)
@@ -191,6 +204,10 @@ def campaign_from(content: Mapping[str, Any]) -> Campaign:
         if keys.count(key) > 1:
             raise InputError(f"{key} is both set and varied")
     given: dict[str, Any] = {key: _frozen(item) for key, item in plan.items()}
+    if "vehicle" in given:
+        if not isinstance(given["vehicle"], str):
+            raise InputError(f"vehicle must be a name or a path, got {given['vehicle']!r}")
+        given["vehicle"] = str(model_folder(given["vehicle"], beside=beside))
     return Campaign(**given, settings=tuple(settings))
 
 

@@ -46,7 +46,7 @@ class Settings:
     """Everything that is flown with in one replicate.
 
     Attributes:
-        vehicle: name of the vehicle.
+        vehicle: name of a shipped one, or path of a folder.
         changes: section -> setting -> change.
         integrator: "RK4" or "Euler".
     """
