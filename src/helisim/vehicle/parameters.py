@@ -8,6 +8,8 @@ from pathlib import Path
 
 from helisim.errors import InputError, ModelError, StorageError, UnknownNameError
 from helisim.records.files import read_toml
+from helisim.vehicle.glossary import glossary, sections, term
+from helisim.vehicle.written_unit import unit_fault
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,29 @@ def _read(path: Path) -> dict[str, PhysicalParameter]:
                 ) from None
             if not math.isfinite(entries[name].value):
                 raise ModelError(f"{path}: {name} must be finite, got {item['value']!r}")
+            fault = name_fault(name) or unit_fault_of(entries[name])
+            if fault:
+                raise ModelError(f"{path}: {fault}")
     return entries
+
+
+def name_fault(name: str) -> str:
+    """Return what is wrong with a parameter's name, "" if nothing is.
+
+    A section that no vehicle has is its author's own, and left alone.
+    """
+    section, key = name.split(".")
+    if section not in sections() or term(name):
+        return ""
+    keys = [known.split(".")[1] for known in glossary() if known.startswith(f"{section}.")]
+    return str(UnknownNameError(f"parameter of [{section}]", key, keys))
+
+
+def unit_fault_of(entry: PhysicalParameter) -> str:
+    """Return what is wrong with a parameter's unit, "" if nothing is."""
+    known = term(entry.name)
+    fault = unit_fault(entry.unit, entry.value, known.unit) if known else ""
+    return f"{entry.name} {fault}" if fault else ""
 
 
 def to_toml(parameters: Parameters, header: str) -> str:

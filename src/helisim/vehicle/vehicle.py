@@ -14,7 +14,7 @@ import control
 import mujoco
 import numpy as np
 
-from helisim.errors import InputError
+from helisim.errors import InputError, ModelError
 from helisim.physics.frames import flip
 from helisim.physics.layout import PARAM, SENSOR
 from helisim.physics.native import installed
@@ -23,6 +23,7 @@ from helisim.records.channels import IN1
 from helisim.vehicle.assembly import Integrator, assemble
 from helisim.vehicle.folder import PARAMETER_FILES, is_shipped, model_folder, read_roles
 from helisim.vehicle.force_laws import force_law_block
+from helisim.vehicle.glossary import glossary
 from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.parameters import (
@@ -294,6 +295,18 @@ def standard_parameters(
     """
     folder = model_folder(vehicle)
     files = [folder / file for file in PARAMETER_FILES]
-    if tuned or files[-1].is_file():
-        return completed(read_parameters(*files))
-    return completed(untuned(read_parameters(*files[:-1])))
+    _, calibrated, tuned_file = files
+    if not calibrated.is_file():
+        raise ModelError(f"{calibrated}: no such file; helisim calibrate {folder} --write makes it")
+    if tuned and not tuned_file.is_file():
+        raise ModelError(f"{tuned_file}: no such file; helisim tune {folder} --write makes it")
+    if tuned_file.is_file():
+        found = read_parameters(*files)
+    else:
+        found = untuned(read_parameters(*files[:-1]))
+    missing = [known for known in glossary().values() if known.needed and known.name not in found]
+    if missing:
+        first, more = missing[0], len(missing) - 1
+        others = f" and {more} more, which helisim vehicle check lists" if more else ""
+        raise ModelError(f"{folder}: parameter {first.name} ({first.unit}) is missing{others}")
+    return completed(found)
