@@ -107,6 +107,7 @@ def make_verification(structure: ident.Structure) -> ident.Verification:
     )
     by_output = dict(zip(structure.outputs, trace.tic.tolist()))
     return ident.Verification(
+        inputs=structure.inputs,
         outputs=structure.outputs,
         units=("rad/s",) * n_out,
         traces=(trace,),

@@ -38,6 +38,10 @@ _HOMES = {
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]  (it reads the stub)
 
 
+SHOWN_BY = "helisim.output.notebook"
+"""The module that shows a value, by `plot` or in a notebook; see `helisim.records.display`."""
+
+
 def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'helisim' has no attribute {name!r}")

@@ -46,3 +46,4 @@ from helisim.vehicle import Vehicle as Vehicle
 from helisim.vehicle import load as load
 
 __version__: str
+SHOWN_BY: str

@@ -51,7 +51,8 @@ class UnknownNameError(InputError):
         self._arguments, self._advice = (what, received, self.available), advice
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(UnknownNameError, advice=self._advice), self._arguments
+        made = partial(UnknownNameError, advice=self._advice)
+        return made, self._arguments, {"args": self.args}  # with words put before the message
 
     @property
     def unlisted(self) -> tuple[str, ...]:

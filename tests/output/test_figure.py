@@ -7,9 +7,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from helisim.output.canvas import to_png
 from helisim.output.drawings import bode_drawings, verification_drawings
 from helisim.output.figure import Mark, Panel, Scale, extent, outline
-from helisim.output.png import to_png
 from helisim.output.svg import DARK, LIGHT, Drawing
 from made_run import make_model
 

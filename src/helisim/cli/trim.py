@@ -135,8 +135,8 @@ def _write_json(flights: Sequence["Vehicle"], options: argparse.Namespace) -> No
 
 
 def _draw(flights: Sequence["Vehicle"], path: Path) -> None:
+    from helisim.output.canvas import to_png
     from helisim.output.plots import draw_trims
-    from helisim.output.png import to_png
     from helisim.records.files import atomic_write
 
     drawing = draw_trims(flights)

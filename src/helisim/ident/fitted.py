@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from helisim.ident.structure import Parameter, Structure
+from helisim.records.value import Value
 
 CRAMER_RAO_LIMIT = 20.0
 """Percent of the value above which a Cramér-Rao bound says "poorly identified"."""
@@ -15,7 +16,7 @@ INSENSITIVITY_LIMIT = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class FittedParameter:
+class FittedParameter(Value):
     """One parameter's value and accuracy, in its unit.
 
     Attributes:

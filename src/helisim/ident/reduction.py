@@ -21,6 +21,7 @@ from helisim.ident.points import Band
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
 from helisim.ident.structure import Structure
+from helisim.records.value import Value
 
 ACCEPTED_RISE = 1.0
 """Rise of the average cost up to which a reduced model counts as good as the full one: an
@@ -60,7 +61,7 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction:
+class Reduction(Value):
     """A structure reduced to what the data support.
 
     Attributes:
@@ -91,6 +92,10 @@ class Reduction:
     def kept(self) -> tuple[str, ...]:
         """Parameters that are poorly known and yet needed."""
         return tuple(step.parameter for step in self.steps if not step.dropped)
+
+    def __repr__(self) -> str:
+        lost = f"dropped {', '.join(self.dropped)}" if self.dropped else "nothing dropped"
+        return f"Reduction({self.full.structure.name}: {lost}, average cost {self.fit.cost:.4g})"
 
     def __str__(self) -> str:
         count = len(self.full.structure.free)

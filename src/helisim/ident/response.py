@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import control
 import numpy as np
@@ -11,6 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.scatter import Scatter
 from helisim.ident.seen import FlightSpan
+from helisim.records.display import Displayed, shower
+from helisim.records.value import Value
+
+if TYPE_CHECKING:
+    from helisim.records.display import Axes, Figure
 
 USABLE_COHERENCE = 0.6
 """Partial coherence from which a point of a response can be used (Tischler and Remple)."""
@@ -20,8 +25,10 @@ _IN_MEMORY = {"stored": False}
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(Value, Displayed):
     """Frequency responses of named outputs to named inputs, with their quality. Read-only.
+
+    Two are equal where all that is written to files is.
 
     Attributes:
         frequency: (n_freq,) rad/s, increasing.
@@ -62,8 +69,10 @@ class FrequencyResponse:
     flags: tuple[str, ...] = ()
     sources: tuple[str, ...] = field(default=(), repr=False)
     spans: tuple[FlightSpan, ...] = field(default=(), repr=False)
-    scatter: Scatter | None = field(default=None, repr=False, metadata=_IN_MEMORY)
-    direct: "FrequencyResponse | None" = field(default=None, repr=False, metadata=_IN_MEMORY)
+    scatter: Scatter | None = field(default=None, repr=False, compare=False, metadata=_IN_MEMORY)
+    direct: "FrequencyResponse | None" = field(
+        default=None, repr=False, compare=False, metadata=_IN_MEMORY
+    )
 
     def __post_init__(self) -> None:
         n_out, n_in = len(self.outputs), len(self.inputs)
@@ -191,6 +200,27 @@ class FrequencyResponse:
     def usable(self, limit: float = USABLE_COHERENCE) -> NDArray[np.bool_]:
         """Return where the partial coherence reaches `limit`, (n_out, n_in, n_freq)."""
         return self.coherence >= limit
+
+    def plot(
+        self,
+        pairs: "Sequence[str] | str | None" = None,
+        *,
+        axes: "Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw magnitude with its error band, phase and coherence; hollow where not usable.
+
+        Args:
+            pairs: such as ("p/lat", "q/lon"); by default all.
+            axes: to draw on, one a panel, pair by pair; by default those of a new figure.
+
+        Returns:
+            A matplotlib figure, which a notebook shows; nothing is kept of it.
+
+        Raises:
+            UnknownNameError: no such response.
+            InputError: there are more or fewer axes than panels.
+        """
+        return shower().plot_response(self, pairs, axes)
 
     def to_frd(self) -> control.FRD:
         """Return the response as python-control's frequency response data."""

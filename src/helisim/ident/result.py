@@ -1,12 +1,11 @@
 """What a fit found: parameters by name with their accuracy, costs, verdicts and the model."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
-from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import control
 import numpy as np
@@ -18,8 +17,13 @@ from helisim.ident.export import latex_table, text_table, write_matlab
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
+from helisim.records.display import Displayed, shower
 from helisim.records.files import read_json, write_json
 from helisim.records.provenance import versions
+from helisim.records.value import FrozenMap, Value
+
+if TYPE_CHECKING:
+    from helisim.records.display import Axes, Figure
 
 FORMAT = "helisim fit, version 1"
 """What `Fit.to_dict` writes and `Fit.from_dict` reads."""
@@ -34,7 +38,7 @@ ACCEPTABLE_SINGLE_COST = 200.0
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Value, Displayed):
     """A fitted model.
 
     Attributes:
@@ -68,7 +72,7 @@ class Fit:
         correlation.flags.writeable = False
         object.__setattr__(self, "correlation", correlation)
         for name in ("parameters", "costs", "bands", "options", "versions"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+            object.__setattr__(self, name, FrozenMap(getattr(self, name)))
 
     def __getitem__(self, name: str) -> FittedParameter:
         """Return a parameter. Raises UnknownNameError."""
@@ -86,12 +90,17 @@ class Fit:
         for name, cost in self.costs.items():
             low, high = self.bands[name]
             lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s")
-        judged = "excellent" if self.excellent else "acceptable" if self.acceptable else "too high"
-        lines += [f"average J = {self.cost:.4g}: {judged}", *self._remarks()]
+        lines += [f"average J = {self.cost:.4g}: {self.judged}", *self.remarks]
         return "\n".join(lines)
 
-    def _remarks(self) -> list[str]:
-        """Return what a reader should know beside the numbers, a line each."""
+    @property
+    def judged(self) -> str:
+        """The average cost in a word or two."""
+        return "excellent" if self.excellent else "acceptable" if self.acceptable else "too high"
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a reader should know beside the numbers, a line each."""
         remarks = []
         if not self.converged:
             remarks.append("the search did not converge: give better starts, or fix a parameter")
@@ -196,6 +205,27 @@ class Fit:
             inputs=self.structure.inputs,
             outputs=self.structure.outputs,
         )
+
+    def plot(
+        self,
+        pairs: "Sequence[str] | str | None" = None,
+        *,
+        axes: "Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw data and model, what the model leaves, and the coherence; grey where not fitted.
+
+        Args:
+            pairs: such as ("p/lat", "q/lon"); by default all.
+            axes: to draw on, one a panel, pair by pair; by default those of a new figure.
+
+        Returns:
+            A matplotlib figure, which a notebook shows; nothing is kept of it.
+
+        Raises:
+            UnknownNameError: no such response.
+            InputError: there are more or fewer axes than panels.
+        """
+        return shower().plot_fit(self, pairs, axes)
 
     @property
     def method(self) -> str:

@@ -25,13 +25,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.records.value import Value
+
 _LOBES = 4.0
 """Half width of the Hann window's transform that is kept, in bins: 0.01 % of its power is
 outside."""
 
 
-@dataclass(frozen=True, eq=False)
-class WindowWeights:
+@dataclass(frozen=True, eq=False, repr=False)
+class WindowWeights(Value):
     """What each window of one length contributes to the response.
 
     Attributes:
@@ -49,8 +51,8 @@ class WindowWeights:
     share: NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Scatter:
+@dataclass(frozen=True, eq=False, repr=False)
+class Scatter(Value):
     """The random error of a frequency response, all correlations included.
 
     Attributes:

@@ -12,13 +12,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.expression import FUNCTIONS, Expression
 from helisim.ident.structure_toml import MATRICES, axes, read_fields, to_toml
 from helisim.records.files import atomic_write, read_toml
+from helisim.records.value import FrozenMap, Value
 
 Entries = tuple[tuple[str, ...], ...]
 """A matrix of expressions, by rows."""
@@ -83,7 +83,7 @@ class Entry(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Structure:
+class Structure(Value):
     """A parametrised linear model with delays; see the module for its equations.
 
     Matrices are rows of expressions in the parameters' and constants' names. Left out, M is
@@ -111,7 +111,7 @@ class Structure:
         for attribute in ("parameters", "states", "inputs", "outputs"):
             object.__setattr__(self, attribute, tuple(getattr(self, attribute)))
         for attribute in ("input_delays", "output_delays", "constants"):
-            object.__setattr__(self, attribute, MappingProxyType(dict(getattr(self, attribute))))
+            object.__setattr__(self, attribute, FrozenMap(getattr(self, attribute)))
         n, n_in, n_out = len(self.states), len(self.inputs), len(self.outputs)
         shapes = {
             "F": (n, n),

@@ -8,7 +8,7 @@ integrates.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,12 @@ from helisim.ident.result import Fit
 from helisim.ident.seen import record_digest, share_seen
 from helisim.ident.simulation import delayed, simulate
 from helisim.ident.threads import one_blas_thread
+from helisim.records.display import Displayed, shower
 from helisim.records.record import FlightRecord
+from helisim.records.value import FrozenMap, Value
+
+if TYPE_CHECKING:
+    from helisim.records.display import Axes, Figure
 
 ACCEPTABLE_TIC = 0.25
 """Theil's coefficient up to which a model predicts well (Tischler and Remple)."""
@@ -37,8 +42,8 @@ _FREE_DECADES = 1e-9
 """Bias, trim and initial-state directions weaker than this share are left at zero."""
 
 
-@dataclass(frozen=True, eq=False)
-class Trace:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trace(Value):
     """One record, measured and predicted. Read-only.
 
     Attributes:
@@ -111,6 +116,15 @@ class VerifiedRecord:
     tic: Mapping[str, float]
     bias: Mapping[str, float]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        found = {name: dict(getattr(self, name)) for name in ("j_rms", "tic", "bias")}
+        return {"duration_s": self.duration_s, **found}
+
+    def __post_init__(self) -> None:
+        for name in ("j_rms", "tic", "bias"):
+            object.__setattr__(self, name, FrozenMap(getattr(self, name)))
+
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationFigures:
@@ -128,6 +142,10 @@ class VerificationFigures:
     outputs: tuple[VerifiedOutput, ...]
     records: tuple[VerifiedRecord, ...]
 
+    def __repr__(self) -> str:
+        names = ", ".join(one.name for one in self.outputs)
+        return f"VerificationFigures({names} of {len(self.records)} record(s), TIC {self.tic:.3f})"
+
     @property
     def acceptable(self) -> bool:
         """Whether Theil's coefficient is at most 0.25."""
@@ -140,15 +158,16 @@ class VerificationFigures:
             "tic": self.tic,
             "acceptable": self.acceptable,
             "outputs": [asdict(one) for one in self.outputs],
-            "records": [asdict(one) for one in self.records],
+            "records": [one.to_dict() for one in self.records],
         }
 
 
 @dataclass(frozen=True, eq=False)
-class Verification:
+class Verification(Value, Displayed):
     """How well a model predicts records that it was not fitted to.
 
     Attributes:
+        inputs: names of the inputs.
         outputs: names of the outputs.
         units: their units.
         traces: one a record.
@@ -158,13 +177,25 @@ class Verification:
         j_rms_by_output, tic_by_output: the same for each output by name.
     """
 
+    inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
     traces: tuple[Trace, ...]
     j_rms: float
     tic: float
-    j_rms_by_output: dict[str, float]
-    tic_by_output: dict[str, float]
+    j_rms_by_output: Mapping[str, float]
+    tic_by_output: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        for name in ("j_rms_by_output", "tic_by_output"):
+            object.__setattr__(self, name, FrozenMap(getattr(self, name)))
+
+    def __repr__(self) -> str:
+        judged = "acceptable" if self.acceptable else f"above {ACCEPTABLE_TIC}"
+        return (
+            f"Verification({', '.join(self.outputs)} of {len(self.traces)} record(s), "
+            f"TIC {self.tic:.3f}: {judged})"
+        )
 
     @property
     def acceptable(self) -> bool:
@@ -196,6 +227,26 @@ class Verification:
                 for trace in self.traces
             ),
         )
+
+    def plot(
+        self,
+        records: "Sequence[int] | int | None" = None,
+        *,
+        axes: "Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw the inputs, each output measured and predicted, and what the prediction leaves.
+
+        Args:
+            records: by number, from 0; by default all, side by side.
+            axes: to draw on, one a panel, record by record; by default those of a new figure.
+
+        Returns:
+            A matplotlib figure, which a notebook shows; nothing is kept of it.
+
+        Raises:
+            InputError: no such record, or there are more or fewer axes than panels.
+        """
+        return shower().plot_verification(self, records, axes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data for JSON, without the traces."""
@@ -245,6 +296,7 @@ def verify(
     rms = _rms(measured - predicted)
     tic = _theil(measured, predicted)
     return Verification(
+        inputs=fit.structure.inputs,
         outputs=outputs,
         units=tuple(flights[0].unit(name) for name in outputs),
         traces=traces,

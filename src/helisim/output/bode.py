@@ -28,7 +28,7 @@ def middle(phase: NDArray[np.float64]) -> float:
 
 
 def ratio_unit(data: FrequencyResponse | None, output: str, input_: str) -> str:
-    """Return the unit of output over input; "SI" where no data tell it."""
+    """Return the unit of output over input; "SI" where no response tells it."""
     if data is None:
         return "SI"
     o, i = data.index(output, input_)

@@ -1,12 +1,15 @@
 """Which figures belong to a fit and to a run."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from helisim.ident import Fit
 from helisim.output.plots import draw_bode, draw_flight, draw_verification
 from helisim.output.svg import Drawing
 from helisim.study.identified import IdentifiedModel
-from helisim.study.run import Run
+
+if TYPE_CHECKING:
+    from helisim.study.run import Run
 
 _SWEPT = {
     "col": ("COL", "col", "w", "phi", "theta"),
@@ -19,7 +22,7 @@ _SWEPT = {
 _AXIS_NAMES = {"col": "collective", "lon": "longitudinal", "lat": "lateral", "ped": "pedal"}
 
 
-def run_drawings(run: Run) -> dict[str, Sequence[Drawing]]:
+def run_drawings(run: "Run") -> dict[str, Sequence[Drawing]]:
     """Return all figures of a run: by model, "time MODEL" for verifications, and "sweeps"."""
     groups: dict[str, Sequence[Drawing]] = {}
     for item in run.models:
@@ -39,24 +42,27 @@ def run_drawings(run: Run) -> dict[str, Sequence[Drawing]]:
 
 def bode_drawings(item: IdentifiedModel) -> tuple[Drawing, ...]:
     """Return one figure for each pair of a model."""
-    fit = item.fit
-    drawings = []
-    for output in fit.structure.outputs:
-        for input_ in fit.structure.inputs:
-            pair = f"{output}/{input_}"
-            drawings.append(
-                draw_bode(
-                    f"bode_{item.name}_{output}_{input_}",
-                    output,
-                    input_,
-                    data=fit.data,
-                    identified=fit.response(fit.data.frequency),
-                    truth=item.exact,
-                    used=fit.bands.get(pair),
-                    caption=_pair_caption(fit, pair),
-                )
-            )
-    return tuple(drawings)
+    structure = item.fit.structure
+    return tuple(
+        pair_drawing(item, output, input_)
+        for output in structure.outputs
+        for input_ in structure.inputs
+    )
+
+
+def pair_drawing(item: IdentifiedModel, output: str, input_: str) -> Drawing:
+    """Return the figure of one pair of a model."""
+    fit, pair = item.fit, f"{output}/{input_}"
+    return draw_bode(
+        f"bode_{item.name}_{output}_{input_}",
+        output,
+        input_,
+        data=fit.data,
+        identified=fit.response(fit.data.frequency),
+        truth=item.exact,
+        used=fit.bands.get(pair),
+        caption=_pair_caption(fit, pair),
+    )
 
 
 def verification_drawings(item: IdentifiedModel) -> tuple[Drawing, ...]:
@@ -67,9 +73,7 @@ def verification_drawings(item: IdentifiedModel) -> tuple[Drawing, ...]:
         f"flight {k + 1}" for k in range(len(item.verification.traces))
     )
     return tuple(
-        draw_verification(
-            f"time_{item.name}_{k + 1}", item.verification, item.fit.structure.inputs, k, name
-        )
+        draw_verification(f"time_{item.name}_{k + 1}", item.verification, k, name)
         for k, name in enumerate(names)
     )
 

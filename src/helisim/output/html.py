@@ -91,10 +91,15 @@ def table(shown: Table) -> str:
     )
 
 
-def figures(drawings: Iterable[Drawing]) -> str:
-    """Return drawings side by side as far as the page is wide, or nothing for none."""
+def figures(drawings: Iterable[Drawing], *, anchors: bool = True) -> str:
+    """Return drawings side by side as far as the page is wide, or nothing for none.
+
+    Args:
+        drawings: of which each is a figure.
+        anchors: False leaves out their names, in a page that isn't ours.
+    """
     inner = "\n".join(
-        f'<figure id="{escape(drawing.name)}">{drawing.inline}'
+        f"<figure{_anchor(drawing) if anchors else ''}>{drawing.inline}"
         f"<figcaption>{escape(drawing.caption)}</figcaption></figure>"
         for drawing in drawings
     )
@@ -123,6 +128,10 @@ def _cell(cell: Cell, text: str, label: str, side: str) -> str:
     tag, scope = ("th", ' scope="row"') if "name" in cell.style.split() else ("td", "")
     label = f' data-label="{escape(label)}"'
     return f"<{tag}{scope}{style}{label}{key}{value}>{escape(text)}</{tag}>"
+
+
+def _anchor(drawing: Drawing) -> str:
+    return f' id="{escape(drawing.name)}"'
 
 
 def _style(style: str) -> str:

@@ -7,6 +7,7 @@ what was measured. Hz and degrees are for people; the value objects stay in rad/
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,41 @@ from helisim.output.bode import (
 )
 from helisim.output.figure import Ink, Mark, Panel, less
 from helisim.output.svg import Drawing
-from helisim.records.channels import ATTITUDES, IN1, RATES
+from helisim.records.channels import (
+    ACCELERATIONS,
+    AIR,
+    ATTITUDES,
+    CHANNELS,
+    IN1,
+    IN2,
+    POSITIONS,
+    RATES,
+    ROTOR,
+    SERVO_POSITIONS,
+    SERVOS,
+    VELOCITIES,
+)
 from helisim.records.record import FlightRecord
 from helisim.units import decibel
-from helisim.vehicle import Vehicle
 
+if TYPE_CHECKING:
+    from helisim.vehicle import Vehicle
+
+_FAMILIES = {
+    "controls": IN1,
+    "sticks": IN2,
+    "servos": SERVOS,
+    "rates": RATES,
+    "attitude": ATTITUDES,
+    "velocity": VELOCITIES,
+    "specific force": ACCELERATIONS,
+    "position": POSITIONS,
+    "rotor": ROTOR,
+    "air": AIR,
+    "servo positions": SERVO_POSITIONS,
+}
+"""Channels that are looked at together."""
+_UNITISED = ("controls", "sticks", "servos", "servo positions")
 _INKS: tuple[Ink, ...] = ("identified", "data", "third", "fourth")
 _DEGREES = (0.5, 1.0, 2.0, 5.0, 15.0, 45.0, 90.0, 180.0, 360.0)
 """Steps between ticks of a phase."""
@@ -58,6 +89,7 @@ def draw_bode(
     gains: list[Mark] = []
     phases: list[Mark] = []
     turn: float | None = None
+    alone = data is None and (identified is None or truth is None)
     if data is not None:
         o, i = data.index(output, input_)
         omega, good, error = data.frequency, data.usable()[o, i], data.random_error[o, i]
@@ -66,18 +98,19 @@ def draw_bode(
         gains += _estimate(omega, gain, decibel(1.0 + error), good)
         phases += _estimate(omega, phase, np.rad2deg(np.minimum(error, np.pi)), good)
     for response, curve in (
-        (identified, partial(Mark, "line", "identified", label="identified")),
-        (truth, partial(Mark, "dashes", "truth", label="truth")),
+        (identified, partial(Mark, "line", "identified", label="" if alone else "identified")),
+        (truth, partial(Mark, "dashes", "truth", label="" if alone else "truth")),
     ):
         if response is not None:
             line = response.response[response.index(output, input_)]
             phase = phase_degrees(line)
-            turn = middle(phase) if turn is None else turn
+            turn = middle(on_turn(phase, 0.0)) if turn is None else turn
             gains.append(curve(response.frequency, decibels(line)))
             phases.append(curve(response.frequency, on_turn(phase, turn)))
     phases = [replace(mark, label="") for mark in phases]
+    shown = next((one for one in (data, identified, truth) if one and any(one.output_units)), None)
     panels = [
-        Panel(f"magnitude, dB ({ratio_unit(data, output, input_)})", tuple(gains), 110.0),
+        Panel(f"magnitude, dB ({ratio_unit(shown, output, input_)})", tuple(gains), 110.0),
         *_differences("magnitude less the identified, dB", gains),
         Panel("phase, deg", tuple(phases), 100.0, steps=_DEGREES),
         *_differences("phase less the identified, deg", phases),
@@ -143,16 +176,18 @@ def _coherence(data: FrequencyResponse, output: str, input_: str) -> Panel:
     return Panel("coherence", marks, 58.0, (0.5,), limits, threshold=USABLE_COHERENCE)
 
 
-def draw_verification(
-    name: str, verification: Verification, inputs: Sequence[str], trace: int, flight: str
-) -> Drawing:
+def draw_verification(name: str, verification: Verification, trace: int, flight: str) -> Drawing:
     """Draw one flight, measured and predicted, below the inputs that drove it.
 
     Below each output is what the prediction leaves, on a scale of its own.
     """
     shown = verification.traces[trace]
     panels = [
-        Panel("inputs, unitised", _histories(shown.time, inputs, list(shown.inputs.T)), 62.0),
+        Panel(
+            "inputs, unitised",
+            _histories(shown.time, verification.inputs, list(shown.inputs.T)),
+            62.0,
+        ),
     ]
     for k, (output, unit) in enumerate(zip(verification.outputs, verification.units)):
         measured, seen = _for_people(output, shown.measured[:, k], unit)
@@ -179,7 +214,33 @@ def draw_flight(name: str, title: str, record: FlightRecord, channels: Sequence[
     return Drawing(name, title, f"{title}, {record.duration:g} s", tuple(panels), "time, s")
 
 
-def draw_trims(flights: Sequence[Vehicle]) -> Drawing:
+def draw_groups(name: str, title: str, record: FlightRecord, channels: Sequence[str]) -> Drawing:
+    """Draw time histories of some channels, those of one kind and unit in one panel."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for one in channels:
+        unit = record.unit(one)
+        standard = one in CHANNELS and CHANNELS[one].unit == unit
+        family = next((name for name, some in _FAMILIES.items() if standard and one in some), "")
+        groups.setdefault((family, unit), []).append(one)
+    panels = []
+    for (family, unit), names in groups.items():
+        for k in range(0, len(names), len(_INKS)):
+            some = names[k : k + len(_INKS)]
+            shown = [_for_people(one, record[one], unit) for one in some]
+            marks = _histories(record.time, some, [values for values, _ in shown])
+            thin = tuple(replace(mark, kind="line", width=0.7) for mark in marks)
+            unitised = unit == "1" and family in _UNITISED
+            panels.append(
+                Panel(
+                    ", ".join(filter(None, (family, "unitised" if unitised else shown[0][1]))),
+                    thin,
+                    78.0,
+                )
+            )
+    return Drawing(name, title, f"{title}, {record.duration:g} s", tuple(panels), "time, s")
+
+
+def draw_trims(flights: "Sequence[Vehicle]") -> Drawing:
     """Draw level flight over speed: power, controls, attitude."""
     speeds = np.array([flight.trim.speed for flight in flights])
     power = np.array([flight.power for flight in flights])
@@ -211,7 +272,7 @@ def _for_people(
     name: str, values: NDArray[np.float64], unit: str
 ) -> tuple[NDArray[np.float64], str]:
     """Return values (n,) and their unit, rates and attitudes in degrees."""
-    if name in (*RATES, *ATTITUDES):
+    if name in (*RATES, *ATTITUDES) and unit.startswith("rad"):
         return np.rad2deg(values), unit.replace("rad", "deg")
     return values, unit
 

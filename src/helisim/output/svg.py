@@ -134,15 +134,21 @@ class Drawing:
 
 def page_style() -> str:
     """Return the CSS of drawings in a page, and the page's colours: light on paper, or dark."""
-    dark = _variables(DARK)
+    dark = colour_variables(DARK)
     return (
-        f":root {{ color-scheme: light dark; {_variables(LIGHT)} }}\n"
+        f":root {{ color-scheme: light dark; {colour_variables(LIGHT)} }}\n"
         f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
-        f"{_rules(lambda name: f'var(--{name})')}"
+        f"{drawing_style()}"
     )
 
 
-def _variables(colours: dict[str, str]) -> str:
+def drawing_style() -> str:
+    """Return the CSS of drawings, in the colours of whatever they stand in."""
+    return _rules(lambda name: f"var(--{name})")
+
+
+def colour_variables(colours: dict[str, str]) -> str:
+    """Return colours by name as the CSS variables that drawings and tables take them from."""
     return " ".join(f"--{name}: {colour};" for name, colour in colours.items())
 
 

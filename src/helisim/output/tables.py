@@ -1,21 +1,25 @@
 """The tables that helisim shows, each made once: for terminal, page and recording."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from math import degrees
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from helisim.ident import Fit
 from helisim.ident.verify import VerificationFigures
 from helisim.output.table import PERCENT, Cell, Column, Table, common_form, number, words
 from helisim.paper import jr700
-from helisim.paper.eq8 import Coefficient, OverallCheck
-from helisim.paper.errata import Erratum
-from helisim.paper.gyro_effect import Change, GyroEffect, Statement
 from helisim.records.channels import IN1
 from helisim.records.record import FlightRecord
-from helisim.sim.rigs import Finding, RigTest
-from helisim.study.results import ComparisonTable, ParameterRow
-from helisim.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from helisim.paper.eq8 import Coefficient, OverallCheck
+    from helisim.paper.errata import Erratum
+    from helisim.paper.gyro_effect import Change, GyroEffect, Statement
+    from helisim.sim.rigs import Finding, RigTest
+    from helisim.study.results import ComparisonTable, ParameterRow
+    from helisim.vehicle import Vehicle
 
 _NAME = (Column("parameter", left=True), Column("unit", left=True))
 _BOUNDS = (Column("CR %"), Column("insens. %"))

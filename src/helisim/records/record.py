@@ -2,23 +2,29 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import RecordError, UnknownNameError
 from helisim.records.channels import Channel
+from helisim.records.display import Displayed, shower
 from helisim.records.provenance import plain
+from helisim.records.value import FrozenMap, Value
+
+if TYPE_CHECKING:
+    from helisim.records.display import Axes, Figure
 
 UNIFORM = 1e-6
 """A time step may differ from the mean by this fraction and still count as uniform:
 far above the rounding of a double, far below any sample of interest."""
+_NAMED = 30
+"""Channels that `repr` names, at most."""
 
 
 @dataclass(frozen=True, eq=False)
-class FlightRecord:
+class FlightRecord(Value, Displayed):
     """Time histories of named channels, with units and provenance. Read-only.
 
     Attributes:
@@ -42,11 +48,7 @@ class FlightRecord:
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "channels", channels)
-        object.__setattr__(self, "provenance", MappingProxyType(plain(self.provenance)))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Let a record pass between processes; files are never pickled."""
-        return FlightRecord, (self.time, self.values, self.channels, dict(self.provenance))
+        object.__setattr__(self, "provenance", FrozenMap(plain(self.provenance)))
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """Return one channel, (n_time,). Raises UnknownNameError."""
@@ -59,9 +61,10 @@ class FlightRecord:
         return self.time.size
 
     def __repr__(self) -> str:
+        names = self.names if len(self.names) <= _NAMED else (*self.names[:_NAMED], "...")
         return (
             f"FlightRecord({len(self)} samples, {self.duration:.2f} s, "
-            f"channels: {', '.join(self.names)})"
+            f"{len(self.names)} channels: {', '.join(names)})"
         )
 
     @property
@@ -116,6 +119,27 @@ class FlightRecord:
         """Return the samples with start <= time <= stop, in s."""
         keep = (self.time >= start) & (self.time <= stop)
         return FlightRecord(self.time[keep], self.values[keep], self.channels, self.provenance)
+
+    def plot(
+        self,
+        channels: "Sequence[str] | str | None" = None,
+        *,
+        axes: "Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw time histories; angles and their rates in degrees.
+
+        Args:
+            channels: a panel each; by default inputs and motion, those of a kind together.
+            axes: to draw on, one a panel from top to bottom; by default those of a new figure.
+
+        Returns:
+            A matplotlib figure, which a notebook shows; nothing is kept of it.
+
+        Raises:
+            UnknownNameError: no such channel.
+            InputError: there are more or fewer axes than panels.
+        """
+        return shower().plot_record(self, channels, axes)
 
     def _index(self, name: str) -> int:
         try:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from helisim.errors import InputError, RecordError, StorageError
@@ -11,6 +10,7 @@ from helisim.records.files import make_folder
 from helisim.records.provenance import difference, plain
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
+from helisim.records.value import FrozenMap
 from helisim.sim.excitation import Excitation
 from helisim.sim.fly import Flight, flight_provenance, fly_all
 from helisim.sim.plan import FlightPlan, as_plan
@@ -93,7 +93,7 @@ def fly_to(
     for number, flight in zip(missing, flights):
         write_flight(flight, paths[number])
         kept(paths[number], flight.record)
-    return Flown(tuple(paths), count - len(missing), MappingProxyType(dict(sorted(ended.items()))))
+    return Flown(tuple(paths), count - len(missing), FrozenMap(dict(sorted(ended.items()))))
 
 
 def write_flight(flight: Flight, path: Path) -> Path | None:

@@ -29,6 +29,18 @@ def to_plain(value: Any) -> Any:
     return value
 
 
+def in_brief(value: Any) -> str:
+    """Return a value object as one would write it: only the settings that aren't its defaults."""
+    changed = []
+    for one in fields(value):
+        item = getattr(value, one.name)
+        default = one.default if one.default_factory is MISSING else one.default_factory()
+        if item != default:
+            text = in_brief(item) if is_dataclass(item) else repr(item)
+            changed.append(f"{one.name}={text}")
+    return f"{type(value).__name__}({', '.join(changed)})"
+
+
 def from_plain(kind: type[T], table: Any, where: str, *, lenient: bool = False) -> T:
     """Return the value object whose fields a table holds; what it doesn't say is the default.
 

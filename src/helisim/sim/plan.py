@@ -33,20 +33,21 @@ from os import PathLike
 from typing import Any
 
 from helisim.errors import InputError, UnknownNameError
+from helisim.records.display import Displayed
 from helisim.records.files import atomic_write, read_toml
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.excitation import EXCITATIONS, Excitation, check_excitation
 from helisim.sim.faults import FAULTS, Fault, FlightFault, check_faults, parse_fault
 from helisim.sim.pilot import Pilot
-from helisim.sim.plain import from_plain, to_plain, toml_settings, toml_text
+from helisim.sim.plain import from_plain, in_brief, to_plain, toml_settings, toml_text
 from helisim.sim.recorder import Recorder
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlightPlan:
+class FlightPlan(Displayed):
     """All that a flight is flown with, beside the vehicle and the seed.
 
     Plans are values: equal plans are one in a set, and have one `digest`.
@@ -78,6 +79,9 @@ class FlightPlan:
                 raise InputError(f"{name} must be a {kind.__name__}, got {part!r}")
         object.__setattr__(self, "faults", tuple(self.faults))
         check_faults(self.faults, self.excitation.duration)
+
+    def __repr__(self) -> str:
+        return in_brief(self)
 
     @property
     def flight_faults(self) -> tuple[FlightFault, ...]:
@@ -166,13 +170,16 @@ class FlightPlan:
             tables["faults"] = [_with_kind(fault, toml_settings) for fault in self.faults]
         return toml_text(tables)
 
+    def in_words(self) -> tuple[tuple[str, str], ...]:
+        """Return each part's name, and its settings that aren't the defaults, in words."""
+        return (
+            ("excitation", _in_words(self.excitation)),
+            *((name, _in_words(getattr(self, name))) for name in _PARTS),
+            ("faults", "; ".join(map(_in_words, self.faults)) or "none"),
+        )
+
     def __str__(self) -> str:
-        parts = {
-            "excitation": _in_words(self.excitation),
-            **{name: _in_words(getattr(self, name)) for name in _PARTS},
-            "faults": "; ".join(map(_in_words, self.faults)) or "none",
-        }
-        lines = [f"  {name:<12}{words}" for name, words in parts.items()]
+        lines = [f"  {name:<12}{words}" for name, words in self.in_words()]
         return "\n".join([f"flight plan {self.digest[:8]}", *lines])
 
 

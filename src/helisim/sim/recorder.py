@@ -7,7 +7,6 @@ the centre of gravity with the measured rates (Wu and Chen, section 2).
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,8 @@ from helisim.records.channels import (
     channel,
 )
 from helisim.records.record import FlightRecord
-from helisim.sim.plain import setting_names, to_plain
+from helisim.records.value import FrozenMap
+from helisim.sim.plain import in_brief, to_plain
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
 
@@ -115,13 +115,10 @@ class Recorder:
                 channel(key)
                 if not (np.isfinite(value) and value >= 0.0):
                     raise InputError(f"{name} of {key!r} must be 0 or more, got {value}")
-            object.__setattr__(self, name, MappingProxyType(values))
+            object.__setattr__(self, name, FrozenMap(values))
 
-    def __hash__(self) -> int:
-        settings = (getattr(self, name) for name in setting_names(self))
-        return hash(
-            tuple(frozenset(one.items()) if isinstance(one, Mapping) else one for one in settings)
-        )
+    def __repr__(self) -> str:
+        return in_brief(self)
 
     @classmethod
     def of(cls, vehicle: Vehicle, *, rotor: bool = False) -> "Recorder":

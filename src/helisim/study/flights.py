@@ -14,8 +14,9 @@ from helisim.records.storage import read_record
 from helisim.sim import Doublet, Flight, FlightPlan, Recorder, Sweep, fly_all
 from helisim.sim.fly import flown
 from helisim.sim.folder import write_flight
+from helisim.study.exclusion import Exclusion
 from helisim.study.models import MODELS
-from helisim.study.results import Exclusion, read_results
+from helisim.study.results import read_results
 from helisim.vehicle import Vehicle
 
 _RESPONSE = {"lat": ("LAT", "p"), "lon": ("LON", "q"), "ped": ("PED", "r"), "col": ("COL", "w")}

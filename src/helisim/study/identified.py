@@ -15,12 +15,13 @@ from helisim.errors import InputError
 from helisim.ident.verify import Trace
 from helisim.records.files import read_json, write_json
 from helisim.records.provenance import made_by
+from helisim.records.value import Value
 
 FORMAT = "helisim fits, version 1"
 
 
 @dataclass(frozen=True, eq=False)
-class IdentifiedModel:
+class IdentifiedModel(Value):
     """One identified model with what it can be judged by.
 
     Attributes:
@@ -39,6 +40,10 @@ class IdentifiedModel:
     verification: ident.Verification | None = None
     verified_on: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        checked = "" if self.verification is None else f", {self.verification!r}"
+        return f"IdentifiedModel({self.name!r}, {self.fit!r}{checked})"
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
         checked = self.verification
@@ -55,14 +60,15 @@ class IdentifiedModel:
     def from_dict(cls, data: Mapping[str, Any]) -> "IdentifiedModel":
         """Return the model that `to_dict` gave. Raises InputError, KeyError, TypeError."""
         checked = data["verification"]
+        fit = ident.Fit.from_dict(data["fit"])
         return cls(
             name=str(data["name"]),
-            fit=ident.Fit.from_dict(data["fit"]),
+            fit=fit,
             exact=None
             if data["exact"] is None
             else ident.FrequencyResponse.from_dict(data["exact"]),
             note=str(data["note"]),
-            verification=None if checked is None else _verification_from_dict(checked),
+            verification=None if checked is None else _verification_from_dict(checked, fit),
             verified_on=tuple(data["verified_on"]),
         )
 
@@ -114,9 +120,10 @@ def _verification_to_dict(verification: ident.Verification) -> dict[str, Any]:
     }
 
 
-def _verification_from_dict(data: Mapping[str, Any]) -> ident.Verification:
+def _verification_from_dict(data: Mapping[str, Any], fit: ident.Fit) -> ident.Verification:
     arrays = [{name: np.array(rows) for name, rows in trace.items()} for trace in data["traces"]]
     return ident.Verification(
+        inputs=fit.structure.inputs,
         outputs=tuple(data["outputs"]),
         units=tuple(data["units"]),
         traces=tuple(Trace(**trace) for trace in arrays),

@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 from helisim.errors import StorageError
+from helisim.records.display import Displayed
 from helisim.records.record import FlightRecord
+from helisim.records.value import FrozenMap, Value
 from helisim.sim.plain import from_plain
 from helisim.study.flights import FOLDER, RESULTS, read_kept_sweeps
 from helisim.study.identified import IdentifiedModel, read_models
@@ -49,7 +50,7 @@ class Configuration:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Run(Value, Displayed):
     """One run of the experiment: all that its report shows.
 
     Attributes:
@@ -64,8 +65,12 @@ class Run:
 
     def __post_init__(self) -> None:
         flights = {axis: tuple(records) for axis, records in self.flights.items()}
-        object.__setattr__(self, "flights", MappingProxyType(flights))
+        object.__setattr__(self, "flights", FrozenMap(flights))
         object.__setattr__(self, "models", tuple(self.models))
+
+    def __repr__(self) -> str:
+        count = sum(map(len, self.flights.values()))
+        return f"Run({self.results!r}, {len(self.models)} models, {count} flights)"
 
     @property
     def configuration(self) -> Configuration:

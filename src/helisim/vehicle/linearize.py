@@ -1,8 +1,9 @@
 """The exact linearisation of a vehicle at its trim: the truth that identification must find."""
 
 import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, fields
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import control
 import mujoco
@@ -13,9 +14,14 @@ from helisim.errors import InputError, ModelError
 from helisim.physics.layout import CONTROL, PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
+from helisim.records.display import Displayed, shower
+from helisim.records.value import FrozenMap, Value
 from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import Trim, place
+
+if TYPE_CHECKING:
+    from helisim.records.display import Axes, Figure
 
 Inputs = Literal["IN1", "IN2"]
 
@@ -28,7 +34,7 @@ _STEP = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Linearization:
+class Linearization(Value, Displayed):
     """A linear model x' = A x + B u, y = C x + D u about a steady flight, without its delays.
 
     Attributes:
@@ -38,8 +44,30 @@ class Linearization:
     """
 
     system: control.StateSpace
-    delays: dict[str, float]
+    delays: Mapping[str, float]
     trim: Trim
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "delays", FrozenMap(self.delays))
+
+    def __repr__(self) -> str:
+        system = self.system
+        kind = f"sampled at {1.0 / system.dt:.4g} Hz" if system.dt else "continuous"
+        return (
+            f"Linearization({kind}: {system.nstates} states, {', '.join(system.input_labels)} to "
+            f"{', '.join(system.output_labels)})"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        system = self.system  # python-control's own doesn't pickle
+        matrices = tuple(np.asarray(getattr(system, name)) for name in "ABCD")
+        names = (system.state_labels, system.input_labels, system.output_labels, system.name)
+        return _rebuilt, (matrices, system.dt, names, self.delays, self.trim)
+
+    def _compared(self) -> tuple[Any, ...]:
+        data = self.to_dict()
+        del data["name"]  # python-control counts unnamed systems
+        return data, self.system.dt
 
     def derivative(self, rate: str, cause: str) -> float:
         """Return d(rate of a state)/d(state or input) by name, such as ("r", "r") for N_r."""
@@ -47,6 +75,28 @@ class Linearization:
         if cause in self.system.state_labels:
             return float(np.asarray(self.system.A)[row, self.system.state_labels.index(cause)])
         return float(np.asarray(self.system.B)[row, self.system.input_labels.index(cause)])
+
+    def plot(
+        self,
+        pairs: "Sequence[str] | str | None" = None,
+        *,
+        axes: "Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw magnitude and phase from 0.1 to 100 rad/s, delays included.
+
+        Args:
+            pairs: such as ("p/lat", "q/lon"); by default what each
+                control is for: w/col, q/lon, p/lat, r/ped.
+            axes: to draw on, one a panel, pair by pair; by default those of a new figure.
+
+        Returns:
+            A matplotlib figure, which a notebook shows; nothing is kept of it.
+
+        Raises:
+            UnknownNameError: no such response.
+            InputError: there are more or fewer axes than panels.
+        """
+        return shower().plot_linearization(self, pairs, axes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data: matrices, names, delays and the trim."""
@@ -74,6 +124,16 @@ class Linearization:
         response = np.asarray(self.system(point, squeeze=False))
         lags = np.array([self.delays.get(name, 0.0) for name in self.system.input_labels])
         return response * np.exp(-1j * lags[None, :, None] * np.asarray(omega))
+
+
+def _rebuilt(
+    matrices: tuple[Any, ...], dt: Any, names: tuple[Any, ...], delays: Any, trim: Trim
+) -> Linearization:
+    states, inputs, outputs, name = names
+    system = control.StateSpace(
+        *matrices, dt, states=states, inputs=inputs, outputs=outputs, name=name
+    )
+    return Linearization(system, delays, trim)
 
 
 def linearize(model: mujoco.MjModel, trim: Trim, *, inputs: Inputs = "IN1") -> Linearization:

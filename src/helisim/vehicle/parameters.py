@@ -35,6 +35,13 @@ class Parameters(Mapping[str, float]):
     def __getitem__(self, name: str) -> float:
         return self.entry(name).value
 
+    def __repr__(self) -> str:
+        sections = dict.fromkeys(name.split(".")[0] for name in self)
+        return f"Parameters({len(self)} of {', '.join(sections)})"
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self.items()))
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)
 

@@ -20,6 +20,8 @@ from helisim.physics.layout import PARAM, SENSOR
 from helisim.physics.native import installed
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
+from helisim.records.display import Displayed
+from helisim.records.value import Value
 from helisim.vehicle.assembly import Integrator, assemble
 from helisim.vehicle.folder import PARAMETER_FILES, is_shipped, model_folder, read_roles
 from helisim.vehicle.force_laws import force_law_block
@@ -43,7 +45,7 @@ _SETTABLE = ("gyro", "gyro_tuned", "recorder_latency")
 
 
 @dataclass(frozen=True, eq=False)
-class Vehicle:
+class Vehicle(Value, Displayed):
     """A helicopter with parameters in place and its trim found.
 
     Attributes:
@@ -72,6 +74,14 @@ class Vehicle:
     def roles(self) -> Roles:
         """The names that the author of its MJCF gave."""
         return read_roles(self.folder)
+
+    def __repr__(self) -> str:
+        mass = float(np.sum(self.model.body_mass))
+        flight = f"at {self.trim.speed:g} m/s" if self.trim.speed else "in the hover"
+        return f"Vehicle({self.name!r}, {mass:.4g} kg, {flight}, {len(self.parameters)} parameters)"
+
+    def _compared(self) -> tuple[Any, ...]:
+        return self.name, self.parameters, self.trim, self.digest
 
     def trimmed(
         self,

@@ -6,7 +6,6 @@ they turn, and tilt with the tip-path plane. So do those of `tail_rotor`, which 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -17,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.errors import InputError
 from helisim.physics.frames import flip
+from helisim.records.value import FrozenMap
 from helisim.vehicle.roles import Roles
 
 _VISUAL_GROUPS = 3
@@ -55,7 +55,7 @@ class Shapes:
 
     def __post_init__(self) -> None:
         for name in ("body", "rotor", "tail_rotor"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+            object.__setattr__(self, name, FrozenMap(getattr(self, name)))
 
 
 def box_shapes() -> Shapes:

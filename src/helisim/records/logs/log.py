@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,11 @@ from helisim.records.logs.report import LogReport
 from helisim.records.logs.resample import PASSBAND
 from helisim.records.logs.timing import Samples
 from helisim.records.record import FlightRecord
+from helisim.records.value import FrozenMap, Value
 
 
 @dataclass(frozen=True, eq=False)
-class Log:
+class Log(Value):
     """A log that was read.
 
     Attributes:
@@ -28,6 +30,16 @@ class Log:
     records: tuple[FlightRecord, ...]
     report: LogReport
     headings: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "headings", FrozenMap(self.headings))
+
+    def __repr__(self) -> str:
+        samples = sum(map(len, self.records))
+        return (
+            f"Log({Path(self.report.path).name!r}: {samples} samples in {len(self.records)} "
+            f"record(s) of {', '.join(self.headings)})"
+        )
 
     @property
     def record(self) -> FlightRecord:

@@ -5,13 +5,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from os import PathLike
-from types import MappingProxyType
 from typing import Any
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import CHANNELS, Channel
 from helisim.records.files import read_toml
 from helisim.records.logs.units import PULSE, TIME_UNITS, check_same, is_unit, time_unit, unit
+from helisim.records.value import FrozenMap
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ class Map:
                 raise InputError(f"channel {name!r} is {column!r}, expected a Column")
             if not isinstance(name, str) or not name or name == "time":
                 raise InputError(f"a channel can't be called {name!r}")
-        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
+        object.__setattr__(self, "channels", FrozenMap(self.channels))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Map":

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
+
+from helisim.records.value import FrozenMap, Value
 
 OURS = "helisim record"
 """Name of helisim's own format, whose channels need no map."""
@@ -65,7 +66,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class LogReport:
+class LogReport(Value):
     """How a log became records. Nothing happened that isn't here.
 
     Attributes:
@@ -100,7 +101,14 @@ class LogReport:
     parts: tuple[Part, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "columns", MappingProxyType(dict(self.columns)))
+        object.__setattr__(self, "columns", FrozenMap(self.columns))
+
+    def __repr__(self) -> str:
+        return (
+            f"LogReport({self.path!r}: {self.format}, {self.samples} samples, "
+            f"{len(self.findings)} finding(s), {len(self.repairs)} repair(s), "
+            f"{len(self.parts)} part(s))"
+        )
 
     @property
     def repairs(self) -> tuple[LogFinding, ...]:
