@@ -20,7 +20,7 @@ import pytest
 import helisim as hs
 from helisim.errors import DivergedError, ModelError, UnknownNameError
 from helisim.physics import native
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import PARAM
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
@@ -284,7 +284,7 @@ def test_helicopters_of_two_kinds_in_one_scene(jr700):
         place(single, alone, vehicle.trim)
         alone.ctrl[own.control + 1 : own.control + 4] = [0.05, -0.03, 0.02]
         data.qpos[7 * k : 7 * k + 7] = alone.qpos
-        data.act[where.state : where.state + len(STATE)] = alone.act
+        data.act[where.state : where.state + alone.act.size] = alone.act
         data.ctrl[where.control : where.control + 9] = alone.ctrl
         with hs.installed():
             mujoco.mj_step(single, alone, 300)
@@ -295,7 +295,7 @@ def test_helicopters_of_two_kinds_in_one_scene(jr700):
         first = addresses(model, f"{k}/").state
         assert np.array_equal(data.qpos[7 * k : 7 * k + 7], qpos)
         assert np.array_equal(data.qvel[6 * k : 6 * k + 6], qvel)
-        assert np.array_equal(data.act[first : first + len(STATE)], act)
+        assert np.array_equal(data.act[first : first + act.size], act)
 
 
 def test_a_scene_that_has_no_room_for_a_vehicles_numbers_is_refused():

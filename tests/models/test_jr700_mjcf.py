@@ -15,7 +15,7 @@ SCENE = FOLDER / "scene.xml"
 STICKS = ["COL", "LON", "LAT", "PED"]
 SERVOS = ["servo_front", "servo_left", "servo_right", "servo_tail"]
 # The rigid body's state lives in qpos and qvel; these are the states of the callbacks' laws.
-STATES = {"COL": 0, "LON": 3, "LAT": 3, "PED": 2} | dict.fromkeys(SERVOS, 2) | {"rotor": 10}
+STATES = dict.fromkeys(STICKS, 0) | dict.fromkeys(SERVOS, 2) | {"rotor": 33}
 SENSORS = {
     "imu_gyro": 3,
     "imu_accelerometer": 3,

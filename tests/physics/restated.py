@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from numba import njit
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from helisim.physics import pilot, rotor
@@ -17,6 +18,7 @@ from helisim.physics.layout import DOUBLET, PARAM, READS_HELD, READS_ZERO, STATE
 
 hashed_noise, remnant, sweep = map(njit, (pilot.hashed_noise, pilot.remnant, pilot.sweep))
 
+FORGOTTEN = slice(STATE.law_tick, None)
 GYRO_STATES = slice(STATE.gyro_q_filter, STATE.gyro_r_integral + 1)
 SERVOS = ("front", "left", "right", "tail")
 MIX = np.array([[1, 1, 0], [1, -0.5, np.sqrt(0.75)], [1, -0.5, -np.sqrt(0.75)]])
@@ -38,11 +40,13 @@ class Moment:
     act: np.ndarray
     ctrl: np.ndarray
     late_pedal: float
+    lags: dict
+    """Of the gyro's filters, s, which the force laws know by what they do in a period."""
     wind: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def p(self) -> SimpleNamespace:
-        return SimpleNamespace(**dict(zip(PARAM._fields, self.par)))
+        return SimpleNamespace(**dict(zip(PARAM._fields, self.par)), **self.lags)
 
     @property
     def s(self) -> SimpleNamespace:
@@ -90,7 +94,7 @@ def air(m):
         velocity += share * np.array([p.gust_north, p.gust_east, p.gust_down])
     if p.turbulence_on:
         turn = Rotation.from_euler("z", np.arctan2(p.turbulence_sine, p.turbulence_cosine))
-        moving = turbulence(p)[0] @ m.act[STATE.air_u :]
+        moving = turbulence(p)[0] @ m.act[STATE.air_u : STATE.air_r_lag + 1]
         velocity += turn.apply(moving[:3])
         rates = turn.apply(moving[3:])
     return np.concatenate([m.earth.T @ velocity, m.earth.T @ rates])
@@ -151,19 +155,22 @@ def sensed(m):
     """Return p, q, r as the gyro reads them."""
     p, s, rates = m.p, m.s, m.rates.copy()
     if p.faults and p.dropout_at <= m.last_tick + 1e-9 < p.dropout_until:
-        held = (s.gyro_p_filter, s.gyro_q_filter, s.gyro_r_lead)
+        held = (s.read_p, s.read_q, s.read_r)
         for k, how in enumerate((p.dropout_p, p.dropout_q, p.dropout_r)):
             rates[k] = {READS_ZERO: 0.0, READS_HELD: held[k]}.get(how, rates[k])
     return rates
 
 
 def gyro(m):
-    """Return the commands lat, lon, ped, not yet limited, and the rates of the gyro's states."""
+    """Return the commands lat, lon, ped, not yet limited, and the gyro's states at the next tick.
+
+    Filters and integrals by the matrix exponential of their equations, what is read being held.
+    """
     p, s = m.p, m.s
     roll, pitch, yaw = sensed(m)
 
     def unless_saturated(error, command):
-        return 0.0 if abs(command) > p.gyro_hold_above and error * command > 0.0 else error
+        return 0.0 if abs(command) > p.gyro_hold_above and error * command > 0.0 else 1.0
 
     behind = yaw - s.gyro_r_lead
     plain = p.gyro_k_delta * m.late_pedal - p.gyro_k_a * yaw
@@ -174,7 +181,8 @@ def gyro(m):
     reach = [[p.gyro_p_per_lat, p.gyro_p_per_lon], [p.gyro_q_per_lat, p.gyro_q_per_lon]]
     y = np.array([s.gyro_p_filter, s.gyro_q_filter])
     slow = np.array([s.gyro_p_derivative, s.gyro_q_derivative])
-    errors = np.array(reach) @ m.ctrl[[2, 1]] - y
+    wanted = np.array(reach) @ m.ctrl[[2, 1]]
+    errors = wanted - y
     turn = np.array(
         [[p.gyro_phase_cosine, p.gyro_phase_sine], [-p.gyro_phase_sine, p.gyro_phase_cosine]]
     )
@@ -182,16 +190,21 @@ def gyro(m):
     inner = np.array([p.gyro_ki_lat, p.gyro_ki_lon]) * integrals
     inner -= np.array([p.gyro_kd_lat, p.gyro_kd_lon]) * (y - slow) / p.gyro_derivative_lag
     cyclic = np.array([p.gyro_kp_lat, p.gyro_kp_lon]) * errors + turn @ inner
-    locked = [unless_saturated(*pair) for pair in zip(errors, cyclic)]
-    rates = {
-        "gyro_r_lead": behind / p.gyro_lead_filter,
-        "gyro_r_integral": p.gyro_heading_lock * unless_saturated(plain, ped),
-    }
+    moved = {}
     for k, (axis, rate) in enumerate((("p", roll), ("q", pitch))):
-        rates[f"gyro_{axis}_filter"] = (rate - y[k]) / p.gyro_filter
-        rates[f"gyro_{axis}_derivative"] = (y[k] - slow[k]) / p.gyro_derivative_filter
-        rates[f"gyro_{axis}_integral"] = p.gyro_attitude_lock * locked[k]
-    return np.array([*cyclic, ped]), rates
+        locked = p.gyro_attitude_lock * unless_saturated(errors[k], cyclic[k])
+        # of the filtered rate, the slower one and the integral of the error; then of 1
+        equations = np.zeros((4, 4))
+        equations[0, [0, 3]] = np.array([-1.0, rate]) / p.filter
+        equations[1, [0, 1]] = np.array([1.0, -1.0]) / p.derivative_filter
+        equations[2, [0, 3]] = np.array([-1.0, wanted[k]]) * locked
+        after = expm(equations * p.gyro_period) @ [y[k], slow[k], integrals[k], 1.0]
+        for name, value in zip(("filter", "derivative", "integral"), after):
+            moved[f"gyro_{axis}_{name}"] = value
+    moved["gyro_r_lead"] = yaw - np.exp(-p.gyro_period / p.lead_filter) * behind
+    held = p.gyro_heading_lock * unless_saturated(plain, ped)
+    moved["gyro_r_integral"] = s.gyro_r_integral + p.gyro_period * held * plain
+    return np.array([*cyclic, ped]), moved
 
 
 def sticks(m):
@@ -234,23 +247,27 @@ def control(m):
     if p.pilot_on:
         ctrl[:4], ctrl[8] = sticks(m), 1.0
     if p.gyro_on and m.restarting:
-        act[GYRO_STATES] = 0.0
+        act[FORGOTTEN] = 0.0
         if p.restart_neutral:
             ctrl[4:8] = 0.0
     elif p.gyro_on:
         m.ctrl = ctrl
-        (lat, lon, ped), _ = gyro(m)
+        if p.faults:
+            act[STATE.read_p : STATE.read_r + 1] = sensed(m)
+        (lat, lon, ped), moved = gyro(m)
+        act[STATE.law_tick] = np.floor(m.time / p.gyro_period + 1e-6) + 1.0
+        act[len(STATE) :] = act[GYRO_STATES]
+        for name, value in moved.items():
+            act[getattr(STATE, name)] = value
         lat, lon, ctrl[7] = np.clip([lat, lon, ped], -0.5, 0.5)
         ctrl[4:7] = MIX @ [p.gyro_collective * ctrl[0], lon, lat]
     return ctrl, act
 
 
 def state_rates(m):
-    """Return the derivatives of the vehicle's states, (len(STATE),)."""
+    """Return the derivatives of the vehicle's states, (n_state,): none of those that ticks move."""
     p, s = m.p, m.s
     rates = dict.fromkeys(STATE._fields, 0.0)
-    if p.gyro_on and not m.restarting:
-        rates |= gyro(m)[1]
     for k, name in enumerate(SERVOS):
         part = "tail" if name == "tail" else "swash"
         frequency, damping = getattr(p, f"{part}_frequency"), getattr(p, f"{part}_damping")
@@ -272,8 +289,10 @@ def state_rates(m):
             hashed_noise(p.turbulence_seed, k, round(m.last_tick / p.gyro_period)) for k in range(4)
         ]
         _, a, b = turbulence(p)
-        rates |= dict(zip(STATE._fields[STATE.air_u :], a @ m.act[STATE.air_u :] + b @ noise))
-    return np.array([rates[name] for name in STATE._fields])
+        air_states = slice(STATE.air_u, STATE.air_r_lag + 1)
+        rates |= dict(zip(STATE._fields[air_states], a @ m.act[air_states] + b @ noise))
+    moved = np.array([rates[name] for name in STATE._fields])
+    return np.concatenate([moved, np.zeros(m.act.size - len(STATE))])
 
 
 def tilt_rates(m, collective=None):

@@ -6,32 +6,100 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import quad
 
 from helisim.physics import gyro
+from helisim.physics.layout import NEVER, PARAM
+from plates import H3_120
 
-LEAD, FILTER = 0.0109, 0.002
+PERIOD, LEAD, FILTER, FAST, SLOW = 0.002, 0.0109, 0.002, 0.004, 0.006
+K_P, K_I, K_DELTA, K_A = 0.9, 17.0, 2.0, 0.3
+SETTINGS = np.zeros(len(PARAM))
+for slot, number in {
+    "period": PERIOD,
+    "k_p": K_P,
+    "k_i": K_I,
+    "k_delta": K_DELTA,
+    "k_a": K_A,
+    "lead": LEAD,
+    "lead_share": gyro.filter_share(FILTER, PERIOD),
+    "lead_lag": gyro.held_lag(FILTER, PERIOD),
+    "heading_lock": 1.0,
+    "attitude_lock": 1.0,
+    "hold_above": NEVER,
+    "filter_share": gyro.filter_share(FAST, PERIOD),
+    "filter_mean": gyro.filter_mean(FAST, PERIOD),
+    "derivative_share": gyro.filter_share(SLOW, PERIOD),
+    "derivative_through": gyro.filter_through(FAST, SLOW, PERIOD),
+    "derivative_lag": gyro.held_lag(SLOW, PERIOD),
+    "kp_lat": 0.05,
+    "ki_lat": 1.3,
+    "p_per_lat": 6.0,
+    "phase_cosine": 1.0,
+}.items():
+    SETTINGS[getattr(PARAM, f"gyro_{slot}")] = number
+H3_120.write(SETTINGS)
+NOTHING = gyro.Seen(*[0.0] * len(gyro.Seen._fields))
 finite = st.floats(-10.0, 10.0)
 
 
-@pytest.mark.parametrize("omega", [1.0, 20.0, 300.0])
-def test_yaw_lead_is_its_transfer_function(omega):
-    """The rate reaches the error as (1 + (lead + filter) s) / (1 + filter s)."""
-    pole = gyro.yaw_error(0.0, 0.0, 1.0, 1.0, 1.0, LEAD, FILTER, FILTER)[1]
-    drive = gyro.yaw_error(0.0, 1.0, 0.0, 1.0, 1.0, LEAD, FILTER, FILTER)[1]
-    state = drive / (1j * omega - pole)
-    by_state = -gyro.yaw_error(0.0, 0.0, 1.0, 1.0, 1.0, LEAD, FILTER, FILTER)[0]
-    direct = -gyro.yaw_error(0.0, 1.0, 0.0, 1.0, 1.0, LEAD, FILTER, FILTER)[0]
+def response(law, states, name, omega):
+    """Return the frequency response of a linear law from one of the numbers that it sees."""
+    columns = []
+    for unit in 1e-3 * np.eye(states + 1):  # far from the commands' limits
+        state = unit[:states].copy()
+        command = law(NOTHING._replace(**{name: unit[states]}), state, SETTINGS)
+        columns.append([command, *state])
+    found = 1e3 * np.array(columns).T
+    z = np.exp(1j * omega * PERIOD)
+    state = np.linalg.solve(z * np.eye(states) - found[1:, :states], found[1:, states])
+    return found[0, :states] @ state + found[0, states]
+
+
+@pytest.mark.parametrize("omega", [0.5, 5.0, 50.0])
+def test_yaw_law_is_the_papers_with_a_lead(omega):
+    """Eq. (7), ped = (k_p + k_I/s)(k_delta PED - k_a r), the rate led in its proportional part.
+
+    What is left is half a period of the filter, where the integral takes the lead from it.
+    """
     s = 1j * omega
-    closed = (1.0 + (LEAD + FILTER) * s) / (1.0 + FILTER * s)
-    assert by_state * state + direct == pytest.approx(closed, rel=1e-12)  # rounding
+    lag = gyro.held_lag(FILTER, PERIOD)
+    left = 0.5 * omega * PERIOD * omega * (LEAD + lag)
+    pedal = response(gyro.yaw_law, 2, "PED", omega)
+    assert pedal == pytest.approx((K_P + K_I / s) * K_DELTA, rel=left)
+    rate = response(gyro.yaw_law, 2, "r", omega)
+    led = (1.0 + (LEAD + lag) * s) / (1.0 + lag * s)
+    assert rate == pytest.approx(-(K_P + K_I / s) * K_A * led, rel=left)
+
+
+@pytest.mark.parametrize("omega", [0.5, 5.0, 50.0])
+def test_cyclic_law_is_rate_tracking(omega):
+    """(Kp + Ki/s)(R d - y), y the rate behind its filter and held: design, section 5.
+
+    The integral is that of the filter's output within the period too; what is left is of second
+    order in the period. The derivative's sampling is in the tests of the restated dynamics.
+    """
+
+    def lat(seen, state, settings):
+        front, left, right = gyro.cyclic_law(seen, state, settings)
+        assert front == pytest.approx(-0.5 * (left + right), abs=1e-15)  # no collective
+        return (left - right) / math.sqrt(3.0)
+
+    s = 1j * omega
+    hold = -np.expm1(-s * PERIOD) / (s * PERIOD)
+    y = hold / (FAST * s + 1.0)
+    left = (omega * PERIOD) ** 2
+    found = response(lat, 6, "p", omega)
+    assert found == pytest.approx(-(0.05 + 1.3 / s) * y, rel=left)
+    stick = response(lat, 6, "LAT", omega)
+    assert stick == pytest.approx(6.0 * (0.05 + 1.3 * hold / s), rel=left)
 
 
 def test_yaw_error_of_a_steady_turn():
     """With the lead settled the error is eq. (7)'s k_delta PED - k_a r: zero at r = 9.11 PED."""
     r = 0.1 * 2.68 / 0.2941
-    error, lead_rate = gyro.yaw_error(0.1, r, r, 2.68, 0.2941, LEAD, FILTER, FILTER)
+    error = gyro.yaw_error(0.1, r, r, 2.68, 0.2941, LEAD, FILTER)
     assert error == pytest.approx(0.0, abs=1e-16)
-    assert lead_rate == 0.0
     assert gyro.yaw_command(0.5, 0.02, 0.8646, 17.7) == 0.8646 * 0.5 + 17.7 * 0.02
 
 
@@ -49,17 +117,31 @@ def test_rotation_sign():
     assert gyro.rotate(0.0, 1.0, 0.0, 1.0) == (1.0, 0.0)
 
 
-def test_rate_filter_is_first_order():
-    """A low-pass of time constant T moves at (signal - state) / T."""
-    assert gyro.filter_rate(0.25, 1.25, 0.004) == 250.0
+@given(
+    first=st.floats(1e-4, 0.1),
+    second=st.floats(1e-4, 0.1),
+    period=st.sampled_from([0.001, 0.002, 0.01]),
+)
+def test_filters_are_sampled_exactly(first, second, period):
+    """Two filters in a row, what drives them held: their convolution, also if they are alike."""
+    decay = math.exp(-period / first)
+    assert gyro.filter_share(first, period) == pytest.approx(1.0 - decay, rel=1e-12)
+    for other in (second, first, first * (1.0 + 1e-9)):
+
+        def arriving(time, other=other):
+            return math.exp(-time / first - (period - time) / other) / other
+
+        wanted, _ = quad(arriving, 0.0, period, epsabs=1e-14, epsrel=1e-12, limit=200)
+        assert gyro.filter_through(first, other, period) == pytest.approx(wanted, rel=1e-9)
+    mean = first / period * (1.0 - decay)
+    assert gyro.filter_mean(first, period) == pytest.approx(mean, rel=1e-12)
 
 
 @given(error=finite, command=finite)
 def test_anti_windup_holds_only_what_makes_it_worse(error, command):
     """Beyond the limit the integral may only come back; within it, it is free."""
-    rate = gyro.hold_when_saturated(error, command, 0.5)
     pushes = abs(command) > 0.5 and np.sign(error) == np.sign(command)
-    assert rate == (0.0 if pushes and error * command > 0.0 else error)
+    assert gyro.winds_up(error, command, 0.5) == (pushes and error * command > 0.0)
 
 
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.004])

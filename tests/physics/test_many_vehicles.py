@@ -8,7 +8,7 @@ import pytest
 from mujoco import rollout
 from mujoco.batch import Batch
 
-from helisim.physics.layout import PARAM, STATE, SWEEP
+from helisim.physics.layout import PARAM, SWEEP
 from helisim.physics.native import installed
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
@@ -70,7 +70,7 @@ def together(single, pair, blocks, start, steps, offset):
         pair.actuator_user[where.rotor, PARAM.pilot_east] = -offset * k
         data.qpos[7 * k : 7 * k + 7] = first.qpos
         data.qpos[7 * k + 1] += offset * k
-        data.act[where.state : where.state + len(STATE)] = first.act
+        data.act[where.state : where.state + first.act.size] = first.act
         data.ctrl[where.control : where.control + 9] = first.ctrl
     for _ in range(steps):
         mujoco.mj_step(pair, data)
@@ -79,7 +79,7 @@ def together(single, pair, blocks, start, steps, offset):
         (
             data.qpos[7 * k : 7 * k + 7],
             data.qvel[6 * k : 6 * k + 6],
-            data.act[len(STATE) * k : len(STATE) * (k + 1)],
+            data.act[single.na * k : single.na * (k + 1)],
         )
         for k in range(2)
     ]

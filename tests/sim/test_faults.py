@@ -191,7 +191,7 @@ def test_a_restart_zeroes_the_gyros_states_only(jr700):
     where = addresses(model)
     write_faults(model.actuator_user[where.rotor], [GyroRestart(at=0.1, lasts=0.05)])
     data = jr700.hovering()
-    gyro = slice(where.state, where.state + STATE.gyro_r_integral + 1)
+    gyro = slice(where.state + STATE.gyro_q_filter, where.state + STATE.gyro_r_integral + 1)
     flapping = slice(where.state + STATE.flap_a, where.state + STATE.flap_b + 1)
     sizes = []
     with installed():

@@ -8,7 +8,18 @@ import pytest
 
 from helisim.errors import ModelError
 from helisim.paper.jr700 import table
-from helisim.physics.layout import ACTUATORS, CONTROL, MAGIC, PARAM, ROTOR, SENSOR, SENSORS, STATE
+from helisim.physics.layout import (
+    ACTUATORS,
+    CONTROL,
+    MAGIC,
+    PARAM,
+    ROTOR,
+    SENSOR,
+    SENSORS,
+    STATE,
+    SWASH_STATES,
+    TAIL_STATES,
+)
 from helisim.physics.native import installed
 from helisim.vehicle import load
 from helisim.vehicle.assembly import assemble, check_interface, total_inertia
@@ -83,12 +94,13 @@ def test_a_model_out_of_order_is_refused():
 
 
 def test_states_are_where_the_layout_says(jr700):
-    """Eighteen activations in the order of the layout."""
+    """The layout's activations in its order, and the laws' states once more behind them."""
     model = jr700.model
-    assert model.na == len(STATE)
-    assert addresses(model).state == model.actuator_actadr[model.actuator("LON").id] == 0
-    assert model.actuator_actadr[model.actuator("PED").id] == STATE.gyro_r_lead
+    assert model.na == len(STATE) + SWASH_STATES + TAIL_STATES
+    servo = model.actuator("servo_front").id
+    assert addresses(model).state == model.actuator_actadr[servo] == STATE.front_position == 0
     assert model.actuator_actadr[model.actuator("servo_tail").id] == STATE.tail_position
+    assert model.actuator_actadr[model.actuator("rotor").id] == STATE.flap_a
 
 
 def test_controls_are_where_the_layout_says(jr700):

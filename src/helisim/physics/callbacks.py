@@ -4,41 +4,23 @@ Each function takes the addresses of mjModel and mjData and the tuple of field o
 read and write nothing but those two, so any number of threads and vehicles can share them.
 """
 
-from typing import NamedTuple
-
 import mujoco
 
-from helisim.physics import faults
+from helisim.physics import controller, faults
 from helisim.physics.air import write_turbulence_rates
 from helisim.physics.body import apply_wrench
 from helisim.physics.flapping import tilt_rates
-from helisim.physics.gyro import (
-    Rates,
-    Sticks,
-    cyclic_law,
-    sensed_rates,
-    stick_positions,
-    write_gyro_rates,
-    yaw_law,
-)
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
 from helisim.physics.loads import flow, tail_rotor, wrench
-from helisim.physics.memory import (
-    buffer,
-    from_element,
-    is_rotor,
-    sensor_numbers,
-    vehicles,
-    view_of,
-)
+from helisim.physics.memory import buffer, is_rotor, sensor_numbers, states_end, vehicles, view_of
 from helisim.physics.pilot import fly
-from helisim.physics.servo import mix, write_servo_rates
+from helisim.physics.servo import write_servo_rates
 from helisim.physics.timing import held_for, is_tick, last_tick, position_ahead
 
 _ACCELERATION_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
 _DRIVEN = STATE.tail_rate + 1
-"""The first states of a vehicle, those of gyro and servos, which held inputs alone drive."""
+"""The first states of a vehicle, those of the servos, which held commands alone drive."""
 
 
 @kernel()
@@ -67,30 +49,7 @@ def control(m, d, offsets):
         if view.par[PARAM.pilot_on] != 0.0:
             fly(view)
         if view.par[PARAM.gyro_on] != 0.0:
-            command_servos(view)
-
-
-@kernel()
-def command_servos(view):
-    """Write the gyro's commands to the four servos; a gyro that restarts has none of its own."""
-    par, controls = view.par, view.controls
-    if faults.restarts(view):
-        faults.reset_gyro(view.act)
-        if par[PARAM.restart_neutral] != 0.0:
-            for k in range(CONTROL.servo_front, CONTROL.servo_tail + 1):
-                controls[k] = 0.0
-        return
-    sensed, sticks = sensed_rates(view), stick_positions(view)
-    ped = yaw_law(par, view.act, sensed.r, sticks.ped).command
-    cyclic = cyclic_law(par, view.act, sticks.lat, sticks.lon)
-    lat = min(0.5, max(-0.5, cyclic.lat))
-    lon = min(0.5, max(-0.5, cyclic.lon))
-    col = par[PARAM.gyro_collective] * controls[CONTROL.col]
-    front, left, right = mix(from_element(par, PARAM.mix_front_col), col, lon, lat)
-    controls[CONTROL.servo_front] = front
-    controls[CONTROL.servo_left] = left
-    controls[CONTROL.servo_right] = right
-    controls[CONTROL.servo_tail] = min(0.5, max(-0.5, ped))
+            controller.command_servos(view)
 
 
 @kernel()
@@ -102,43 +61,27 @@ def activation_rates(m, d, offsets, actuator):
     if not is_rotor(m, offsets, actuator):
         return 0.0
     view = view_of(m, d, offsets, actuator)
-    held = held_inputs(view)
-    if not held.gyro_works:
-        faults.reset_gyro(view.rate)
+    commands, limits = held_commands(view)
     step = held_for(view)
     if step > 0.0:
-        write_mean_driven_rates(view.par, held, view.act, view.rate, step)
+        write_mean_servo_rates(view.par, commands, limits, view.act, view.rate, step)
     else:
-        write_driven_rates(view.par, held, view.act, view.rate)
+        write_servo_rates(view.par, view.act, view.rate, commands, limits)
     past = flow(view, 0.5 * step)
     view.rate[STATE.flap_a], view.rate[STATE.flap_b] = tilt_rates(view, past, step)
     write_turbulence_rates(view, step)
+    for k in range(STATE.felt_x, states_end(view)):  # written at ticks, not integrated
+        view.rate[k] = 0.0
     return 0.0
 
 
-class HeldInputs(NamedTuple):
-    """What drives gyro and servos, all of it held between the gyro's ticks.
-
-    The body's motion within a step does not reach them.
-
-    Attributes:
-        gyro_works: whether the gyro works at all.
-        sensed: rates that it sees.
-        sticks: as they reach it.
-        commands: of the front, left, right and tail servo, unitised.
-        limits: how fast each can be, 1/s.
-    """
-
-    gyro_works: bool
-    sensed: Rates
-    sticks: Sticks
-    commands: tuple[float, float, float, float]
-    limits: tuple[float, float, float, float]
-
-
 @kernel()
-def held_inputs(view):
-    """Return what drives a vehicle's gyro and servos."""
+def held_commands(view):
+    """Return the commands that a vehicle's servos can follow, and how fast each can be, 1/s.
+
+    Of the front, left, right and tail servo, unitised. They are held between the gyro's ticks, so
+    the body's motion within a step does not reach them.
+    """
     par, controls = view.par, view.controls
     commands = (
         controls[CONTROL.servo_front],
@@ -149,48 +92,31 @@ def held_inputs(view):
     limit = par[PARAM.servo_rate_limit]
     limits = (limit, limit, limit, limit)
     if par[PARAM.faults] != 0.0:
-        commands, limits = faults.servos_left(par, last_tick(view), commands, limits)
-    if par[PARAM.gyro_on] == 0.0 or view.sensors < 0 or faults.restarts(view):
-        nothing = Rates(0.0, 0.0, 0.0)
-        return HeldInputs(False, nothing, Sticks(0.0, 0.0, 0.0), commands, limits)
-    return HeldInputs(True, sensed_rates(view), stick_positions(view), commands, limits)
+        return faults.servos_left(par, last_tick(view), commands, limits)
+    return commands, limits
 
 
 @kernel()
-def write_driven_rates(par, held, act, rate):
-    """Write the derivatives of the states of gyro and servos.
-
-    Args:
-        par: parameters.
-        held: `HeldInputs`.
-        act: states of the vehicle.
-        rate: their derivatives, written.
-    """
-    if held.gyro_works:
-        write_gyro_rates(par, act, rate, held.sensed, held.sticks)
-    write_servo_rates(par, act, rate, held.commands, held.limits)
-
-
-@kernel()
-def write_mean_driven_rates(par, held, act, rate, step):
-    """Write the mean derivatives over a time step in which all that drives them is held.
+def write_mean_servo_rates(par, commands, limits, act, rate, step):
+    """Write the mean derivatives of the servos' states over a time step with held commands.
 
     The Taylor series of the exponential, from the inside out, to sixth order where the laws
-    are linear: with the gyro's filters of 3 ms and steps of 2 ms, exact to 2e-5.
+    are linear: with servos of 222 rad/s and steps of 2 ms, exact to 1e-6.
 
     Args:
         par: parameters.
-        held: `HeldInputs`.
+        commands: of the four servos, unitised, (4,).
+        limits: how fast each can be, 1/s, (4,).
         act: states of the vehicle.
         rate: their mean derivatives, written.
         step: s.
     """
     stage = buffer(_DRIVEN)
-    write_driven_rates(par, held, act, rate)
+    write_servo_rates(par, act, rate, commands, limits)
     for divisor in (6.0, 5.0, 4.0, 3.0, 2.0):
         for k in range(_DRIVEN):
             stage[k] = act[k] + step / divisor * rate[k]
-        write_driven_rates(par, held, stage, rate)
+        write_servo_rates(par, stage, rate, commands, limits)
 
 
 @kernel()

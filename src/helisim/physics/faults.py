@@ -56,15 +56,8 @@ def restarts(view):
 
 
 @kernel()
-def reset_gyro(numbers):
-    """Set what belongs to the gyro's states to zero: the states, or their derivatives."""
-    for k in range(STATE.gyro_q_filter, STATE.gyro_r_integral + 1):
-        numbers[k] = 0.0
-
-
-@kernel()
 def rates_left(view, p, q, r):
-    """Return the rates that the gyro reads, rad/s: a dropped one is 0, or what its filter holds.
+    """Return the rates that the gyro reads, rad/s: a dropped one is 0, or what it read last.
 
     Args:
         view: of the vehicle.
@@ -73,13 +66,12 @@ def rates_left(view, p, q, r):
         r: sensed yaw rate, rad/s.
     """
     par, act, time = view.par, view.act, last_tick(view) + TIME_TOLERANCE
-    if not par[PARAM.dropout_at] <= time < par[PARAM.dropout_until]:
-        return p, q, r
-    return (
-        dropped(par[PARAM.dropout_p], p, act[STATE.gyro_p_filter]),
-        dropped(par[PARAM.dropout_q], q, act[STATE.gyro_q_filter]),
-        dropped(par[PARAM.dropout_r], r, act[STATE.gyro_r_lead]),
-    )
+    if par[PARAM.dropout_at] <= time < par[PARAM.dropout_until]:
+        p = dropped(par[PARAM.dropout_p], p, act[STATE.read_p])
+        q = dropped(par[PARAM.dropout_q], q, act[STATE.read_q])
+        r = dropped(par[PARAM.dropout_r], r, act[STATE.read_r])
+    act[STATE.read_p], act[STATE.read_q], act[STATE.read_r] = p, q, r
+    return p, q, r
 
 
 @kernel()

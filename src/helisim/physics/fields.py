@@ -47,6 +47,7 @@ class Offsets(NamedTuple):
     actuator_user: int
     actuator_trnid: int
     actuator_actadr: int
+    actuator_actnum: int
     actuator_ctrladr: int
     actuator_history: int
     actuator_historyadr: int

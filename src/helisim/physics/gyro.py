@@ -3,67 +3,199 @@
 Yaw: Wu and Chen, eq. (7), with a lead on the rate. Cyclic: commanded rates R d of the sticks
 d are tracked by u = (Kp + M Ki/s)(R d - y) - M Kd s/(td s + 1) y, where y is the filtered
 rate and M turns by the phase angle of the swashplate.
+
+Both are sampled laws: called at a tick with what is `Seen` then, a law returns its servos' commands
+and moves its state on to the next tick. What it sees is held in between, so filters are sampled
+exactly and integrals are those of what is held. The settings are the vehicle's, by `PARAM`.
 """
 
 import math
 from typing import NamedTuple
 
-from helisim.physics import faults, frames
-from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
-from helisim.physics.memory import sensor_numbers
-from helisim.physics.timing import delayed_control, last_tick
+from helisim.physics.kernel import kernel, known
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.servo import mix
+
+_HIGHEST = 0.5
+"""The most that the gyro commands of a cyclic axis, and of the tail servo, unitised."""
 
 
-class Rates(NamedTuple):
-    """What the gyro senses, rad/s."""
+class Seen(NamedTuple):
+    """What a control law sees at a tick. Body axes forward, right, down; SI.
 
+    Attributes:
+        time: s.
+        p: roll rate that the gyro read, rad/s, late by `gyro.latency`.
+        q: pitch rate.
+        r: yaw rate.
+        phi: roll angle now, rad.
+        theta: pitch angle.
+        psi: heading, in (-pi, pi].
+        ax: specific force at the IMU one time step ago, m/s^2; 0 at the very first tick.
+        ay: to the right.
+        az: down; about -9.8 in the hover.
+        front: position of the front servo now, unitised.
+        left: of the left servo.
+        right: of the right servo.
+        tail: of the tail servo.
+        COL: collective stick, unitised.
+        LON: longitudinal stick.
+        LAT: lateral stick.
+        PED: pedals, late by `gyro.ped_latency`.
+    """
+
+    time: float
     p: float
     q: float
     r: float
+    phi: float
+    theta: float
+    psi: float
+    ax: float
+    ay: float
+    az: float
+    front: float
+    left: float
+    right: float
+    tail: float
+    COL: float
+    LON: float
+    LAT: float
+    PED: float
 
 
-class Sticks(NamedTuple):
-    """The sticks as they reach the gyro, unitised."""
+@known
+class CyclicStates(NamedTuple):
+    """The cyclic law's states: filtered rates, integrals and slower filtered rates."""
 
-    lon: float
-    lat: float
-    ped: float
-
-
-class YawLaw(NamedTuple):
-    """What the gyro's yaw law gives.
-
-    Attributes:
-        error: what its integrator integrates, the rate error without its lead.
-        lead_rate: d/dt of the lead's state, rad/s^2.
-        command: to the tail servo, unitised, not yet limited.
-    """
-
-    error: float
-    lead_rate: float
-    command: float
+    q_filter: int
+    q_integral: int
+    q_derivative: int
+    p_filter: int
+    p_integral: int
+    p_derivative: int
 
 
-class CyclicLaw(NamedTuple):
-    """What the gyro's cyclic law gives.
+@known
+class YawStates(NamedTuple):
+    """The yaw law's states: the filter of its lead, and the integral."""
 
-    Attributes:
-        p_error: commanded less filtered roll rate, rad/s.
-        q_error: commanded less filtered pitch rate, rad/s.
-        lat: lateral command, unitised, not yet limited.
-        lon: longitudinal command, likewise.
-    """
+    r_lead: int
+    r_integral: int
 
-    p_error: float
-    q_error: float
-    lat: float
-    lon: float
+
+CYCLIC = CyclicStates(*range(STATE.gyro_r_lead - STATE.gyro_q_filter))
+YAW = YawStates(*range(STATE.gyro_r_integral - STATE.gyro_r_lead + 1))
 
 
 @kernel()
-def yaw_error(ped_stick, r, lead_state, k_delta, k_a, lead, lead_filter, lead_lag):
-    """Return the rate error k_delta PED - k_a r of the yaw gyro and d(lead_state)/dt.
+def gyro_law(seen, state, settings):
+    """Return the commands of front, left, right and tail servo: both of the gyro's laws as one.
+
+    Args:
+        seen: `Seen`.
+        state: of the cyclic law, then of the yaw law, (8,), moved on to the next tick.
+        settings: of the gyro, (n_param,), by `PARAM`.
+    """
+    front, left, right = cyclic_law(seen, state, settings)
+    return front, left, right, yaw_law(seen, state, settings, len(CYCLIC))
+
+
+@kernel()
+def yaw_law(seen, state, settings, first=0):
+    """Return the tail servo's command.
+
+    The state integrates what is held, and half a period of the whole error makes the rule
+    trapezoidal; the integral of the lead's part of the rate is the lead times the filtered rate.
+
+    Args:
+        seen: `Seen`.
+        state: of the law, (2,) from `first` on, moved on to the next tick.
+        settings: of the gyro, (n_param,), by `PARAM`.
+        first: where its states start.
+    """
+    lead, summed = first + YAW.r_lead, first + YAW.r_integral
+    k_delta, k_a = settings[PARAM.gyro_k_delta], settings[PARAM.gyro_k_a]
+    plain = k_delta * seen.PED - k_a * seen.r
+    error = yaw_error(
+        seen.PED,
+        seen.r,
+        state[lead],
+        k_delta,
+        k_a,
+        settings[PARAM.gyro_lead],
+        settings[PARAM.gyro_lead_lag],
+    )
+    period, lock = settings[PARAM.gyro_period], settings[PARAM.gyro_heading_lock]
+    led = k_a * settings[PARAM.gyro_lead] * state[lead]
+    integral = lock * (state[summed] - led + 0.5 * period * error)
+    command = yaw_command(error, integral, settings[PARAM.gyro_k_p], settings[PARAM.gyro_k_i])
+    if not winds_up(plain, command, settings[PARAM.gyro_hold_above]):
+        state[summed] += period * lock * plain
+    state[lead] += settings[PARAM.gyro_lead_share] * (seen.r - state[lead])
+    return limited(command)
+
+
+@kernel()
+def cyclic_law(seen, state, settings):
+    """Return the commands of the front, left and right servo.
+
+    Args:
+        seen: `Seen`.
+        state: of the law, (6,), moved on to the next tick.
+        settings: of the gyro, (n_param,), by `PARAM`.
+    """
+    p, q = state[CYCLIC.p_filter], state[CYCLIC.q_filter]
+    p_wanted = settings[PARAM.gyro_p_per_lat] * seen.LAT + settings[PARAM.gyro_p_per_lon] * seen.LON
+    q_wanted = settings[PARAM.gyro_q_per_lat] * seen.LAT + settings[PARAM.gyro_q_per_lon] * seen.LON
+    slow = settings[PARAM.gyro_derivative_lag]
+    p_rate, q_rate = (
+        (p - state[CYCLIC.p_derivative]) / slow,
+        (q - state[CYCLIC.q_derivative]) / slow,
+    )
+    lat, lon = rotate(
+        settings[PARAM.gyro_phase_cosine],
+        settings[PARAM.gyro_phase_sine],
+        settings[PARAM.gyro_ki_lat] * state[CYCLIC.p_integral]
+        - settings[PARAM.gyro_kd_lat] * p_rate,
+        settings[PARAM.gyro_ki_lon] * state[CYCLIC.q_integral]
+        - settings[PARAM.gyro_kd_lon] * q_rate,
+    )
+    lat += settings[PARAM.gyro_kp_lat] * (p_wanted - p)
+    lon += settings[PARAM.gyro_kp_lon] * (q_wanted - q)
+    track_rate(state, CYCLIC.p_filter, seen.p, p_wanted, lat, settings)
+    track_rate(state, CYCLIC.q_filter, seen.q, q_wanted, lon, settings)
+    col = settings[PARAM.gyro_collective] * seen.COL
+    return mix(settings, col, limited(lon), limited(lat), PARAM.mix_front_col)
+
+
+@kernel()
+def track_rate(state, first, rate, wanted, command, settings):
+    """Move the filters and the integral of one cyclic axis on to the next tick.
+
+    Args:
+        state: of the cyclic law, (6,).
+        first: of the axis's three states.
+        rate: that is read, rad/s.
+        wanted: commanded rate, rad/s.
+        command: of the axis, unitised, not yet limited.
+        settings: of the gyro, (n_param,), by `PARAM`.
+    """
+    summed, slow = first + 1, first + 2
+    off = state[first] - rate
+    if not winds_up(wanted - state[first], command, settings[PARAM.gyro_hold_above]):
+        mean_error = wanted - rate - settings[PARAM.gyro_filter_mean] * off
+        state[summed] += (
+            settings[PARAM.gyro_period] * settings[PARAM.gyro_attitude_lock] * mean_error
+        )
+    state[slow] += settings[PARAM.gyro_derivative_share] * (rate - state[slow])
+    state[slow] += settings[PARAM.gyro_derivative_through] * off
+    state[first] -= settings[PARAM.gyro_filter_share] * off
+
+
+@kernel()
+def yaw_error(ped_stick, r, lead_state, k_delta, k_a, lead, lead_lag):
+    """Return the rate error k_delta PED - k_a r of the yaw gyro, the rate led.
 
     The rate is led by `lead` at low frequency: (1 + (lead + lag) s) / (1 + lag s), where `lag`
     is by how much the sampled filter is late, `held_lag(lead_filter, period)`.
@@ -75,18 +207,10 @@ def yaw_error(ped_stick, r, lead_state, k_delta, k_a, lead, lead_filter, lead_la
         k_delta: gain of the stick.
         k_a: gain of the rate, s/rad.
         lead: s.
-        lead_filter: time constant of the lead's filter, s.
         lead_lag: s.
     """
-    behind = r - lead_state
-    led = lead_state + (lead + lead_lag) / lead_lag * behind
-    return k_delta * ped_stick - k_a * led, behind / lead_filter
-
-
-@kernel()
-def held_lag(time_constant, period):
-    """Return by how much a first-order filter of samples held for a period is late, s."""
-    return period / -math.expm1(-period / time_constant)
+    led = lead_state + (lead + lead_lag) / lead_lag * (r - lead_state)
+    return k_delta * ped_stick - k_a * led
 
 
 @kernel()
@@ -102,106 +226,49 @@ def rotate(cosine, sine, lat, lon):
 
 
 @kernel()
-def filter_rate(state, signal, time_constant):
-    """Return d(state)/dt of a first-order low-pass filter."""
-    return (signal - state) / time_constant
+def winds_up(error, command, limit):
+    """Return whether an integral of the error would push a saturated command further."""
+    return abs(command) > limit and error * command > 0.0
 
 
 @kernel()
-def hold_when_saturated(error, command, limit):
-    """Return d(integral)/dt: the error, or 0 where it would push a saturated command further."""
-    if abs(command) > limit and error * command > 0.0:
-        return 0.0
-    return error
+def limited(command):
+    """Return a command within what the gyro gives."""
+    return min(_HIGHEST, max(-_HIGHEST, command))
 
 
 @kernel()
-def sensed_rates(view):
-    """Return the `Rates` as the gyro saw them last."""
-    seen = sensor_numbers(view)
-    p, q, r = frames.flip(seen[SENSOR.gyro_x], seen[SENSOR.gyro_y], seen[SENSOR.gyro_z])
-    if view.par[PARAM.faults] != 0.0:
-        p, q, r = faults.rates_left(view, p, q, r)
-    return Rates(p, q, r)
+def held_lag(time_constant, period):
+    """Return by how much a first-order filter of samples held for a period is late, s."""
+    return period / -math.expm1(-period / time_constant)
 
 
 @kernel()
-def stick_positions(view):
-    """Return the `Sticks` as they reach the gyro: PED late."""
-    ped = delayed_control(view, CONTROL.ped, last_tick(view))
-    return Sticks(view.controls[CONTROL.lon], view.controls[CONTROL.lat], ped)
+def filter_share(time_constant, period):
+    """Return by what share a first-order filter nears what is held for a period."""
+    return -math.expm1(-period / time_constant)
 
 
 @kernel()
-def yaw_law(par, act, r, ped_stick):
-    """Return the yaw law at a sensed rate `r` (rad/s) and a position of the pedals."""
-    error, lead_rate = yaw_error(
-        ped_stick,
-        r,
-        act[STATE.gyro_r_lead],
-        par[PARAM.gyro_k_delta],
-        par[PARAM.gyro_k_a],
-        par[PARAM.gyro_lead],
-        par[PARAM.gyro_lead_filter],
-        par[PARAM.gyro_lead_lag],
-    )
-    # The state integrates what is held, and half a period of the whole error makes the rule
-    # trapezoidal; the integral of the lead's part of the rate is the lead times the filtered rate.
-    plain = par[PARAM.gyro_k_delta] * ped_stick - par[PARAM.gyro_k_a] * r
-    led = par[PARAM.gyro_k_a] * par[PARAM.gyro_lead] * act[STATE.gyro_r_lead]
-    integral = act[STATE.gyro_r_integral] - led + 0.5 * par[PARAM.gyro_period] * error
-    integral *= par[PARAM.gyro_heading_lock]
-    command = yaw_command(error, integral, par[PARAM.gyro_k_p], par[PARAM.gyro_k_i])
-    return YawLaw(plain, lead_rate, command)
+def filter_mean(time_constant, period):
+    """Return the mean, over a period, of a first-order filter's distance from what is held.
+
+    As a share of the distance that it starts with.
+    """
+    return filter_share(time_constant, period) * time_constant / period
 
 
 @kernel()
-def cyclic_law(par, act, lat_stick, lon_stick):
-    """Return the cyclic law at positions of the lateral and the longitudinal stick."""
-    p = act[STATE.gyro_p_filter]
-    q = act[STATE.gyro_q_filter]
-    p_error = par[PARAM.gyro_p_per_lat] * lat_stick + par[PARAM.gyro_p_per_lon] * lon_stick - p
-    q_error = par[PARAM.gyro_q_per_lat] * lat_stick + par[PARAM.gyro_q_per_lon] * lon_stick - q
-    slow = par[PARAM.gyro_derivative_lag]
-    p_rate = (p - act[STATE.gyro_p_derivative]) / slow
-    q_rate = (q - act[STATE.gyro_q_derivative]) / slow
-    lat, lon = rotate(
-        par[PARAM.gyro_phase_cosine],
-        par[PARAM.gyro_phase_sine],
-        par[PARAM.gyro_ki_lat] * act[STATE.gyro_p_integral] - par[PARAM.gyro_kd_lat] * p_rate,
-        par[PARAM.gyro_ki_lon] * act[STATE.gyro_q_integral] - par[PARAM.gyro_kd_lon] * q_rate,
-    )
-    lat += par[PARAM.gyro_kp_lat] * p_error
-    lon += par[PARAM.gyro_kp_lon] * q_error
-    return CyclicLaw(p_error, q_error, lat, lon)
+def filter_through(first, second, period):
+    """Return what of a first filter's distance gets through a second one within a period.
 
-
-@kernel()
-def write_gyro_rates(par, act, rate, sensed, sticks):
-    """Write the derivatives of the gyro's states.
-
-    What the gyro sees and the sticks are held between its ticks, so the integrals are exactly
-    those of a sampled controller, and the filters its exact discretisation.
+    What is held drives the first filter, this the second; both are first-order.
 
     Args:
-        par: parameters.
-        act: states of the vehicle.
-        rate: their derivatives, written.
-        sensed: `Rates`.
-        sticks: `Sticks`.
+        first: time constant, s.
+        second: time constant, s.
+        period: s.
     """
-    yaw = yaw_law(par, act, sensed.r, sticks.ped)
-    rate[STATE.gyro_r_lead] = yaw.lead_rate
-    above = par[PARAM.gyro_hold_above]
-    held = hold_when_saturated(yaw.error, yaw.command, above)
-    rate[STATE.gyro_r_integral] = par[PARAM.gyro_heading_lock] * held
-    cyclic = cyclic_law(par, act, sticks.lat, sticks.lon)
-    p_seen, q_seen = act[STATE.gyro_p_filter], act[STATE.gyro_q_filter]
-    fast, slow = par[PARAM.gyro_filter], par[PARAM.gyro_derivative_filter]
-    rate[STATE.gyro_p_filter] = filter_rate(p_seen, sensed.p, fast)
-    rate[STATE.gyro_q_filter] = filter_rate(q_seen, sensed.q, fast)
-    lock = par[PARAM.gyro_attitude_lock]
-    rate[STATE.gyro_p_integral] = lock * hold_when_saturated(cyclic.p_error, cyclic.lat, above)
-    rate[STATE.gyro_q_integral] = lock * hold_when_saturated(cyclic.q_error, cyclic.lon, above)
-    rate[STATE.gyro_p_derivative] = filter_rate(act[STATE.gyro_p_derivative], p_seen, slow)
-    rate[STATE.gyro_q_derivative] = filter_rate(act[STATE.gyro_q_derivative], q_seen, slow)
+    apart = period / second - period / first
+    ratio = -math.expm1(-apart) / apart if abs(apart) > 1e-8 else 1.0 - 0.5 * apart
+    return period / second * math.exp(-period / first) * ratio

@@ -131,16 +131,13 @@ SENSOR = SensorIndex(*range(len(SensorIndex._fields)))
 
 @known
 class StateIndex(NamedTuple):
-    """Activations of a vehicle, from the address of its first one."""
+    """Activations of a vehicle, from the address of its first one.
 
-    gyro_q_filter: int
-    gyro_q_integral: int
-    gyro_q_derivative: int
-    gyro_p_filter: int
-    gyro_p_integral: int
-    gyro_p_derivative: int
-    gyro_r_lead: int
-    gyro_r_integral: int
+    From `felt_x` on they are not integrated: the callbacks write them at the gyro's ticks. The
+    last are the states of the control laws, here those of the shipped gyro; behind them as many
+    again are kept, the same states before the last tick.
+    """
+
     front_position: int
     front_rate: int
     left_position: int
@@ -159,9 +156,31 @@ class StateIndex(NamedTuple):
     air_w: int
     air_q_lag: int
     air_r_lag: int
+    # what the accelerometer felt when it was last read, m/s^2, body axes (FRD)
+    felt_x: int
+    felt_y: int
+    felt_z: int
+    # what the gyro read at its last tick, rad/s
+    read_p: int
+    read_q: int
+    read_r: int
+    # one more than the number of the tick at which the laws last acted; 0 before they have
+    law_tick: int
+    gyro_q_filter: int
+    gyro_q_integral: int
+    gyro_q_derivative: int
+    gyro_p_filter: int
+    gyro_p_integral: int
+    gyro_p_derivative: int
+    gyro_r_lead: int
+    gyro_r_integral: int
 
 
 STATE = StateIndex(*range(len(StateIndex._fields)))
+FIRST_LAW_STATE = STATE.law_tick + 1
+SWASH_STATES = STATE.gyro_r_lead - FIRST_LAW_STATE
+TAIL_STATES = len(STATE) - STATE.gyro_r_lead
+"""How many states the shipped gyro's two laws have: for the swashplate, for the tail."""
 
 
 @known
@@ -244,6 +263,11 @@ class ParamIndex(NamedTuple):
     unmix_lat_over: int
     # gyro
     gyro_on: int
+    swash_law: int
+    tail_law: int
+    law_token: int
+    swash_states: int
+    tail_states: int
     gyro_period: int
     gyro_heading_lock: int
     gyro_attitude_lock: int
@@ -254,7 +278,7 @@ class ParamIndex(NamedTuple):
     gyro_k_delta: int
     gyro_k_a: int
     gyro_lead: int
-    gyro_lead_filter: int
+    gyro_lead_share: int
     gyro_lead_lag: int
     gyro_kp_lat: int
     gyro_kp_lon: int
@@ -262,8 +286,10 @@ class ParamIndex(NamedTuple):
     gyro_ki_lon: int
     gyro_kd_lat: int
     gyro_kd_lon: int
-    gyro_filter: int
-    gyro_derivative_filter: int
+    gyro_filter_share: int
+    gyro_filter_mean: int
+    gyro_derivative_share: int
+    gyro_derivative_through: int
     gyro_derivative_lag: int
     gyro_phase_cosine: int
     gyro_phase_sine: int
@@ -361,6 +387,10 @@ PARAM = ParamIndex(*range(len(ParamIndex._fields)))
 
 ROOM = 240
 """User numbers of each actuator in the shipped models: all of `PARAM`, and some to come."""
+
+NO_LAW = 0
+SHIPPED_LAW = 1
+"""What `PARAM.swash_law` and `PARAM.tail_law` say; from 2 on, a row of the laws' table."""
 
 SWEEP = 1
 DOUBLET = 2

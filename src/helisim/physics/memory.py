@@ -181,6 +181,12 @@ def view_of(m, d, offsets, rotor):
 
 
 @kernel()
+def states_end(view):
+    """Return how many activations a vehicle has, from its first, its laws' states included."""
+    return STATE.flap_a + ints(view.m, view.offsets.actuator_actnum)[view.rotor]
+
+
+@kernel()
 def first_sensor(m, offsets, body):
     """Return where a vehicle's `SENSORS` start in `sensordata`; negative where it has none.
 

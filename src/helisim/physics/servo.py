@@ -5,7 +5,7 @@ from helisim.physics.layout import PARAM, STATE
 
 
 @kernel()
-def mix(plate, col, lon, lat):
+def mix(plate, col, lon, lat, first=0):
     """Return the positions of the front, left and right servo for a swashplate position.
 
     Positive `lon` raises the swashplate's front (nose up), positive `lat` its left.
@@ -16,11 +16,13 @@ def mix(plate, col, lon, lat):
         col: unitised.
         lon: unitised.
         lat: unitised.
+        first: where they start in `plate`, which may then be all of the parameters.
     """
+    k = first
     return (
-        plate[0] * col + plate[1] * lon + plate[2] * lat,
-        plate[3] * col + plate[4] * lon + plate[5] * lat,
-        plate[6] * col + plate[7] * lon + plate[8] * lat,
+        plate[k] * col + plate[k + 1] * lon + plate[k + 2] * lat,
+        plate[k + 3] * col + plate[k + 4] * lon + plate[k + 5] * lat,
+        plate[k + 6] * col + plate[k + 7] * lon + plate[k + 8] * lat,
     )
 
 

@@ -172,7 +172,7 @@ def _start(vehicle: Vehicle, weather: Weather, *, seed: int, number: int) -> NDA
     place(vehicle.model, data, vehicle.trim, height=weather.height)
     first = addresses(vehicle.model).state
     rough = weather.start(vehicle, generator(seed, number, "first air"))
-    data.act[first + STATE.air_u : first + len(STATE)] = rough
+    data.act[first + STATE.air_u : first + STATE.felt_x] = rough
     state = np.empty(mujoco.mj_stateSize(vehicle.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
     mujoco.mj_getState(vehicle.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     return state

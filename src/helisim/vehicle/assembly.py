@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError, UnknownNameError
-from helisim.physics.layout import ACTUATORS, MAGIC, PARAM, ROTOR, SENSORS, STATE
+from helisim.physics.layout import (
+    ACTUATORS,
+    MAGIC,
+    PARAM,
+    ROTOR,
+    SENSORS,
+    STATE,
+    SWASH_STATES,
+    TAIL_STATES,
+)
 from helisim.physics.timing import TICK_TOLERANCE
 from helisim.records.channels import AXES
 from helisim.vehicle.folder import (
@@ -219,9 +228,13 @@ def check_interface(model: mujoco.MjModel) -> None:
     """
     check_channels(model)
     rotor = model.actuator("rotor").id
-    states = int(np.sum(model.actuator_actnum[rotor - ROTOR : rotor + 1]))
-    if states != len(STATE):
-        raise ModelError(f"the vehicle needs {len(STATE)} activations, the MJCF has {states}")
+    found = model.actuator_actnum[rotor - ROTOR : rotor + 1].tolist()
+    least = len(STATE) + SWASH_STATES + TAIL_STATES - STATE.flap_a
+    if found[:ROTOR] != [0, 0, 0, 0, 2, 2, 2, 2] or found[ROTOR] < least:
+        raise ModelError(
+            f"actdim must be none of the sticks, 2 of the servos and {least} or more of the rotor; "
+            f"the MJCF has {', '.join(map(str, found))}"
+        )
     if model.nuser_actuator < len(PARAM):
         raise ModelError(f"nuser_actuator is {model.nuser_actuator}, needs {len(PARAM)} or more")
     root_body(model)

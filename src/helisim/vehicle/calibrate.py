@@ -119,7 +119,7 @@ def _miss(
     model = assemble(vehicle, parameters, delays=False)
     trim = find_trim(model)
     plate = Swashplate.of(completed(parameters))
-    found = stability_derivatives(linearize(model, trim, inputs="IN1"), plate)
+    found = stability_derivatives(linearize(model, trim), plate)
     errors = [found[key] / targets[key] - 1.0 for key in SOLVED]
     return np.array([trim.col, trim.ped, *errors])
 

@@ -6,8 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import ModelError
-from helisim.physics.gyro import held_lag
-from helisim.physics.layout import MAGIC, NEVER, PARAM, ROTOR
+from helisim.physics.gyro import filter_mean, filter_share, filter_through, held_lag
+from helisim.physics.layout import (
+    MAGIC,
+    NEVER,
+    PARAM,
+    ROTOR,
+    SHIPPED_LAW,
+    SWASH_STATES,
+    TAIL_STATES,
+)
 from helisim.vehicle.parameters import Parameters, check_settings, completed
 from helisim.vehicle.swashplate import Swashplate
 
@@ -62,15 +70,12 @@ _DIRECT = {
     "gyro_k_delta": "gyro.k_delta",
     "gyro_k_a": "gyro.k_a",
     "gyro_lead": "gyro.lead",
-    "gyro_lead_filter": "gyro.lead_filter",
     "gyro_kp_lat": "gyro.kp_lat",
     "gyro_kp_lon": "gyro.kp_lon",
     "gyro_ki_lat": "gyro.ki_lat",
     "gyro_ki_lon": "gyro.ki_lon",
     "gyro_kd_lat": "gyro.kd_lat",
     "gyro_kd_lon": "gyro.kd_lon",
-    "gyro_filter": "gyro.filter",
-    "gyro_derivative_filter": "gyro.derivative_filter",
     "pilot_k_attitude": "pilot.k_attitude",
     "pilot_k_velocity": "pilot.k_velocity",
     "pilot_k_position": "pilot.k_position",
@@ -171,10 +176,18 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         for answer in ("p", "q"):
             commanded = parameters[f"gyro.{answer}_per_{stick}"] * _travel(parameters, rate)
             block[getattr(PARAM, f"gyro_{answer}_per_{stick}")] = commanded
-    period = parameters["gyro.period"]
-    block[PARAM.gyro_lead_lag] = held_lag(parameters["gyro.lead_filter"], period)
-    block[PARAM.gyro_derivative_lag] = held_lag(parameters["gyro.derivative_filter"], period)
+    period, lead = parameters["gyro.period"], parameters["gyro.lead_filter"]
+    fast, slow = parameters["gyro.filter"], parameters["gyro.derivative_filter"]
+    block[PARAM.gyro_lead_share] = filter_share(lead, period)
+    block[PARAM.gyro_lead_lag] = held_lag(lead, period)
+    block[PARAM.gyro_filter_share] = filter_share(fast, period)
+    block[PARAM.gyro_filter_mean] = filter_mean(fast, period)
+    block[PARAM.gyro_derivative_share] = filter_share(slow, period)
+    block[PARAM.gyro_derivative_through] = filter_through(fast, slow, period)
+    block[PARAM.gyro_derivative_lag] = held_lag(slow, period)
     block[PARAM.gyro_on] = 1.0
+    block[PARAM.swash_law] = block[PARAM.tail_law] = SHIPPED_LAW
+    block[PARAM.swash_states], block[PARAM.tail_states] = SWASH_STATES, TAIL_STATES
     block[PARAM.remnant_interval] = 1.0
     block[PARAM.excitation_duration] = 1.0
     block[PARAM.sweep_fade] = 1.0

@@ -3,17 +3,17 @@
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, fields
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import control
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, ModelError
+from helisim.errors import ModelError
 from helisim.physics.layout import CONTROL, PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
-from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
+from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
 from helisim.records.display import Displayed, shower
 from helisim.records.value import FrozenMap, Value
 from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
@@ -23,12 +23,10 @@ from helisim.vehicle.trim import Trim, place
 if TYPE_CHECKING:
     from helisim.records.display import Axes, Figure
 
-Inputs = Literal["IN1", "IN2"]
-
 MOTION = tuple(field.name for field in fields(Motion))
 OUTPUTS = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS
-_GYRO = STATE.gyro_r_integral + 1
-_AIR = STATE.air_u
+_DRIVEN = STATE.air_u
+"""The first states of a vehicle, those of servos and rotor."""
 _STEP = 1e-5
 """Central difference: truncation of order 1e-10 beside rounding of order 1e-11, in SI."""
 
@@ -136,21 +134,19 @@ def _rebuilt(
     return Linearization(system, delays, trim)
 
 
-def linearize(model: mujoco.MjModel, trim: Trim, *, inputs: Inputs = "IN1") -> Linearization:
-    """Linearise a delay-free model by central differences of its continuous dynamics.
+def linearize(model: mujoco.MjModel, trim: Trim) -> Linearization:
+    """Linearise the base helicopter by central differences of its continuous dynamics.
+
+    From the servos' commands (IN1) to the motion, no control law acting.
 
     Args:
         model: compiled without delays.
         trim: its steady flight, usually the hover.
-        inputs: "IN1" for the base helicopter (gyro off), "IN2" for sticks to motion.
 
     Raises:
-        InputError: no such set of inputs.
         ModelError: the derivatives aren't finite.
     """
-    if inputs not in ("IN1", "IN2"):
-        raise InputError(f"inputs must be 'IN1' or 'IN2', got {inputs!r}")
-    dynamics = _Dynamics(model, trim, inputs)
+    dynamics = _Dynamics(model, trim)
     point = np.zeros(dynamics.size)
     with installed():
         columns = [
@@ -170,9 +166,9 @@ def linearize(model: mujoco.MjModel, trim: Trim, *, inputs: Inputs = "IN1") -> L
         jacobian[n:, :n],
         jacobian[n:, n:],
         states=list(dynamics.states),
-        inputs=list(dynamics.inputs),
+        inputs=list(IN1),
         outputs=[*OUTPUTS, *IN1],
-        name=f"{inputs}_to_OUT",
+        name="IN1_to_OUT",
     )
     return Linearization(system, {}, trim)
 
@@ -180,16 +176,14 @@ def linearize(model: mujoco.MjModel, trim: Trim, *, inputs: Inputs = "IN1") -> L
 class _Dynamics:
     """Deviations of states and inputs from the trim -> rates of the states, and outputs."""
 
-    def __init__(self, model: mujoco.MjModel, trim: Trim, inputs: Inputs) -> None:
+    def __init__(self, model: mujoco.MjModel, trim: Trim) -> None:
         self.model = copy.copy(model)
         self.where = addresses(self.model)
-        self.model.actuator_user[self.where.rotor, PARAM.gyro_on] = float(inputs == "IN2")
+        self.model.actuator_user[self.where.rotor, PARAM.gyro_on] = 0.0
         self.model.actuator_user[self.where.rotor, PARAM.pilot_on] = 0.0
         self.plate = Swashplate.in_block(self.model.actuator_user[self.where.rotor])
-        self.first = _GYRO if inputs == "IN1" else 0
-        self.inputs = IN1 if inputs == "IN1" else IN2
-        self.states = (*MOTION, *StateIndex._fields[self.first : _AIR])
-        self.size = len(self.states) + len(self.inputs)
+        self.states = (*MOTION, *StateIndex._fields[:_DRIVEN])
+        self.size = len(self.states) + len(IN1)
         self.data = mujoco.MjData(self.model)
         place(self.model, self.data, trim)
         self.act = self.data.act.copy()
@@ -201,11 +195,11 @@ class _Dynamics:
         motion = Motion(*(self.motion + deviation[:n_motion]))
         write_motion(self.model, self.data, motion)
         self.data.act[:] = self.act
-        start = self.where.state + self.first
-        self.data.act[start : start + n - n_motion] += deviation[n_motion:n]
+        driven = slice(self.where.state, self.where.state + _DRIVEN)
+        self.data.act[driven] += deviation[n_motion:n]
         self._command(deviation[n:])
         mujoco.mj_forward(self.model, self.data)
-        rates = self.data.act_dot[start : start + n - n_motion]
+        rates = self.data.act_dot[driven]
         felt = specific_force(self.data, self.model, motion)
         seen = [getattr(motion, name) for name in OUTPUTS[:-3]]
         control = self.data.ctrl[self.where.control : self.where.control + ROTOR]
@@ -216,12 +210,9 @@ class _Dynamics:
     def _command(self, deviation: NDArray[np.float64]) -> None:
         control = self.data.ctrl[self.where.control : self.where.control + ROTOR + 1]
         control[:] = self.ctrl[self.where.control : self.where.control + ROTOR + 1]
-        if self.inputs == IN1:
-            col, lon, lat, ped = deviation
-            control[CONTROL.servo_front : CONTROL.servo_tail] += self.plate.mix(col, lon, lat)
-            control[CONTROL.servo_tail] += ped
-        else:
-            control[: CONTROL.servo_front] += deviation
+        col, lon, lat, ped = deviation
+        control[CONTROL.servo_front : CONTROL.servo_tail] += self.plate.mix(col, lon, lat)
+        control[CONTROL.servo_tail] += ped
 
 
 def stability_derivatives(base: Linearization, swashplate: Swashplate) -> dict[str, float]:

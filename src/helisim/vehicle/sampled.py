@@ -1,8 +1,8 @@
 """The vehicle with its gyro as one sampled system: the exact linear model from sticks.
 
 Between two ticks of the gyro the servo commands are held, so the base helicopter is sampled
-exactly; the gyro's own states see held rates and sticks, so they are too. The gyro's latency is
-a whole number of its periods. Nothing is approximated but the linearisation itself.
+exactly; the gyro's law is sampled by itself. The gyro's latency is a whole number of its periods.
+Nothing is approximated but the linearisation itself.
 """
 
 from dataclasses import dataclass
@@ -119,28 +119,3 @@ def close(
         outputs=[*OUTPUTS, *IN1],
         name="IN2_to_OUT" if open_at is None else f"loop_at_{open_at}",
     )
-
-
-def sampled_gyro(sticks: Linearization, period: float, latency: float) -> SampledGyro:
-    """Take the gyro's law out of the continuous linearisation from the sticks, and sample it."""
-    system = sticks.system
-    names = [name for name in system.state_labels if name.startswith("gyro_")]
-    own = [system.state_labels.index(name) for name in names]
-    rates = [system.state_labels.index(name) for name in RATES]
-    commands = [system.output_labels.index(name) for name in IN1]
-    a, b = np.asarray(system.A), np.asarray(system.B)
-    c, d = np.asarray(system.C), np.asarray(system.D)
-    inputs = np.hstack([a[np.ix_(own, rates)], b[own]])
-    law_a, law_b = sample(a[np.ix_(own, own)], inputs, period)
-    law = control.StateSpace(
-        law_a,
-        law_b,
-        c[np.ix_(commands, own)],
-        np.hstack([c[np.ix_(commands, rates)], d[commands]]),
-        period,
-        states=names,
-        inputs=[*RATES, *system.input_labels],
-        outputs=list(IN1),
-        name="gyro",
-    )
-    return SampledGyro(law, period, latency)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import control
 import mujoco
@@ -16,7 +16,8 @@ import numpy as np
 
 from helisim.errors import InputError, ModelError
 from helisim.physics.frames import flip
-from helisim.physics.layout import PARAM, SENSOR
+from helisim.physics.gyro import Seen, gyro_law
+from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR, SENSOR, STATE
 from helisim.physics.native import installed
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
@@ -26,7 +27,8 @@ from helisim.vehicle.assembly import Integrator, assemble
 from helisim.vehicle.folder import PARAMETER_FILES, is_shipped, model_folder, read_roles
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.glossary import glossary
-from helisim.vehicle.linearize import Inputs, Linearization, linearize, stability_derivatives
+from helisim.vehicle.law import linearize_law
+from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.parameters import (
     GyroSettings,
@@ -36,9 +38,11 @@ from helisim.vehicle.parameters import (
     untuned,
 )
 from helisim.vehicle.roles import Roles
-from helisim.vehicle.sampled import SampledGyro, close, sampled_gyro
+from helisim.vehicle.sampled import SampledGyro, close
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
+
+Inputs = Literal["IN1", "IN2"]
 
 _SETTABLE = ("gyro", "gyro_tuned", "recorder_latency")
 """Sections of the parameters that leave the hover as it is."""
@@ -172,7 +176,23 @@ class Vehicle(Value, Displayed):
     def gyro(self) -> SampledGyro:
         """The gyro's linear law at its ticks."""
         period, latency = self.parameters["gyro.period"], self.parameters["gyro.latency"]
-        return sampled_gyro(self._linear("IN2"), period, latency)
+        data, where = self.hovering(), addresses(self.model)
+        settings = self.model.actuator_user[where.rotor]
+        first = where.state + FIRST_LAW_STATE
+        state = data.act[first : where.state + len(STATE)].copy()
+        ctrl = data.ctrl[where.control : where.control + ROTOR]
+        servos, sticks = ctrl[CONTROL.servo_front :], ctrl[: CONTROL.servo_front]
+        attitude = (self.trim.phi, self.trim.theta, 0.0)
+        seen = Seen(0.0, 0.0, 0.0, 0.0, *attitude, 0.0, 0.0, 0.0, *servos, *sticks)
+        return linearize_law(
+            lambda seen, state: gyro_law(seen, state, settings),
+            seen,
+            state,
+            list(STATE._fields[FIRST_LAW_STATE:]),
+            swashplate=self.swashplate,
+            period=period,
+            latency=latency,
+        )
 
     def loop(self, axis: str) -> control.StateSpace:
         """Return what comes back at a servo command when the gyro's loop is cut there.
@@ -215,14 +235,11 @@ class Vehicle(Value, Displayed):
 
     @cached_property
     def _base(self) -> Linearization:
-        return self._linear("IN1")
-
-    def _linear(self, inputs: Inputs) -> Linearization:
         model = copy.copy(self._unsampled)
         user = self.model.actuator_user[addresses(self.model).rotor]
         model.actuator_user[addresses(model).rotor] = user
         model.opt.wind[:] = self.model.opt.wind
-        return linearize(model, self.trim, inputs=inputs)
+        return linearize(model, self.trim)
 
     @cached_property
     def _unsampled(self) -> mujoco.MjModel:
