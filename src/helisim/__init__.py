@@ -18,6 +18,7 @@ The house, from the ground up; each room imports only from those above it in thi
     study           the experiment: models, truth, flights, results; `campaign`: many replicates
     output          results as tables, plots, a report, a Rerun recording; computes nothing
     cli             each command parses, calls the library once, prints, exits
+    gym             beside it: Gymnasium environments, in which an agent flies
 """
 
 import ast

@@ -162,7 +162,7 @@ def watch(
         DivergedError: the state is no longer finite.
     """
     model, data = flight.model, flight.data
-    rotors = _Rotors(model, flight.roles)
+    rotors = Rotors(model, flight.roles)
     step, end = model.opt.timestep, np.inf if duration is None else duration
     origin = clock() - data.time
     with installed():
@@ -199,7 +199,7 @@ def view(
     if duration is None and excitation is not None:
         duration = excitation.duration
     others = set(threading.enumerate())
-    window = _open(flight)
+    window = open_window(flight)
     try:
         with window:
             aim(window.cam, flight.model, root_body(flight.model))
@@ -211,7 +211,12 @@ def view(
             thread.join(_CLOSING)
 
 
-def _open(flight: LiveFlight) -> Any:
+def open_window(flight: LiveFlight) -> Any:
+    """Return MuJoCo's viewer of a flight, which closes at the end of a `with` block.
+
+    Raises:
+        DisplayError: no window can be opened.
+    """
     try:
         import glfw
         from mujoco import viewer
@@ -240,7 +245,7 @@ def check_display(
         raise DisplayError(f"no display: neither DISPLAY nor WAYLAND_DISPLAY is set; {_INSTEAD}")
 
 
-class _Rotors:
+class Rotors:
     """Both rotors as they are drawn, and the arrow of the main rotor's thrust."""
 
     def __init__(self, model: mujoco.MjModel, roles: Roles) -> None:

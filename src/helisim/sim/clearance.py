@@ -10,15 +10,42 @@ from helisim.physics.frames import flip
 from helisim.vehicle import Vehicle
 
 
-class _Outline(NamedTuple):
-    """What can touch the ground, from the IMU, body axes, m."""
+class Outline(NamedTuple):
+    """What can touch the ground, from the IMU, body axes, m.
+
+    Attributes:
+        points: (n, 3): ends of capsules; of another shape the centre.
+        radii: (n,): of the spheres around the points.
+        discs: centre, axis and radius of each rotor's disc.
+    """
 
     points: NDArray[np.float64]
-    """(n, 3): ends of capsules; of another shape the centre."""
     radii: NDArray[np.float64]
-    """(n,): of the spheres around the points."""
     discs: tuple[tuple[NDArray[np.float64], NDArray[np.float64], float], ...]
-    """Centre, axis and radius of each rotor's disc."""
+
+    @property
+    def reach(self) -> float:
+        """How far any of it is from the IMU, m: higher above the ground no attitude matters."""
+        reach = float(np.max(np.linalg.norm(self.points, axis=1) + self.radii, initial=0.0))
+        for centre, _, radius in self.discs:
+            reach = max(reach, float(np.linalg.norm(centre)) + radius)
+        return reach
+
+    def closer_than(
+        self,
+        least: float,
+        positions: NDArray[np.float64],
+        attitudes: NDArray[np.float64],
+    ) -> NDArray[np.bool_]:
+        """Return where the clearance is less than some metres, (n_time,).
+
+        Positions and attitudes, (n_time, 3) each, are those of `clearance`. High above the ground
+        no attitude is looked at.
+        """
+        low = -positions[:, 2] < least + self.reach
+        if low.any():
+            low[low] = _clearance(self, positions[low], attitudes[low]) < least
+        return low
 
 
 def clearance(
@@ -31,32 +58,11 @@ def clearance(
         positions: (n_time, 3) north, east, down of the IMU, m.
         attitudes: (n_time, 3) phi, theta, psi, rad.
     """
-    return _clearance(_outline(vehicle), positions, attitudes)
-
-
-def closer_than(
-    vehicle: Vehicle,
-    least: float,
-    positions: NDArray[np.float64],
-    attitudes: NDArray[np.float64],
-) -> NDArray[np.bool_]:
-    """Return where the clearance is less than some metres, (n_time,).
-
-    Positions and attitudes, (n_time, 3) each, are those of `clearance`. High above the ground
-    no attitude matters, and none is looked at.
-    """
-    outline = _outline(vehicle)
-    reach = float(np.max(np.linalg.norm(outline.points, axis=1) + outline.radii, initial=0.0))
-    for centre, _, radius in outline.discs:
-        reach = max(reach, float(np.linalg.norm(centre)) + radius)
-    low = -positions[:, 2] < least + reach
-    if low.any():
-        low[low] = _clearance(outline, positions[low], attitudes[low]) < least
-    return low
+    return _clearance(outline(vehicle), positions, attitudes)
 
 
 def _clearance(
-    outline: _Outline, positions: NDArray[np.float64], attitudes: NDArray[np.float64]
+    outline: Outline, positions: NDArray[np.float64], attitudes: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     phi, theta = attitudes[:, 0], attitudes[:, 1]
     level = np.cos(theta)
@@ -68,7 +74,7 @@ def _clearance(
     return -positions[:, 2] - lowest
 
 
-def _outline(vehicle: Vehicle) -> _Outline:
+def outline(vehicle: Vehicle) -> Outline:
     """Return what can touch the ground: what collides in MuJoCo, and both rotors' discs."""
     model, own = vehicle.model, vehicle.parameters
     data = mujoco.MjData(model)
@@ -93,4 +99,4 @@ def _outline(vehicle: Vehicle) -> _Outline:
         (hub, np.array([0.0, 0.0, 1.0]), own["main_rotor.radius"]),
         (tail, np.array([0.0, 1.0, 0.0]), own["tail_rotor.radius"]),
     )
-    return _Outline(np.array(points).reshape(-1, 3), np.array(radii), discs)
+    return Outline(np.array(points).reshape(-1, 3), np.array(radii), discs)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import DivergedError, InputError
 from helisim.records.channels import IN2, SERVOS
-from helisim.sim.clearance import closer_than
+from helisim.sim.clearance import outline
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import root_body
@@ -112,7 +112,8 @@ class FlightEnvelope:
             rate = np.abs(trajectory.rates).max(axis=1)
             yield f"turned faster than {self.rate:g} rad/s", rate > self.rate
         if self.clearance is not None:
-            near = closer_than(vehicle, self.clearance, trajectory.positions, trajectory.attitudes)
+            positions, attitudes = trajectory.positions, trajectory.attitudes
+            near = outline(vehicle).closer_than(self.clearance, positions, attitudes)
             low = f"came within {self.clearance:g} m of the ground"
             yield low if self.clearance else "touched the ground", near
         if self.flapping is not None:

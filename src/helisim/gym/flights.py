@@ -1,0 +1,266 @@
+"""Many helicopters that an agent flies at once, stepped natively; alone it is the same code."""
+
+import copy
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from mujoco.rollout import Rollout
+from numpy.typing import NDArray
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.gym.agent import Agent
+from helisim.gym.limits import Limits
+from helisim.gym.motions import StateReader
+from helisim.gym.settings import Setup
+from helisim.gym.spread import Spread
+from helisim.gym.start import EpisodeStart
+from helisim.gym.task import BOUND, Situation
+from helisim.physics.layout import SENSOR
+from helisim.physics.native import installed
+from helisim.sim.simulation import thread_count
+
+_EARLY = 1e-9
+"""s by which a new command may come early: times are rounded."""
+OPTIONS = ("motion", "command")
+
+
+class Stepped(NamedTuple):
+    """What a step gave, a row or element for each of n helicopters.
+
+    Attributes:
+        seen: (n, n_observation) float32, scaled.
+        reward: (n,) float64.
+        terminated: (n,) bool.
+        why: row -> name of the limit, of those that are terminated.
+    """
+
+    seen: NDArray[np.float32]
+    reward: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    why: Mapping[int, str]
+
+
+class Flights:
+    """n helicopters under one agent: models of their own, states side by side, native steps.
+
+    Args:
+        setup: of the environment.
+        count: how many.
+        threads: that step them; as the setup says if None.
+    """
+
+    def __init__(self, setup: Setup, count: int, *, threads: int | None = None) -> None:
+        self.setup, self.count = setup, count
+        self.vehicle = setup.loaded()
+        self.task = setup.asked
+        model = self.vehicle.model
+        self.agent = Agent(setup, self.vehicle)
+        self.spread = Spread(self.vehicle, setup.spread)
+        self._start = EpisodeStart(setup, self.vehicle)
+        self._limits = Limits(setup.envelope, self.vehicle)
+        self._reader = StateReader(model)
+        self._scale = 1.0 / np.array([[one.scale] for one in self.task.observations])
+        self._models = [copy.copy(model) for _ in range(count)]
+        self._data, self._pool = _workers(model, min(count, threads or thread_count(setup.threads)))
+        self._allocate(model)
+
+    def _allocate(self, model: mujoco.MjModel) -> None:
+        size, steps = self._start.state.size, self.setup.frame_skip
+        self.states = np.tile(self._start.state, (self.count, 1))
+        self._flown = np.empty((self.count, steps, size))
+        self._sensed = np.empty((self.count, steps, model.nsensordata))
+        first = model.sensor("air").adr[0]
+        self._air = self._sensed[:, -1, first : first + SENSOR.air_w - SENSOR.air_u + 1].T
+        self._given = self.agent.controls(self.count)
+        self._commands, self._until = np.zeros((4, self.count)), np.full(self.count, np.inf)
+        self._actions, self._before = np.zeros((4, self.count)), np.zeros((4, self.count))
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time since the start of each episode, s, (n,)."""
+        return self.states[:, 0].copy()
+
+    @property
+    def frame(self) -> float:
+        """Time between two actions, s."""
+        return self.setup.frame_skip * float(self.vehicle.model.opt.timestep)
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self._pool.close()
+
+    def reset(
+        self,
+        rows: Sequence[int],
+        randoms: Sequence[np.random.Generator],
+        options: Mapping[str, Any] | None = None,
+    ) -> list[dict[str, Any]]:
+        """Start new episodes in some rows; return what is new about each.
+
+        Args:
+            rows: of the helicopters.
+            randoms: of all n helicopters; each draws from its own.
+            options: "motion" -> name of a field of `Motion` -> how far from the trim, in place of
+                a random start; "command" -> four numbers for the whole episode.
+
+        Raises:
+            UnknownNameError: no such option, or field of a motion.
+            InputError: not four finite numbers.
+        """
+        options = options or {}
+        for name in options:
+            if name not in OPTIONS:
+                raise UnknownNameError("option of reset", name, OPTIONS)
+        asked = _command(options.get("command"))
+        return [self._reset(row, randoms[row], options.get("motion"), asked) for row in rows]
+
+    def _reset(
+        self,
+        row: int,
+        random: np.random.Generator,
+        motion: Mapping[str, float] | None,
+        asked: tuple[float, ...] | None,
+    ) -> dict[str, Any]:
+        model, start = self._models[row], self._start
+        offsets, weather, seed = start.draw(random)
+        factors = self.spread.draw(random)
+        self.spread.write(model, factors)
+        self.agent.write(model)
+        start.write_weather(model, weather, seed)
+        self.states[row] = start.state_of(offsets if motion is None else motion, weather, seed)
+        height = start.height
+        self._commands[:, row] = self.task.command(random, height) if asked is None else asked
+        every = self.task.interval if asked is None else None
+        self._until[row] = np.inf if every is None else every
+        self._actions[:, row] = self._before[:, row] = 0.0
+        north, east, _ = weather.wind_to
+        return {"wind": np.array([north, east]), "factors": factors}
+
+    def step(
+        self,
+        actions: NDArray[np.floating],
+        randoms: Sequence[np.random.Generator],
+        started: NDArray[np.bool_] | None = None,
+    ) -> Stepped:
+        """Fly on by a frame.
+
+        Args:
+            actions: (n, 4) from -1 to 1; beyond, they are cut off.
+            randoms: of all n helicopters.
+            started: (n,) which have just been reset and stay there, without reward.
+
+        Returns:
+            n observations, rewards and ends, with a row or element each.
+
+        Raises:
+            InputError: actions of another shape, or not numbers.
+        """
+        moved = self._checked(actions)
+        kept = None if started is None else self.states[started]
+        self._before, self._actions = self._actions, moved
+        if started is not None:
+            self._actions[:, started] = 0.0
+        self.agent.give(self._given, self._actions)
+        self._fly()
+        if kept is not None:
+            self.states[started] = kept
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self._judged(randoms, started)
+
+    def _fly(self) -> None:
+        with installed():
+            self._pool.rollout(
+                self._models,
+                self._data,
+                self.states,
+                self._given,
+                control_spec=self.agent.spec,
+                skip_checks=True,
+                nstep=self.setup.frame_skip,
+                state=self._flown,
+                sensordata=self._sensed,
+            )
+        np.copyto(self.states, self._flown[:, -1])
+
+    def _judged(
+        self, randoms: Sequence[np.random.Generator], started: NDArray[np.bool_] | None
+    ) -> Stepped:
+        situation = self._situation()
+        seen = self.task.observe(situation)
+        reward = self.task.reward(situation, seen)
+        beyond: dict[str, NDArray[np.bool_]] = dict(
+            self._limits.beyond(situation.motions, self._air)
+        )
+        beyond["distance"] = self.task.lost(situation, seen)
+        finite = np.isfinite(seen)
+        if not finite.all():
+            beyond["finite state"] = np.logical_not(finite.all(axis=0))
+        terminated: NDArray[np.bool_] = np.zeros(self.count, dtype=np.bool_)
+        for rows in beyond.values():
+            terminated |= rows
+        if started is not None:
+            reward[started], terminated[started] = 0.0, False
+        why = {
+            int(row): next(name for name, rows in beyond.items() if rows[row])
+            for row in np.flatnonzero(terminated)
+        }
+        if self._commanded(randoms, started):
+            seen = self.task.observe(situation)
+        if not finite.all():
+            reward = np.nan_to_num(reward, copy=False)
+        return Stepped(self._scaled(seen), reward, terminated, why)
+
+    def look(self) -> NDArray[np.float32]:
+        """Return what each agent sees now, (n, n_observation)."""
+        return self._scaled(self.task.observe(self._situation()))
+
+    def _situation(self) -> Situation:
+        motions = self._reader.read(self.states)
+        return Situation(motions, self._commands, self._actions, self._before)
+
+    def _scaled(self, seen: NDArray[np.float64]) -> NDArray[np.float32]:
+        scaled = np.clip(seen * self._scale, -BOUND, BOUND)
+        return np.nan_to_num(np.ascontiguousarray(scaled.T, dtype=np.float32), copy=False)
+
+    def _commanded(
+        self, randoms: Sequence[np.random.Generator], started: NDArray[np.bool_] | None
+    ) -> bool:
+        """Give new commands where they are due; return whether there are any."""
+        if self.task.interval is None:
+            return False
+        due = self.states[:, 0] > self._until - _EARLY
+        if started is not None:
+            due &= ~started
+        for row in np.flatnonzero(due).tolist():
+            self._commands[:, row] = self.task.command(randoms[row], self._start.height)
+            self._until[row] += self.task.interval
+        return bool(due.any())
+
+    def _checked(self, actions: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Return actions as (4, n) within -1 and 1."""
+        actions = np.asarray(actions, dtype=np.float64)
+        if actions.shape != (self.count, 4):
+            raise InputError(f"actions must be ({self.count}, 4), got {actions.shape}")
+        moved = np.clip(np.ascontiguousarray(actions.T), -1.0, 1.0)
+        if np.isnan(moved).any():
+            rows = np.flatnonzero(np.isnan(moved).any(axis=0)).tolist()
+            raise InputError(f"actions must be numbers from -1 to 1, got nan in rows {rows}")
+        return moved
+
+
+def _workers(model: mujoco.MjModel, threads: int) -> tuple[list[mujoco.MjData], Rollout]:
+    """Return memory for each thread and a pool of them; one alone is the caller's own."""
+    pool = Rollout(nthread=0 if threads == 1 else threads)
+    return [mujoco.MjData(model) for _ in range(threads)], pool
+
+
+def _command(command: Sequence[float] | None) -> tuple[float, ...] | None:
+    if command is None:
+        return None
+    numbers = tuple(float(number) for number in command)
+    if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
+        raise InputError(f"a command needs four finite numbers, got {command!r}")
+    return numbers

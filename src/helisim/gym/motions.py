@@ -1,0 +1,106 @@
+"""Where helicopters are and how they move, a column each: what tasks observe and reward."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.physics.layout import STATE
+from helisim.vehicle.motion import addresses
+
+Columns = NDArray[np.float64]
+
+# products of a quaternion's elements (w, x, y, z), and where they stand in `_products`
+_LEFT = np.array([0, 1, 2, 3, 1, 1, 2, 0, 0, 0])
+_RIGHT = np.array([0, 1, 2, 3, 2, 3, 3, 3, 2, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """The motions of n helicopters, all arrays with a column each. SI, field axes.
+
+    Angles and sums are computed element by element, so that a helicopter's numbers are the same
+    to the bit alone and among others.
+
+    Attributes:
+        time: (n,) s since the start of the episode.
+        position: (3, n) north, east, down of the centre of gravity, m.
+        velocity: (3, n) the same axes, over the ground, m/s.
+        rates: (3, n) p, q, r, rad/s.
+        flapping: (2, n) rearward and right tilt of the tip-path plane, rad.
+        axes: (3, 3, n): row i holds the north, east or down component of forward, right and down.
+    """
+
+    time: Columns
+    position: Columns
+    velocity: Columns
+    rates: Columns
+    flapping: Columns
+    axes: Columns
+
+    @cached_property
+    def body_velocity(self) -> Columns:
+        """u, v, w over the ground in body axes, m/s, (3, n)."""
+        north, east, down = self.velocity
+        return self.axes[0] * north + self.axes[1] * east + self.axes[2] * down
+
+    @cached_property
+    def attitude(self) -> Columns:
+        """phi, theta, psi, rad, (3, n); psi from -pi to pi."""
+        axes, angles = self.axes, np.empty_like(self.position)
+        np.arctan2(axes[2, 1], axes[2, 2], out=angles[0])
+        np.arcsin(np.clip(-axes[2, 0], -1.0, 1.0), out=angles[1])
+        np.arctan2(axes[1, 0], axes[0, 0], out=angles[2])
+        return angles
+
+    @cached_property
+    def heading(self) -> Columns:
+        """Cosine and sine of the heading, (2, n)."""
+        ahead = self.axes[:2, 0]
+        return ahead / np.maximum(np.hypot(ahead[0], ahead[1]), 1e-9)
+
+    def level(self, vectors: Columns) -> Columns:
+        """Return vectors in earth axes, (3, n), as ahead, right and below along the heading."""
+        (cosine, sine), turned = self.heading, np.empty_like(vectors)
+        turned[0] = cosine * vectors[0] + sine * vectors[1]
+        turned[1] = cosine * vectors[1] - sine * vectors[0]
+        turned[2] = vectors[2]
+        return turned
+
+
+class StateReader:
+    """Reads `Motions` from MuJoCo's full physics states of one vehicle's model."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        first = 1 + model.nq + model.nv + addresses(model).state
+        velocity = 1 + model.nq
+        self._rows = np.array([*range(8), *range(velocity, velocity + 6), first + STATE.flap_a,
+                               first + STATE.flap_b])  # fmt: skip
+
+    def read(self, states: NDArray[np.float64]) -> Motions:
+        """Return the motions of states, (n, n_state)."""
+        rows = np.ascontiguousarray(states[:, self._rows].T)
+        rows[2:4] *= -1.0  # to north, east, down, as `frames.flip` does
+        rows[9:11] *= -1.0
+        rows[12:14] *= -1.0
+        return Motions(rows[0], rows[1:4], rows[8:11], rows[11:14], rows[14:16], _axes(rows[4:8]))
+
+
+def _axes(quaternions: Columns) -> Columns:
+    """Return the body's axes in the earth's, (3, 3, n), of MuJoCo's quaternions, (4, n).
+
+    Turning both frames from north-west-up to north-east-down changes the sign of y and z.
+    """
+    products = quaternions[_LEFT] * quaternions[_RIGHT]
+    products[[4, 5, 7, 8]] *= -1.0
+    squares, mixed, turns = products[:4], products[4:7], products[7:]
+    above, below = 2.0 * (mixed + turns), 2.0 * (mixed - turns)
+    axes = np.empty((3, 3, quaternions.shape[1]))
+    axes[0, 0] = (squares[0] + squares[1]) - (squares[2] + squares[3])
+    axes[1, 1] = (squares[0] + squares[2]) - (squares[1] + squares[3])
+    axes[2, 2] = (squares[0] + squares[3]) - (squares[1] + squares[2])
+    axes[1, 0], axes[0, 2], axes[2, 1] = above
+    axes[0, 1], axes[2, 0], axes[1, 2] = below
+    return axes

@@ -1,0 +1,249 @@
+"""What an agent is asked to do: commands, observations, rewards; `Hover` and `Track`."""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import InputError
+from helisim.gym.motions import Columns, Motions
+
+BOUND = 10.0
+"""Scaled observations are cut off at plus and minus this."""
+
+
+class Observation(NamedTuple):
+    """One number that an agent sees: value / scale, cut off at +-`BOUND`.
+
+    Attributes:
+        name: of the number.
+        unit: of its value.
+        scale: what counts as 1, in that unit.
+        meaning: in words.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    meaning: str
+
+
+class Situation(NamedTuple):
+    """What a task judges, n helicopters at one instant.
+
+    Attributes:
+        motions: where they are and how they move.
+        commands: (4, n), what each is asked for at the moment.
+        actions: (4, n), the last, from -1 to 1.
+        before: (4, n), those before the last.
+    """
+
+    motions: Motions
+    commands: Columns
+    actions: Columns
+    before: Columns
+
+
+_OWN_MOTION = (
+    Observation("heading_error_sine", "1", 1.0, "sine of commanded less present heading"),
+    Observation("heading_error_cosine", "1", 1.0, "its cosine"),
+    Observation("u", "m/s", 1.0, "velocity over the ground, forward, body axes"),
+    Observation("v", "m/s", 1.0, "to the right"),
+    Observation("w", "m/s", 1.0, "down"),
+    Observation("phi", "rad", 0.2, "roll angle"),
+    Observation("theta", "rad", 0.2, "pitch angle"),
+    Observation("p", "rad/s", 2.0, "roll rate"),
+    Observation("q", "rad/s", 2.0, "pitch rate"),
+    Observation("r", "rad/s", 2.0, "yaw rate"),
+    *(Observation(f"action_{k}", "1", 1.0, f"the last action's number {k}") for k in range(4)),
+)
+
+
+class Task(ABC):
+    """What an agent is asked to do. Derive from it for a task of your own.
+
+    Everything is computed for all helicopters at once: arrays have a column each. Compute element
+    by element, without matrix products or sums along the columns, and a helicopter alone and one
+    among others see the same bits.
+
+    Attributes:
+        observations: what an agent sees, in order.
+        commands: name and unit of each of the four numbers of a command.
+        interval: s for which a command holds; None for the whole episode.
+    """
+
+    observations: ClassVar[tuple[Observation, ...]]
+    commands: ClassVar[tuple[tuple[str, str], ...]]
+    interval: float | None = None
+
+    @abstractmethod
+    def command(self, random: np.random.Generator, height: float) -> tuple[float, ...]:
+        """Return four numbers that a helicopter is asked for.
+
+        Args:
+            random: of this helicopter.
+            height: m above the ground, at which it starts.
+        """
+
+    @abstractmethod
+    def observe(self, situation: Situation) -> Columns:
+        """Return what is seen, in the units of `observations`, (n_observation, n)."""
+
+    @abstractmethod
+    def reward(self, situation: Situation, seen: Columns) -> Columns:
+        """Return the reward of the last step, (n,), of what `observe` returned."""
+
+    def lost(self, situation: Situation, seen: Columns) -> NDArray[np.bool_]:
+        """Return which helicopters are too far from what is asked to go on, (n,).
+
+        Args:
+            situation: of n helicopters.
+            seen: (n_observation, n) of `observe`.
+        """
+        del seen
+        return np.zeros_like(situation.motions.time, dtype=np.bool_)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hover(Task):
+    """Hover at one place and heading.
+
+    The reward of a step is 1 / (1 + J), from 0 to 1, where J is the sum of the squares of the
+    distance, speed, heading error (as 2 sin of its half), body rates and change of the action,
+    each over what counts as 1 here. All five lengths are of vectors.
+
+    Attributes:
+        distance: m.
+        speed: m/s.
+        heading: rad.
+        rate: rad/s.
+        change: of the action between two steps.
+        limit: m from the place, beyond which an episode is terminated.
+    """
+
+    distance: float = 1.0
+    speed: float = 2.0
+    heading: float = 0.5
+    rate: float = 2.0
+    change: float = 2.0
+    limit: float = 10.0
+
+    commands: ClassVar = (("north", "m"), ("east", "m"), ("down", "m"), ("heading", "rad"))
+    observations: ClassVar = (
+        Observation("ahead", "m", 1.0, "where the place is, along the heading"),
+        Observation("right", "m", 1.0, "to the right of it"),
+        Observation("below", "m", 1.0, "below the helicopter"),
+        *_OWN_MOTION,
+    )
+
+    def __post_init__(self) -> None:
+        _check_positive(self)
+
+    def command(self, random: np.random.Generator, height: float) -> tuple[float, ...]:
+        """Return the place above the origin at the height of the start, heading north."""
+        del random
+        return 0.0, 0.0, -height, 0.0
+
+    def observe(self, situation: Situation) -> Columns:
+        """Return where the place is, and the own motion."""
+        motions = situation.motions
+        return _seen(situation, motions.level(situation.commands[:3] - motions.position))
+
+    def reward(self, situation: Situation, seen: Columns) -> Columns:
+        """Return 1 / (1 + J)."""
+        missed = _square(seen[:3]) / self.distance**2
+        missed += _square(seen[5:8]) / self.speed**2
+        return _reward(self, missed, situation, seen)
+
+    def lost(self, situation: Situation, seen: Columns) -> NDArray[np.bool_]:
+        """Return which are farther from the place than `limit`, (n,) of (n_observation, n)."""
+        return _square(seen[:3]) > self.limit**2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Track(Task):
+    """Fly at commanded velocities and headings, which change every few seconds.
+
+    The reward is that of `Hover`, with the error of the velocity in place of distance and speed.
+
+    Attributes:
+        interval: s for which a command holds.
+        fastest: m/s, of the commands towards north, and east.
+        climb: m/s, of the commands up and down.
+        speed: m/s, an error of the velocity that counts as 1.
+        heading: rad.
+        rate: rad/s.
+        change: of the action between two steps.
+    """
+
+    interval: float | None = 4.0
+    fastest: float = 3.0
+    climb: float = 0.5
+    speed: float = 1.0
+    heading: float = 0.5
+    rate: float = 2.0
+    change: float = 2.0
+
+    commands: ClassVar = (("north", "m/s"), ("east", "m/s"), ("down", "m/s"), ("heading", "rad"))
+    observations: ClassVar = (
+        Observation("ahead", "m/s", 1.0, "commanded less present velocity, along the heading"),
+        Observation("right", "m/s", 1.0, "to the right of it"),
+        Observation("below", "m/s", 1.0, "downwards"),
+        *_OWN_MOTION,
+    )
+
+    def __post_init__(self) -> None:
+        _check_positive(self)
+
+    def command(self, random: np.random.Generator, height: float) -> tuple[float, ...]:
+        """Return a velocity north, east, down and a heading, each as likely within its range."""
+        del height
+        reach = (self.fastest, self.fastest, self.climb, math.pi)
+        return tuple(share * most for share, most in zip(random.uniform(-1.0, 1.0, 4), reach))
+
+    def observe(self, situation: Situation) -> Columns:
+        """Return the velocity that is missing, and the own motion."""
+        motions = situation.motions
+        return _seen(situation, motions.level(situation.commands[:3] - motions.velocity))
+
+    def reward(self, situation: Situation, seen: Columns) -> Columns:
+        """Return 1 / (1 + J)."""
+        return _reward(self, _square(seen[:3]) / self.speed**2, situation, seen)
+
+
+def _check_positive(task: Hover | Track) -> None:
+    for name, value in vars(task).items():
+        if not (value is not None and math.isfinite(value) and value > 0.0):
+            raise InputError(f"{type(task).__name__}: {name} must be above 0, got {value}")
+
+
+def _seen(situation: Situation, wanted: Columns) -> Columns:
+    motions = situation.motions
+    seen = np.empty((17, wanted.shape[1]))
+    seen[:3] = wanted
+    asked, (cosine, sine) = situation.commands[3], motions.heading
+    there, aside = np.cos(asked), np.sin(asked)
+    seen[3] = aside * cosine - there * sine
+    seen[4] = there * cosine + aside * sine
+    seen[5:8] = motions.body_velocity
+    seen[8:10] = motions.attitude[:2]
+    seen[10:13] = motions.rates
+    seen[13:] = situation.actions
+    return seen
+
+
+def _reward(task: Hover | Track, missed: Columns, situation: Situation, seen: Columns) -> Columns:
+    missed = missed + 2.0 * (1.0 - seen[4]) / task.heading**2
+    missed += _square(seen[10:13]) / task.rate**2
+    change = situation.actions - situation.before
+    missed += (_square(change[:3]) + change[3] * change[3]) / task.change**2
+    return 1.0 / (1.0 + missed)
+
+
+def _square(vectors: Columns) -> Columns:
+    """Return the squared length of (3, n) vectors, (n,), always summed in the same order."""
+    squares = vectors * vectors
+    return squares[0] + squares[1] + squares[2]
