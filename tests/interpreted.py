@@ -21,7 +21,7 @@ from typing import Any
 import numba
 from numba import types
 
-from helisim.physics import memory, native
+from helisim.physics import memory, native, notes
 
 _C = {
     types.void: None,
@@ -44,7 +44,10 @@ def install() -> None:
     instead = {
         id(memory.doubles_at): _pointer(ctypes.c_double),
         id(memory._ints_at): _pointer(ctypes.c_int32),
-        id(memory._longs_at): _pointer(ctypes.c_int64),
+        id(memory.longs_at): _pointer(ctypes.c_int64),
+        id(memory.bytes_at): _pointer(ctypes.c_uint8),
+        id(notes._address): lambda: ctypes.addressof(notes._memory),
+        id(notes._claimed): _claimed,
         id(memory.buffer): lambda count: [0.0] * count,
         id(memory.from_element): _from_element,
     }
@@ -59,6 +62,12 @@ def install() -> None:
 def _pointer(element: Any) -> Callable[[int], Any]:
     kind = ctypes.POINTER(element)
     return lambda address: ctypes.cast(int(address), kind)
+
+
+def _claimed(state: Any) -> bool:
+    free = state[0] == 0
+    state[0] = 1 if free else state[0]
+    return free
 
 
 def _from_element(array: Any, first: int) -> Any:

@@ -10,6 +10,7 @@ from helisim.ident import load_fit as load_fit
 from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
 from helisim.ident import verify as verify
+from helisim.physics.native import check_model as check_model
 from helisim.physics.native import installed as installed
 from helisim.records.logs import read_log as read_log
 from helisim.records.logs import screen as screen

@@ -9,6 +9,7 @@ import mujoco
 from helisim.physics import controller, faults
 from helisim.physics.air import write_turbulence_rates
 from helisim.physics.body import apply_wrench
+from helisim.physics.examination import examine
 from helisim.physics.flapping import tilt_rates
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
@@ -41,8 +42,10 @@ def passive(m, d, offsets):
 def control(m, d, offsets):
     """Fly every vehicle: pilot to sticks, gyro to servo commands. What mjcb_control does.
 
-    Both act at the gyro's ticks; in between, sticks and servo commands are held.
+    Both act at the gyro's ticks; in between, sticks and servo commands are held. A model that is
+    new is examined first.
     """
+    examine(m, d, offsets)
     for view in vehicles(m, d, offsets):
         if view.sensors < 0 or not is_tick(view):
             continue

@@ -45,6 +45,9 @@ class Offsets(NamedTuple):
     wind: int
     integrator: int
     actuator_user: int
+    actuator_dyntype: int
+    actuator_actnum: int
+    actuator_trntype: int
     actuator_trnid: int
     actuator_actadr: int
     actuator_actnum: int
@@ -52,6 +55,7 @@ class Offsets(NamedTuple):
     actuator_history: int
     actuator_historyadr: int
     actuator_delay: int
+    jnt_type: int
     jnt_bodyid: int
     body_rootid: int
     body_dofadr: int
@@ -62,6 +66,11 @@ class Offsets(NamedTuple):
     sensor_adr: int
     sensor_objtype: int
     sensor_objid: int
+    sensor_interval: int
+    names: int
+    name_bodyadr: int
+    name_actuatoradr: int
+    name_sensoradr: int
     time: int
     act: int
     act_dot: int
@@ -95,6 +104,8 @@ _DATA = (
     "userdata",
 )
 _FIELDS = Offsets._fields[:-1]
+_ALIGNED = 64
+"""Bytes; MuJoCo's arrays start at multiples of them."""
 
 
 @cache
@@ -184,7 +195,12 @@ def _verify(found: Offsets) -> None:
     for name in _FIELDS:
         owner = data if name in _DATA else model.opt if name in _OPTION else model
         base = data._address if name in _DATA else model._address
-        if not _agrees(base + getattr(found, name), getattr(owner, name), name):
+        expected = getattr(owner, name)
+        if isinstance(expected, bytes):
+            agrees = _holds_names(base + getattr(found, name), model)
+        else:
+            agrees = _agrees(base + getattr(found, name), expected, name)
+        if not agrees:
             raise CallbackError(
                 f"MuJoCo {mujoco.__version__}: field {name!r} is not where the introspection "
                 "says; the compiled force laws would read the wrong memory. Install a version "
@@ -201,3 +217,10 @@ def _agrees(address: int, expected: Any, name: str) -> bool:
         return ctypes.c_double.from_address(address).value == expected
     size = ctypes.c_int if name == "integrator" else ctypes.c_int64
     return size.from_address(address).value == int(expected)
+
+
+def _holds_names(address: int, model: mujoco.MjModel) -> bool:
+    """Return whether a pointer field holds the names, which end where their map begins."""
+    held = ctypes.c_void_p.from_address(address).value or 0
+    between = model.names_map.__array_interface__["data"][0] - held - len(model.names)
+    return 0 <= between < _ALIGNED and ctypes.string_at(held, len(model.names)) == model.names

@@ -3,9 +3,11 @@
 A vehicle is nine consecutive actuators: four sticks, four servos and
 the rotor. The first two user numbers of each tell that it is ours and which of the nine it
 is; the rotor's user numbers carry every parameter of the vehicle, in the order of `PARAM`.
+The third is a number of that order itself.
 Each of the four index tuples names the numbers of one array, from the vehicle's first on.
 """
 
+import zlib
 from typing import NamedTuple
 
 from helisim.physics.kernel import known
@@ -189,6 +191,7 @@ class ParamIndex(NamedTuple):
 
     magic: int
     ordinal: int
+    layout: int
     air_density: int
     ground_effect: int
     # main rotor
@@ -391,6 +394,9 @@ ROOM = 240
 NO_LAW = 0
 SHIPPED_LAW = 1
 """What `PARAM.swash_law` and `PARAM.tail_law` say; from 2 on, a row of the laws' table."""
+
+LAYOUT = float(zlib.crc32(repr((ACTUATORS, SENSORS, STATE._fields, PARAM._fields)).encode()))
+"""What `PARAM.layout` says: numbers that were written for another order of anything are refused."""
 
 SWEEP = 1
 DOUBLET = 2

@@ -8,12 +8,14 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, MAGIC, PARAM, ROTOR, SENSOR, SENSORS, STATE
+from helisim.physics.layout import CONTROL, LAYOUT, MAGIC, PARAM, ROTOR, SENSOR, SENSORS, STATE
 
 _USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 _PARAMETERS = len(PARAM)
 _STICKS = SENSORS["stick"]
+_AHEAD = list(SENSORS).index("stick")
+_BEHIND = len(SENSORS) - 1 - _AHEAD
 
 
 def _pointer_intrinsic(element: types.Type):
@@ -32,31 +34,32 @@ def _pointer_intrinsic(element: types.Type):
 
 doubles_at = _pointer_intrinsic(types.float64)
 _ints_at = _pointer_intrinsic(types.int32)
-_longs_at = _pointer_intrinsic(types.int64)
+longs_at = _pointer_intrinsic(types.int64)
+bytes_at = _pointer_intrinsic(types.uint8)
 
 
 @kernel()
 def doubles(base, offset):
     """Return the double array that a pointer field holds."""
-    return doubles_at(_longs_at(base + offset)[0])
+    return doubles_at(longs_at(base + offset)[0])
 
 
 @kernel()
 def doubles_from(base, offset, first):
     """Return the double array that a pointer field holds, from its element `first` on."""
-    return doubles_at(_longs_at(base + offset)[0] + 8 * first)
+    return doubles_at(longs_at(base + offset)[0] + 8 * first)
 
 
 @kernel()
 def ints(base, offset):
     """Return the int array that a pointer field holds."""
-    return _ints_at(_longs_at(base + offset)[0])
+    return _ints_at(longs_at(base + offset)[0])
 
 
 @kernel()
 def long(base, offset):
     """Return the value of a 64-bit integer field."""
-    return _longs_at(base + offset)[0]
+    return longs_at(base + offset)[0]
 
 
 @kernel()
@@ -148,6 +151,8 @@ def is_rotor(m, offsets, actuator):
     user = user_numbers(m, offsets, actuator)
     if user[PARAM.magic] != MAGIC or user[PARAM.ordinal] != ROTOR or actuator < ROTOR:
         return False
+    if user[PARAM.layout] != LAYOUT:
+        return False
     first = user_numbers(m, offsets, actuator - ROTOR)
     return first[PARAM.magic] == MAGIC and first[PARAM.ordinal] == 0.0
 
@@ -188,16 +193,28 @@ def states_end(view):
 
 @kernel()
 def first_sensor(m, offsets, body):
-    """Return where a vehicle's `SENSORS` start in `sensordata`; negative where it has none.
+    """Return where a vehicle's `SENSORS` start in `sensordata`; negative where they are not whole.
 
-    The sticks are the first user sensor on its body; IMU and what the gyro sees stand before them.
+    The sticks are among them, and as many numbers before and behind as there should be.
     """
+    stick = stick_sensor(m, offsets, body)
+    if stick < _AHEAD or stick + _BEHIND >= long(m, offsets.nsensor):
+        return -1
+    address = ints(m, offsets.sensor_adr)
+    first = address[stick] - SENSOR.stick_col
+    whole = address[stick - _AHEAD] == first and address[stick + _BEHIND] == first + SENSOR.clock
+    return first if whole else -1
+
+
+@kernel()
+def stick_sensor(m, offsets, body):
+    """Return the first user sensor of four numbers on a body, the sticks; negative for none."""
     for k in range(long(m, offsets.nsensor)):
         ours = ints(m, offsets.sensor_type)[k] == _USER_SENSOR
         ours = ours and ints(m, offsets.sensor_objtype)[k] == _BODY
         ours = ours and ints(m, offsets.sensor_dim)[k] == _STICKS
         if ours and ints(m, offsets.sensor_objid)[k] == body:
-            return ints(m, offsets.sensor_adr)[k] - SENSOR.stick_col
+            return k
     return -1
 
 

@@ -4,6 +4,7 @@ import ctypes
 import hashlib
 import logging
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -16,8 +17,10 @@ import numpy as np
 from numba import cfunc, types
 
 from helisim.errors import CallbackError
-from helisim.physics import callbacks
+from helisim.physics import callbacks, notes
+from helisim.physics.examination import sentence
 from helisim.physics.fields import Offsets, offsets
+from helisim.physics.layout import MAGIC, PARAM, ROTOR
 
 _HOOKS = ("passive", "control", "act_dyn", "sensor")
 _PATIENCE = 2.0
@@ -35,6 +38,17 @@ class _Loan:
         self.lock = threading.Lock()
         self.blocks = 0
         self.functions: dict[str, Any] = {}
+        self.own = threading.local()
+        self.unsaid: list[notes.Note] = []
+
+    @property
+    def depth(self) -> int:
+        """How many blocks this thread is in."""
+        return getattr(self.own, "depth", 0)
+
+    @depth.setter
+    def depth(self, depth: int) -> None:
+        self.own.depth = depth
 
 
 _loan: _Loan = globals().get("_loan") or _Loan()
@@ -119,21 +133,89 @@ def installed() -> Iterator[None]:
     may share a scene, attached with prefixes. A daemon thread that steps when the interpreter
     ends crashes MuJoCo 4.0.0, with these callbacks as without: join it.
 
+    A model with a vehicle that lacks what the force laws count on is not flown, or flies without
+    its gyro; the outermost block of a thread says so when it ends. It warns of user actuators
+    that are of no vehicle.
+
     Raises:
         CallbackError: someone else's callback is installed, or this MuJoCo's memory layout
-            is not what it says.
+            is not what it says; when the block ends, a model that was stepped in it lacks
+            something. An exception from within the block comes first, with that as its note.
     """
     with _loan.lock:
         if _loan.blocks == 0:
             _install(compiled())
+            notes.forget_models()
         _loan.blocks += 1
+    _loan.depth += 1
     try:
         yield
-    finally:
-        with _loan.lock:
-            _loan.blocks -= 1
-            if _loan.blocks == 0:
-                _remove(_loan.functions)
+    except BaseException as error:
+        for one in _left():
+            error.add_note(sentence(one))
+        raise
+    else:
+        _say(_left())
+
+
+def _left() -> list[notes.Note]:
+    """Leave a block; return what was noted, if it was the outermost of this thread."""
+    with _loan.lock:
+        _loan.blocks -= 1
+        _loan.depth -= 1
+        found: list[notes.Note] = []
+        if _loan.depth <= 0:
+            found = _loan.unsaid + notes.taken()
+            _loan.unsaid = []
+        if _loan.blocks == 0:
+            _remove(_loan.functions)
+    return found
+
+
+def _say(found: list[notes.Note]) -> None:
+    refused = [one for one in found if one.kind == notes.REFUSED]
+    for one in found:
+        if one not in refused:
+            warnings.warn(sentence(one), RuntimeWarning, stacklevel=4)
+    if refused:
+        raise CallbackError(sentence(refused[0]))
+
+
+def check_model(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Return the names of the bodies of helisim's vehicles in a model, each with all it needs.
+
+    What `installed` would say at the end of a block, said at once and without a step.
+
+    Raises:
+        CallbackError: a vehicle lacks something, or there is none; the message names the element
+            and what to do.
+    """
+    data = mujoco.MjData(model)
+    with installed(), _loan.lock:
+        _loan.unsaid += notes.taken()
+        notes.forget_models()
+        for _ in range(2):  # at the first it may still be compiling
+            mujoco.mj_forward(model, data)
+        found = notes.taken()
+    for one in found:
+        if one.kind == notes.REFUSED:
+            raise CallbackError(sentence(one))
+    bodies = tuple(_bodies(model))
+    if not bodies:
+        name = model.names.split(b"\0")[0].decode()
+        raise CallbackError(
+            f"model {name!r} has no helicopter of helisim: no actuator has its user numbers. Write "
+            "them into a vehicle's MJCF with `helisim vehicle build FOLDER`"
+        )
+    return bodies
+
+
+def _bodies(model: mujoco.MjModel) -> Iterator[str]:
+    if model.nuser_actuator < len(PARAM):
+        return
+    for actuator, user in enumerate(model.actuator_user):
+        if user[PARAM.magic] == MAGIC and user[PARAM.ordinal] == ROTOR:
+            yield model.body(model.jnt_bodyid[model.actuator_trnid[actuator, 0]]).name
 
 
 def _install(functions: dict[str, Any]) -> None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from helisim.errors import ModelError
 from helisim.physics.gyro import filter_mean, filter_share, filter_through, held_lag
 from helisim.physics.layout import (
+    LAYOUT,
     MAGIC,
     NEVER,
     PARAM,
@@ -162,6 +163,7 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block = np.zeros(len(PARAM))
     block[PARAM.magic] = MAGIC
     block[PARAM.ordinal] = ROTOR
+    block[PARAM.layout] = LAYOUT
     for slot, name in _DIRECT.items():
         block[getattr(PARAM, slot)] = parameters[name]
     block[PARAM.main_solidity] = _solidity(parameters, "main_rotor")
