@@ -28,7 +28,7 @@ DIRECT = ("tau_f", "A_b", "B_a", "A_lat", "A_lon", "B_lat", "B_lon")
 SOLVED = ("Z_w", "Z_col", "N_r", "N_ped", "L_b", "M_a")
 """Derivatives that the physical parameters are solved for; hover at centred controls too."""
 
-_UNKNOWNS = {
+UNKNOWNS = {
     "main_rotor.lift_slope": ("1/rad", "Z_w"),
     "main_rotor.pitch_trim": ("rad", "hover with the collective centred"),
     "main_rotor.pitch_range": ("rad", "Z_col"),
@@ -81,14 +81,14 @@ def calibrate(
         for key in DIRECT
     }
     guess = first_guess(given, targets, *mass_and_gravity(vehicle))
-    starts = np.array([guess[key] for key in _UNKNOWNS])
+    starts = np.array([guess[key] for key in UNKNOWNS])
 
     entries = {key: given.entry(key) for key in given}
 
     def join(scale: NDArray[np.float64]) -> Parameters:
         solved = {
             key: PhysicalParameter(key, float(value), unit, f"solved: {condition}, {source}")
-            for (key, (unit, condition)), value in zip(_UNKNOWNS.items(), scale * starts)
+            for (key, (unit, condition)), value in zip(UNKNOWNS.items(), scale * starts)
         }
         return untuned(Parameters({**entries, **direct, **solved}))
 
@@ -106,7 +106,7 @@ def calibrate(
             f"the targets may be out of reach: {dict(targets)}"
         )
     complete = join(solution.x)
-    return Parameters({key: complete.entry(key) for key in (*direct, *_UNKNOWNS)})
+    return Parameters({key: complete.entry(key) for key in (*direct, *UNKNOWNS)})
 
 
 def _unit(derivative: str) -> str:

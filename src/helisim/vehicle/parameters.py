@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -193,8 +193,19 @@ def unit_fault_of(entry: PhysicalParameter) -> str:
     return f"{entry.name} {fault}" if fault else ""
 
 
-def to_toml(parameters: Parameters, header: str) -> str:
-    """Return parameters as the text of a parameter file, sections in order of appearance."""
+def to_toml(
+    parameters: Parameters,
+    header: str,
+    *,
+    comment: Callable[[str], Iterable[str]] = lambda _: (),
+) -> str:
+    """Return parameters as the text of a parameter file, sections in order of appearance.
+
+    Args:
+        parameters: to be written.
+        header: lines of the comment at the head.
+        comment: returns the lines of the comment above a parameter, by its name.
+    """
     lines = [f"# {line}".rstrip() for line in header.splitlines()]
     for section in dict.fromkeys(name.split(".")[0] for name in parameters):
         lines += ["", f"[{section}]"]
@@ -203,6 +214,7 @@ def to_toml(parameters: Parameters, header: str) -> str:
             if prefix != section:
                 continue
             entry = parameters.entry(name)
+            lines += [f"# {line}" for line in comment(name)]
             lines.append(
                 f"{key} = {{ value = {entry.value!r}, unit = {json.dumps(entry.unit)}, "
                 f"source = {json.dumps(entry.source)} }}"

@@ -24,6 +24,20 @@ _REACH = 0.01
 """By how much the sensitivity's peak may be missed: less than 0.1 dB of gain margin."""
 
 
+_YAW_STARTS = {"gyro.k_p": 0.1, "gyro.k_i": 0.3}
+_CYCLIC_STARTS = {
+    "gyro.kp_lat": 0.05,
+    "gyro.kp_lon": 0.05,
+    "gyro.ki_lat": 1.0,
+    "gyro.ki_lon": 1.0,
+    "gyro.kd_lat": 0.001,
+    "gyro.kd_lon": 0.001,
+    "gyro.phase": 0.3,
+}
+STARTS = {**_YAW_STARTS, **_CYCLIC_STARTS}
+"""Setting that is solved for -> where the search starts, SI."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Search:
     """What is searched for, on which axes.
@@ -63,7 +77,7 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
         gains=(own["gyro.k_delta"] / own["gyro.k_a"],),
         loops=("ped",),
         bandwidth=own["tuning.yaw_bandwidth"],
-        starts={"gyro.k_p": 0.1, "gyro.k_i": 0.3},
+        starts=_YAW_STARTS,
     )
     cyclic = Search(
         sticks=("LAT", "LON"),
@@ -71,18 +85,10 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
         gains=(own["gyro.p_per_lat"], own["gyro.q_per_lon"]),
         loops=("lat", "lon"),
         bandwidth=own["tuning.cyclic_bandwidth"],
-        starts={
-            "gyro.kp_lat": 0.05,
-            "gyro.kp_lon": 0.05,
-            "gyro.ki_lat": 1.0,
-            "gyro.ki_lon": 1.0,
-            "gyro.kd_lat": 0.001,
-            "gyro.kd_lon": 0.001,
-            "gyro.phase": 0.3,
-        },
+        starts=_CYCLIC_STARTS,
     )
     peak = own["tuning.peak_sensitivity"]
-    settings = {**yaw.starts, **cyclic.starts}
+    settings = dict(STARTS)
     for search in (yaw, cyclic):  # whatever the vehicle was tuned to before
         settings |= _solve(vehicle.with_settings(settings), search, peak)
     source = "solved by helisim tune: rate command, peak sensitivity"

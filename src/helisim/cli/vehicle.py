@@ -1,0 +1,73 @@
+"""`helisim vehicle`: make a vehicle of your own, say what is wrong with it, list the shipped."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from helisim.cli.common import add_quiet, print_written
+
+_EPILOG = """\
+examples:
+  helisim vehicle list
+  helisim vehicle new myheli --like jr700      the folder myheli/, which flies
+  helisim fly myheli --axis lat --out lat.parquet
+
+A vehicle is a folder: every command takes its path. parameters.toml in it
+says of each line what it is, in which unit, and where to get it.
+"""
+
+
+def add(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = commands.add_parser(
+        "vehicle",
+        help="make a vehicle of your own, check it, list the shipped ones",
+        description="Make a vehicle of your own from a shipped one, say what is wrong with it, "
+        "list what is shipped.",
+        epilog=_EPILOG,
+    )
+    parts = command.add_subparsers(
+        dest="part", required=True, metavar="PART", parser_class=type(command)
+    )
+    _add_new(parts)
+    parts.add_parser("list", help="list the shipped vehicles").set_defaults(run=_list)
+
+
+def _add_new(parts: Any) -> None:
+    new = parts.add_parser(
+        "new",
+        help="make a folder that flies at once, commented line by line",
+        description="Make a vehicle's folder from another's. It flies at once; change it line by "
+        "line. Nothing that is there is overwritten.",
+        epilog="example: helisim vehicle new myheli --like blade360",
+    )
+    new.add_argument("name", metavar="NAME", help="of the vehicle and its folder")
+    new.add_argument(
+        "--like",
+        default="jr700",
+        metavar="VEHICLE",
+        help="that it is made from, name or path (default: jr700)",
+    )
+    new.add_argument(
+        "--to", type=Path, metavar="DIR", help="in which its folder is made (default: here)"
+    )
+    add_quiet(new)
+    new.set_defaults(run=_new)
+
+
+def _new(options: argparse.Namespace) -> int:
+    from helisim.study.new_vehicle import new_vehicle
+
+    folder = new_vehicle(options.name, like=options.like, to=options.to)
+    shown = folder.name if options.to is None else options.to / folder.name
+    print_written(options, f"{shown}; next: see {shown}/README.md, or helisim linearize {shown}")
+    return 0
+
+
+def _list(options: argparse.Namespace) -> int:
+    from helisim.vehicle.folder import model_folder, vehicle_names
+
+    for name in vehicle_names():
+        title = (model_folder(name) / "README.md").read_text(encoding="utf-8").splitlines()[0]
+        print(f"{name:<10} {title.lstrip('# ')}")
+    return 0
