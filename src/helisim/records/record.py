@@ -14,6 +14,9 @@ from helisim.records.provenance import plain
 from helisim.records.value import FrozenMap, Value
 
 if TYPE_CHECKING:
+    import pandas
+    import xarray
+
     from helisim.records.display import Axes, Figure
 
 UNIFORM = 1e-6
@@ -119,6 +122,56 @@ class FlightRecord(Value, Displayed):
         """Return the samples with start <= time <= stop, in s."""
         keep = (self.time >= start) & (self.time <= stop)
         return FlightRecord(self.time[keep], self.values[keep], self.channels, self.provenance)
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return a DataFrame: the index is `time` in s, a column each channel.
+
+        Its `attrs` hold `units`, `kinds` and `meanings` by channel, and the `provenance`.
+
+        Raises:
+            InputError: pandas isn't installed.
+        """
+        from helisim.records import frames
+
+        return frames.to_pandas(self)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return a Dataset: a variable each channel over `time`, with `units` and `long_name`.
+
+        Its `attrs` hold the `provenance` as JSON, so that it can be written as netCDF.
+
+        Raises:
+            InputError: xarray isn't installed.
+        """
+        from helisim.records import frames
+
+        return frames.to_xarray(self)
+
+    @classmethod
+    def from_pandas(
+        cls,
+        frame: "pandas.DataFrame",
+        *,
+        units: Mapping[str, str] | None = None,
+        provenance: Mapping[str, Any] | None = None,
+    ) -> "FlightRecord":
+        """Return the record that a DataFrame holds, such as that of `to_pandas`.
+
+        Args:
+            frame: times in s as its index or as column `time`; a column each channel.
+            units: of columns, such as {"p": "deg/s"}: converted to SI. By default as `to_pandas`
+                says in `attrs`, or SI where the name is a standard channel's.
+            provenance: who flew what; by default that in `attrs`.
+
+        Raises:
+            UnknownNameError: no such column or unit.
+            InputError: the unit of a column isn't known, or not of the channel's kind.
+            RecordError: what isn't finite or no number, or times that don't increase; to repair
+                it, write it to a file for `helisim.read_log`.
+        """
+        from helisim.records import frames
+
+        return frames.from_pandas(frame, units=units, provenance=provenance)
 
     def plot(
         self,
