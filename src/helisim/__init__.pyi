@@ -12,6 +12,8 @@ from helisim.ident import structures as structures
 from helisim.ident import verify as verify
 from helisim.physics.native import check_model as check_model
 from helisim.physics.native import installed as installed
+from helisim.records.examples import examples as examples
+from helisim.records.examples import open_example as open_example
 from helisim.records.logs import read_log as read_log
 from helisim.records.logs import screen as screen
 from helisim.records.record import FlightRecord as FlightRecord

@@ -1,0 +1,134 @@
+"""Fly and write the logs that come with helisim: python scripts/examples/make_examples.py [FOLDER].
+
+Four sweeps of the JR700, one an axis, from which its models can be identified; two doublets that
+no fit has seen; and a second lateral sweep as another logger writes it. Recorded at 50 Hz with the
+resolution of a small flight computer, which is what keeps the files small. The same versions of
+all that provenance names give the same bytes.
+"""
+
+import csv
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import helisim as hs
+from helisim.records.channels import (
+    ACCELERATIONS,
+    ATTITUDES,
+    AXES,
+    IN1,
+    IN2,
+    POSITIONS,
+    RATES,
+    SERVOS,
+    VELOCITIES,
+)
+from helisim.records.examples import FOLDER
+from helisim.records.files import atomic_write
+
+RATE = 50.0
+"""Hz: seven samples to the period of 42 rad/s, the highest frequency of the roll-pitch fit."""
+ANTIALIAS = 20.0
+DURATION = 45.0
+SEED = 11
+LOGGER_SEED = 13
+RESOLUTION = {
+    **dict.fromkeys((*SERVOS, *IN2), 0.001),
+    **dict.fromkeys(RATES, 0.002),
+    **dict.fromkeys(ATTITUDES, 0.001),
+    **dict.fromkeys(VELOCITIES, 0.01),
+    **dict.fromkeys(ACCELERATIONS, 0.05),
+    **dict.fromkeys(POSITIONS, 0.01),
+}
+"""In the channels' units: below the recorder's noise, a fraction of it."""
+KEPT = (*IN1, *IN2, *RATES, *ATTITUDES, *VELOCITIES)
+
+MAP = """\
+# What the columns of logger.csv are.
+[time]
+column = "time_ms"
+unit = "ms"
+
+[channels.LAT]
+column = "aileron_stick_pct"
+unit = "percent"
+
+[channels.LON]
+column = "elevator_stick_pct"
+unit = "percent"
+sign = -1
+
+[channels.lat]
+column = "swash_roll_pct"
+unit = "percent"
+
+[channels.lon]
+column = "swash_pitch_pct"
+unit = "percent"
+sign = -1
+
+[channels.p]
+column = "gyro_x_dps"
+unit = "deg/s"
+
+[channels.q]
+column = "gyro_y_dps"
+unit = "deg/s"
+"""
+COLUMNS = {
+    "aileron_stick_pct": ("LAT", 100.0, 1),
+    "elevator_stick_pct": ("LON", -100.0, 1),
+    "swash_roll_pct": ("lat", 100.0, 2),
+    "swash_pitch_pct": ("lon", -100.0, 2),
+    "gyro_x_dps": ("p", 180.0 / np.pi, 1),
+    "gyro_y_dps": ("q", 180.0 / np.pi, 1),
+}
+"""Column -> its channel, its unit in SI units, and its decimals."""
+
+
+def flown(vehicle: hs.Vehicle, excitation: hs.Excitation, seed: int) -> hs.FlightRecord:
+    """Return one flight with the channels that are kept."""
+    recorder = replace(
+        hs.Recorder.of(vehicle), rate_hz=RATE, antialias_hz=ANTIALIAS, resolution=RESOLUTION
+    )
+    plan = hs.FlightPlan(excitation=excitation, recorder=recorder)
+    (record,) = hs.fly(vehicle, plan, seed=seed)
+    channels = [record.channels[record.names.index(name)] for name in KEPT]
+    return hs.FlightRecord(record.time, record.select(KEPT), tuple(channels), record.provenance)
+
+
+def write_logger(record: hs.FlightRecord, path: Path) -> None:
+    """Write a record as another program would: its own names, units, signs and decimals."""
+    with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["time_ms", *COLUMNS])
+        for k, time in enumerate(record.time):
+            cells = (
+                f"{factor * record[name][k]:.{digits}f}"
+                for name, factor, digits in COLUMNS.values()
+            )
+            rows.writerow([f"{1e3 * time:.0f}", *cells])
+
+
+def main(folder: Path) -> None:
+    """Fly all and write the files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    vehicle = hs.load("jr700")
+    for axis in AXES:
+        sweep = hs.Sweep(axis=axis, duration=DURATION)
+        hs.write_record(flown(vehicle, sweep, SEED), folder / f"sweep_{axis}.parquet")
+    for axis in ("lat", "ped"):
+        doublet = flown(vehicle, hs.Doublet(axis=axis), SEED)
+        hs.write_record(doublet, folder / f"doublet_{axis}.parquet")
+    foreign = flown(vehicle, hs.Sweep(axis="lat", duration=DURATION), LOGGER_SEED)
+    write_logger(foreign, folder / "logger.csv")
+    with atomic_write(folder / "logger.toml") as path:
+        path.write_text(MAP, encoding="utf-8")
+    size = sum(path.stat().st_size for path in folder.iterdir())
+    print(f"Written: {folder}, {size / 1000.0:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER)
