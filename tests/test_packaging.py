@@ -81,6 +81,17 @@ def test_the_installed_package_finds_its_models(installed, tmp_path):
     assert ROOT not in folder.parents
 
 
+def test_the_installed_examples_are_opened(installed, tmp_path):
+    """The recorded logs are in the wheel, those of another logger with their map."""
+    code = (
+        "import helisim as hs\n"
+        "print(*(len(hs.open_example(name)) for name in hs.examples()))\n"
+        "assert __import__('pathlib').Path(hs.__file__).parent in "
+        "hs.examples()['logger'].map.parents\n"
+    )
+    assert min(map(int, run([installed / "python", "-c", code], tmp_path).split())) > 100
+
+
 def test_the_installed_command_linearizes(installed, tmp_path):
     """`helisim linearize --json` prints the truth as JSON, from the installed wheel alone."""
     truth = json.loads(run([installed / "helisim", "linearize", "--json"], tmp_path))

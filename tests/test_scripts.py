@@ -22,9 +22,10 @@ def run(monkeypatch, tmp_path, capsys):
     return script
 
 
-def test_five_scripts_are_for_users():
+def test_a_few_scripts_are_for_users():
     """Proofs and benchmarks have folders of their own."""
     assert sorted(path.name for path in SCRIPTS.glob("*.py")) == [
+        "first_look.py",
         "fly_and_identify.py",
         "identify_log.py",
         "own_structure.py",
@@ -55,6 +56,15 @@ def test_flights_are_identified_and_verified(run):
     assert "rollpitch: " in printed
     assert "truth: L_b 539.5, M_a 315.1" in printed
     assert "TIC" in printed
+
+
+def test_a_first_look_needs_no_flight(run, tmp_path):
+    """A model from recorded logs, its prediction, and four figures."""
+    printed = run("first_look.py", tmp_path)
+    assert "average J" in printed
+    assert "acceptable" in printed
+    written = sorted(path.name for path in tmp_path.glob("*.png"))
+    assert written == ["fit.png", "flight.png", "response.png", "verification.png"]
 
 
 def test_a_log_is_identified(run, jr700, tmp_path):

@@ -19,8 +19,8 @@ _MEANINGS = {
     "sweep_lat": "lateral sweep",
     "sweep_ped": "pedal sweep: yaw",
     "doublet_lat": "lateral doublet, to verify roll and pitch",
-    "doublet_ped": "pedal doublet, to verify yaw",
-    "logger": "a lateral sweep as another logger writes it: CSV in ms, percent and deg/s",
+    "doublet_ped": "pedal doublet, to verify yaw from 1.5 to 4 s",
+    "logger": "lateral sweep by another logger: CSV in ms, percent and deg/s",
 }
 
 

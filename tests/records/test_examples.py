@@ -1,0 +1,178 @@
+"""The recorded logs that come with helisim."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import helisim as hs
+from helisim import cli
+from helisim.errors import UnknownNameError
+from helisim.records.examples import FOLDER
+from script import loaded
+
+maker = loaded("examples/make_examples")
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return {name: hs.open_example(name) for name in hs.examples()}
+
+
+def test_each_is_a_short_record_with_its_origin(logs):
+    """What was flown, on what, and how: enough to fly it again."""
+    assert len(logs) == 7
+    for name, record in logs.items():
+        assert 8.0 <= record.duration <= 45.0
+        np.testing.assert_allclose(record.sample_time, 1.0 / maker.RATE)
+        if name != "logger":
+            kind, axis = name.split("_")
+            flown = record.provenance["excitation"]
+            assert (flown["kind"].lower(), flown["axis"]) == (kind, axis)
+            assert record.provenance["vehicle"] == "jr700"
+
+
+def test_all_of_them_are_small():
+    """They come with every installation."""
+    assert sum(path.stat().st_size for path in FOLDER.iterdir()) < 500_000
+    named = {path for one in hs.examples().values() for path in (one.path, one.map) if path}
+    assert named == set(FOLDER.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("structure", "sweeps", "unseen", "options"),
+    [
+        (
+            "rollpitch",
+            ("sweep_lat", "sweep_lon"),
+            ("doublet_lat", 0.0, 8.0),
+            {"conditioning": ("col", "ped"), "band": (3.0, 42.0)},
+        ),
+        (
+            "yaw_base",
+            ("sweep_ped",),
+            # without sideslip the yaw model holds from 0.8 rad/s up, for seconds
+            ("doublet_ped", 1.5, 4.0),
+            {
+                "conditioning": ("v", "col"),
+                "reference": ("PED", "LAT", "COL"),
+                "band": (0.8, 25.0),
+            },
+        ),
+        ("heave", ("sweep_col",), None, {"reference": ("COL",), "band": (0.8, 12.0)}),
+    ],
+)
+def test_models_are_identified_from_them(structure, sweeps, unseen, options, logs, jr700):
+    """Within their bounds of the truth, and they predict what they have not seen."""
+    model = getattr(hs.structures, structure)
+    frf = hs.frequency_response(
+        [logs[name] for name in sweeps], inputs=model.inputs, outputs=model.outputs, **options
+    )
+    fit = hs.identify(frf, model)
+    assert fit.converged
+    assert fit.excellent
+    found = 0
+    for name, one in fit.parameters.items():
+        if name in jr700.derivatives:
+            truth = jr700.derivatives[name]
+            assert abs(one.value - truth) <= one.cramer_rao, (name, one.value, truth)
+            found += 1
+    assert found >= 2
+    if unseen is not None:
+        doublet, start, stop = unseen
+        assert hs.verify(fit, logs[doublet].slice(start, stop)).acceptable
+
+
+def test_the_foreign_log_is_the_same_helicopter(logs):
+    """Its names, units and signs are another logger's, its response is that of the sweep."""
+    assert logs["logger"].names == ("LAT", "LON", "lat", "lon", "p", "q")
+    responses = [
+        hs.frequency_response(logs[name], inputs="lat", outputs="p", band=(4.0, 20.0))
+        for name in ("logger", "sweep_lat")
+    ]
+    apart = np.abs(responses[0].response / responses[1].response - 1.0)
+    error = np.hypot(*(one.random_error for one in responses))
+    assert np.max(apart / error) < 5.0  # of some forty points, none beyond five deviations
+    assert np.median(apart) < 0.02
+
+
+def test_the_script_makes_them(logs, jr700, tmp_path):
+    """One is flown again: the same to a step of the recorder, on any machine."""
+    again = maker.flown(jr700, hs.Doublet(axis="lat"), maker.SEED)
+    shipped = logs["doublet_lat"]
+    assert again.names == shipped.names
+    for name in again.names:
+        # IN1 is computed from three servos, each rounded to its step: three half steps apart
+        step = maker.RESOLUTION.get(name, 1.5 * maker.RESOLUTION["servo_front"])
+        assert np.max(np.abs(again[name] - shipped[name])) <= 1.001 * step, name
+    written = [tmp_path / f"{k}.csv" for k in range(2)]
+    for path in written:
+        maker.write_logger(again, path)
+    assert written[0].read_bytes() == written[1].read_bytes()
+    assert (FOLDER / "logger.toml").read_text(encoding="utf-8") == maker.MAP
+
+
+@pytest.mark.slow
+def test_the_script_writes_all_of_them(tmp_path, capsys):
+    """Every file; the same bytes where the versions are the same."""
+    maker.main(tmp_path)
+    assert "Written: " in capsys.readouterr().out
+    names = sorted(path.name for path in FOLDER.iterdir())
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    for name, example in hs.examples().items():
+        shipped = example.open()
+        made = type(example)(name, "", tmp_path / example.path.name, example.map).open()
+        if made.provenance == shipped.provenance:
+            assert (tmp_path / example.path.name).read_bytes() == example.path.read_bytes()
+
+
+def test_an_unknown_name_lists_those_that_there_are():
+    """In one line."""
+    with pytest.raises(UnknownNameError, match=r"unknown example 'sweep'; available: sweep_col"):
+        hs.open_example("sweep")
+
+
+def test_they_are_copied_for_other_commands(tmp_path, capsys):
+    """Twice does no harm; a file of the user's own is left as it is, and nothing is written."""
+    folder = tmp_path / "new" / "logs"
+    assert cli.main(["examples", "--to", str(folder)]) == 0
+    assert "Written: 8 files in" in capsys.readouterr().out
+    assert {path.name for path in folder.iterdir()} == {path.name for path in FOLDER.iterdir()}
+    assert cli.main(["examples", "--to", str(folder), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+    mine = folder / "logger.csv"
+    mine.write_text("mine")
+    (folder / "sweep_lat.parquet").unlink()
+    assert cli.main(["examples", "--to", str(folder)]) == 2
+    assert "logger.csv: exists and is another file" in capsys.readouterr().err
+    assert mine.read_text() == "mine"
+    assert not (folder / "sweep_lat.parquet").exists()
+
+
+def test_they_are_listed(capsys):
+    """A line each."""
+    assert cli.main(["examples"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(hs.examples())
+    assert max(map(len, lines)) <= 80
+
+
+def test_an_example_is_identified_on_the_command_line(tmp_path, capsys):
+    """The foreign log, by its map."""
+    cli.main(["examples", "--to", str(tmp_path)])
+    words = ["identify", str(tmp_path / "logger.csv"), "--map", str(tmp_path / "logger.toml")]
+    words += ["--structure", "tf:0/2", "--inputs", "lat", "--outputs", "p", "--band", "3", "25"]
+    assert cli.main([*words, "--quiet"]) == 0
+    assert "p = 'gyro_x_dps' [deg/s] in rad/s" in capsys.readouterr().out
+
+
+def test_opening_one_needs_no_simulator():
+    """A first look is quick."""
+    code = (
+        "import sys, helisim as hs\n"
+        "hs.examples(); hs.open_example('sweep_lat'); hs.open_example('logger')\n"
+        "print(*sorted({'mujoco', 'numba', 'matplotlib', 'scipy'} & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
