@@ -9,7 +9,7 @@ import pytest
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.records.channels import IN1, SERVOS
-from helisim.sim.excitation import Doublet
+from helisim.sim import Doublet
 from helisim.sim.fly import fly
 from helisim.sim.plan import FlightPlan
 from helisim.sim.recorder import Recorder

@@ -7,7 +7,7 @@ import pytest
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import DOUBLET, PARAM, SWEEP
-from helisim.sim.excitation import Doublet, Sweep
+from helisim.sim import Doublet, Sweep
 from helisim.sim.pilot import Pilot
 
 NAN = math.nan

@@ -11,8 +11,8 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.records.channels import RATES, SERVOS
+from helisim.sim import Doublet, Sweep
 from helisim.sim.envelope import FlightEnvelope
-from helisim.sim.excitation import Doublet, Sweep
 from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak, write_faults
 from helisim.sim.fly import fly
 from helisim.sim.pilot import Pilot

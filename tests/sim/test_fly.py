@@ -7,7 +7,7 @@ import pytest
 from helisim.errors import DivergedError, InputError
 from helisim.physics import pilot as pilot_laws
 from helisim.records.channels import CHANNELS, IN1, IN2, OUT, SERVOS
-from helisim.sim.excitation import Doublet, Sweep
+from helisim.sim import Doublet, Sweep
 from helisim.sim.fly import fly, fly_each
 from helisim.sim.pilot import Pilot
 from helisim.sim.plan import FlightPlan

@@ -10,7 +10,7 @@ import pytest
 
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.sim.excitation import Sweep
+from helisim.sim import Sweep
 from helisim.sim.pilot import Pilot
 from helisim.sim.plan import FlightPlan
 from helisim.sim.simulation import simulate

@@ -10,7 +10,7 @@ import pytest
 from helisim.cli import main
 from helisim.errors import InputError
 from helisim.output.viewer import prepare_live
-from helisim.physics.layout import PARAM, STICK_HISTORY
+from helisim.physics.layout import HISTORY, PARAM
 from helisim.physics.native import installed
 from helisim.records.storage import read_record, write_record
 from helisim.sim import (
@@ -25,7 +25,9 @@ from helisim.sim import (
     simulate,
     write_plan,
 )
-from helisim.sim.excitation import EXCITATIONS, ThreeTwoOneOne, step_times, stick_history
+from helisim.sim.excitation import EXCITATIONS
+from helisim.sim.injection import _injection, step_times
+from helisim.sim.manoeuvres import ThreeTwoOneOne
 from helisim.sim.simulation import prepare
 from helisim.vehicle import load
 from helisim.vehicle.folder import model_folder
@@ -74,12 +76,12 @@ def given(monkeypatch):
     """Return a function that makes an excitation whose `sticks` is a function of time."""
 
     def make(what):
-        stick_history.cache_clear()
+        _injection.cache_clear()
         monkeypatch.setattr(Given, "what", staticmethod(what))
         return Given()
 
     yield make
-    stick_history.cache_clear()
+    _injection.cache_clear()
 
 
 @pytest.mark.parametrize("axis", ["col", "lon", "lat", "ped"])
@@ -203,7 +205,7 @@ def classes_that_cannot_fly():
         table: object = field(default_factory=lambda: np.zeros(3))
 
     return [
-        (lambda: NoSticks(axis="lat", duration=3.0), "NoSticks doesn't say how the sticks move"),
+        (lambda: NoSticks(axis="lat", duration=3.0), "NoSticks doesn't say how it moves"),
         (NoDuration, "NoDuration has no duration"),
         (NoMethod, "needs an excitation such as Sweep"),
         (WithArray, "settings of WithArray must be finite numbers, texts, or tuples"),
@@ -226,9 +228,9 @@ def test_a_class_that_cannot_fly_is_one_clear_error(jr700, make, message):
 
 def test_a_name_that_is_taken_is_refused():
     """A record of a `Sweep` must mean helisim's; one's own may be defined anew, as notebooks do."""
-    with pytest.raises(InputError, match=r"'Sweep' in helisim\.sim\.excitation already"):
+    with pytest.raises(InputError, match=r"'Sweep' in helisim\.sim\.manoeuvres\.sweep already"):
         type("Sweep", (Excitation,), {"__module__": "__main__"})
-    assert EXCITATIONS["Sweep"].__module__ == "helisim.sim.excitation"
+    assert EXCITATIONS["Sweep"].__module__ == "helisim.sim.manoeuvres.sweep"
     first = type("Mine", (Excitation,), {"__module__": "__main__"})
     second = type("Mine", (Excitation,), {"__module__": "__main__"})
     assert first is not second
@@ -274,7 +276,7 @@ def test_the_viewer_flies_it_too(jr700):
             while flight.data.time < 4.5:
                 flight.step()
     assert np.array_equal(live[0].data.qpos, live[1].data.qpos)
-    assert live[0].sticks is None
+    assert live[0].added is None
     assert not np.any(live[1].data.userdata[:4])
 
 
@@ -284,7 +286,7 @@ def test_a_model_without_userdata_is_left_alone(jr700):
     bare = mujoco.MjModel.from_xml_path(path)
     assert bare.nuserdata == 0
     ends = []
-    for kind in (0.0, STICK_HISTORY):
+    for kind in (0.0, HISTORY):
         prepared = prepare(jr700, PythonDoublet(), seed=1, number=0).actuator_user
         bare.actuator_user[:, : len(PARAM)] = prepared[:, : len(PARAM)]
         bare.actuator_user[addresses(bare).rotor, PARAM.excitation] = kind

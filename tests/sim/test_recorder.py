@@ -21,7 +21,7 @@ from helisim.records.channels import (
     SERVOS,
     VELOCITIES,
 )
-from helisim.sim.excitation import Sweep
+from helisim.sim import Sweep
 from helisim.sim.fly import fly
 from helisim.sim.plan import FlightPlan
 from helisim.sim.recorder import Recorder
@@ -64,6 +64,7 @@ def artificial(**changes):
         positions=wave(3),
         imu_offset=np.zeros(3),
         swashplate=H3_120,
+        gyro_rates=wave(3),
     )
     return dataclasses.replace(truth, **changes)
 

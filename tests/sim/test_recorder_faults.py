@@ -6,7 +6,7 @@ import pytest
 from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
-from helisim.sim.excitation import Doublet
+from helisim.sim import Doublet
 from helisim.sim.faults.recorder import (
     ClockDrift,
     RecordGap,

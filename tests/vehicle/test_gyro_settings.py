@@ -8,7 +8,7 @@ import pytest
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.native import installed
-from helisim.sim.excitation import Doublet
+from helisim.sim import Doublet
 from helisim.sim.fly import fly
 from helisim.sim.pilot import Pilot
 from helisim.sim.plan import FlightPlan

@@ -21,7 +21,8 @@ from helisim.physics.frames import flip
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim import Pilot
-from helisim.sim.excitation import Excitation, check_excitation, stick_history
+from helisim.sim.excitation import Excitation, check_excitation
+from helisim.sim.injection import injection
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.roles import Roles
@@ -69,20 +70,21 @@ class LiveFlight:
     Attributes:
         model: with every part to be seen, the pilot and the manoeuvre in place.
         data: in the hover.
-        sticks: (n_step, 4) `stick_history` of the manoeuvre; None if it has none.
+        added: (n_step, n_injection) `injection` of the manoeuvre; None if it has none.
         roles: names of the rotors in the model.
     """
 
     model: mujoco.MjModel
     data: mujoco.MjData
-    sticks: NDArray[np.float64] | None = None
+    added: NDArray[np.float64] | None = None
     roles: Roles = field(default_factory=Roles)
 
     def step(self) -> None:
         """Fly on by a time step."""
-        if self.sticks is not None:
+        if self.added is not None:
             number = round(self.data.time / self.model.opt.timestep)
-            self.data.userdata[:4] = self.sticks[number] if number < len(self.sticks) else 0.0
+            row = self.added[number] if number < len(self.added) else 0.0
+            self.data.userdata[: self.added.shape[1]] = row
         mujoco.mj_step(self.model, self.data)
 
 
@@ -107,17 +109,17 @@ def prepare_live(
     height = _height(model)
     par = model.actuator_user[addresses(model).rotor]
     (pilot or Pilot()).write(par, vehicle, seed=seed, height=height)
-    sticks = None
+    added = None
     if excitation is not None:
         check_excitation(excitation)
         excitation = excitation.on(vehicle.parameters)
         excitation.write(par)
-        sticks = stick_history(excitation, model.opt.timestep)
+        added = injection(excitation, vehicle)
     data = mujoco.MjData(model)
     place(model, data, vehicle.trim, height=height)
     with installed():
         mujoco.mj_forward(model, data)
-    return LiveFlight(model, data, sticks, vehicle.roles)
+    return LiveFlight(model, data, added, vehicle.roles)
 
 
 def _height(model: mujoco.MjModel) -> float:

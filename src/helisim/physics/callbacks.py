@@ -11,6 +11,7 @@ from helisim.physics.air import write_turbulence_rates
 from helisim.physics.body import apply_wrench
 from helisim.physics.examination import examine
 from helisim.physics.flapping import tilt_rates
+from helisim.physics.injection import at_actuators
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
 from helisim.physics.loads import flow, tail_rotor, wrench
@@ -92,6 +93,7 @@ def held_commands(view):
         controls[CONTROL.servo_right],
         controls[CONTROL.servo_tail],
     )
+    commands = at_actuators(view, commands)
     limit = par[PARAM.servo_rate_limit]
     limits = (limit, limit, limit, limit)
     if par[PARAM.faults] != 0.0:

@@ -2,6 +2,7 @@
 
 from helisim.physics import faults, frames
 from helisim.physics.gyro import Seen, cyclic_law, yaw_law
+from helisim.physics.injection import add_to_commands, at_sensors
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, SENSOR, STATE
 from helisim.physics.memory import double, from_element, sensor_numbers
@@ -27,6 +28,7 @@ def command_servos(view):
     controls[CONTROL.servo_right] = right
     state = from_element(view.act, FIRST_LAW_STATE + int(par[PARAM.swash_states]))
     controls[CONTROL.servo_tail] = yaw_law(seen, state, par)
+    add_to_commands(view)
 
 
 @kernel()
@@ -65,6 +67,7 @@ def seen_by_gyro(view):
     """Return what the shipped laws use of what is `Seen`: rates and sticks; the rest is 0."""
     rates, controls = sensor_numbers(view), view.controls
     p, q, r = frames.flip(rates[SENSOR.gyro_x], rates[SENSOR.gyro_y], rates[SENSOR.gyro_z])
+    p, q, r = at_sensors(view, p, q, r)
     if view.par[PARAM.faults] != 0.0:
         p, q, r = faults.rates_left(view, p, q, r)
     ped = delayed_control(view, CONTROL.ped, last_tick(view))

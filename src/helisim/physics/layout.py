@@ -132,6 +132,34 @@ SENSOR = SensorIndex(*range(len(SensorIndex._fields)))
 
 
 @known
+class InjectionIndex(NamedTuple):
+    """Numbers of `mjData.userdata` from its first on: what a manoeuvre adds in a time step."""
+
+    # to the pilot's sticks, unitised
+    stick_col: int
+    stick_lon: int
+    stick_lat: int
+    stick_ped: int
+    # to the gyro's commands, unitised
+    command_front: int
+    command_left: int
+    command_right: int
+    command_tail: int
+    # to what reaches the servos, unitised
+    actuator_front: int
+    actuator_left: int
+    actuator_right: int
+    actuator_tail: int
+    # to the rates that the gyro reads, rad/s
+    rate_p: int
+    rate_q: int
+    rate_r: int
+
+
+INJECTION = InjectionIndex(*range(len(InjectionIndex._fields)))
+
+
+@known
 class StateIndex(NamedTuple):
     """Activations of a vehicle, from the address of its first one.
 
@@ -400,8 +428,8 @@ LAYOUT = float(zlib.crc32(repr((ACTUATORS, SENSORS, STATE._fields, PARAM._fields
 
 SWEEP = 1
 DOUBLET = 2
-STICK_HISTORY = 3
-"""What `PARAM.excitation` says; 0 is no excitation."""
+HISTORY = 3
+"""What `PARAM.excitation` says; 0 is no excitation, and `HISTORY` is what `INJECTION` holds."""
 
 READS_ZERO = 1
 READS_HELD = 2

@@ -10,9 +10,10 @@ import numpy as np
 
 from helisim.physics import frames
 from helisim.physics.body import rotation, velocity
+from helisim.physics.injection import injected, is_injected
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, DOUBLET, PARAM, STICK_HISTORY, SWEEP
-from helisim.physics.memory import double, doubles, doubles_from, long
+from helisim.physics.layout import CONTROL, DOUBLET, INJECTION, PARAM, SWEEP
+from helisim.physics.memory import double, doubles_from
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -168,13 +169,11 @@ def fly(view):
     held = hold(par, matrix, north, east, down, u, v, w)
     seed, interval = par[PARAM.pilot_seed], par[PARAM.remnant_interval]
     excited = excitation(par, time)
-    history = doubles(view.d, view.offsets.userdata)
-    has_history = par[PARAM.excitation] == STICK_HISTORY
-    has_history = has_history and long(view.m, view.offsets.nuserdata) >= 4
+    has_history, history = is_injected(view), injected(view)
     for axis in range(4):
         stick = held[axis] + par[PARAM.excitation_col + axis] * excited
         if has_history:
-            stick += history[axis]
+            stick += history[INJECTION.stick_col + axis]
         level = par[PARAM.remnant_col + axis]
         if level > 0.0:
             stick += level * remnant(time, interval, seed, axis)

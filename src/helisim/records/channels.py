@@ -35,6 +35,15 @@ ROTOR = ("a", "b", "thrust", "torque", "tail_thrust")
 AIR = ("air_u", "air_v", "air_w", "air_p", "air_q", "air_r")
 SERVO_POSITIONS = tuple(f"{servo}_position" for servo in SERVOS)
 """What only a simulation knows; a recorder writes it on request, and no fit may use it."""
+IN1_ADDED = tuple(f"{name}_added" for name in IN1)
+IN1_GYRO = tuple(f"{name}_gyro" for name in IN1)
+"""At the servo commands: what a manoeuvre adds, and the gyro's own. The command is their sum."""
+IN1_DISTURBANCE = tuple(f"{name}_disturbance" for name in IN1)
+IN1_SUM = tuple(f"{name}_sum" for name in IN1)
+"""At the actuators: what a manoeuvre adds to the command, and what reaches the servos."""
+RATE_DISTURBANCE = tuple(f"{name}_disturbance" for name in RATES)
+RATE_SUM = tuple(f"{name}_sum" for name in RATES)
+"""At the gyro's sensors: what a manoeuvre adds to the rate, and what the gyro reads."""
 OUT = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS + POSITIONS
 
 AXES = IN1
@@ -80,6 +89,27 @@ _STANDARD = (
     Channel("air_q", "rad/s", "OTHER", "true pitch rate of the air itself"),
     Channel("air_r", "rad/s", "OTHER", "true yaw rate of the air itself"),
     *(Channel(f"{servo}_position", "1", "OTHER", f"true position of {servo}") for servo in SERVOS),
+    *(Channel(f"{name}_added", "1", "OTHER", f"what a manoeuvre adds to {name}") for name in IN1),
+    *(
+        Channel(f"{name}_gyro", "1", "OTHER", f"{name} as the gyro gives it, before what is added")
+        for name in IN1
+    ),
+    *(
+        Channel(f"{name}_disturbance", "1", "OTHER", f"what is added to {name} at the actuators")
+        for name in IN1
+    ),
+    *(
+        Channel(f"{name}_sum", "1", "OTHER", f"{name} as it reaches the actuators, disturbed")
+        for name in IN1
+    ),
+    *(
+        Channel(f"{name}_disturbance", "rad/s", "OTHER", f"what is added to {name} at the gyro")
+        for name in RATES
+    ),
+    *(
+        Channel(f"{name}_sum", "rad/s", "OTHER", f"{name} as the gyro reads it, disturbed")
+        for name in RATES
+    ),
 )
 
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}

@@ -1,7 +1,7 @@
 """Fly a plan and record it: the simulated experiment, and the benches on the ground (`rigs`)."""
 
 from helisim.sim.envelope import FlightEnvelope
-from helisim.sim.excitation import Doublet, Excitation, Sweep, ThreeTwoOneOne
+from helisim.sim.excitation import Excitation
 from helisim.sim.faults import (
     ClockDrift,
     Fault,
@@ -17,6 +17,19 @@ from helisim.sim.faults import (
 )
 from helisim.sim.fly import Flight, fly, fly_all, fly_each
 from helisim.sim.folder import fly_to
+from helisim.sim.manoeuvres import (
+    Chirp,
+    Doublet,
+    History,
+    Manoeuvre,
+    Multisine,
+    Pulse,
+    Sequence,
+    Step,
+    Sweep,
+    ThreeTwoOneOne,
+    Together,
+)
 from helisim.sim.pilot import Pilot
 from helisim.sim.plan import FlightPlan, read_plan, write_plan
 from helisim.sim.recorder import Recorder
@@ -25,6 +38,7 @@ from helisim.sim.trajectory import End, Trajectory
 from helisim.sim.weather import Gust, Weather
 
 __all__ = [
+    "Chirp",
     "ClockDrift",
     "Doublet",
     "End",
@@ -36,16 +50,23 @@ __all__ = [
     "Gust",
     "GyroDropout",
     "GyroRestart",
+    "History",
+    "Manoeuvre",
+    "Multisine",
     "Pilot",
+    "Pulse",
     "RecordGap",
     "Recorder",
     "SampleLoss",
     "SensorDropout",
     "SensorSpikes",
+    "Sequence",
     "ServoStuck",
     "ServoWeak",
+    "Step",
     "Sweep",
     "ThreeTwoOneOne",
+    "Together",
     "Trajectory",
     "Weather",
     "fly",

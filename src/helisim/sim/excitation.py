@@ -1,48 +1,68 @@
-"""What a pilot flies on purpose: frequency sweeps, multistep inputs, and whatever you write.
+"""What is flown on purpose: the base of every manoeuvre, shipped or your own.
 
-An excitation of your own is a frozen dataclass with a method `sticks`:
+A manoeuvre of your own is a frozen dataclass with a method `wave`:
 
     @dataclass(frozen=True, kw_only=True)
-    class Pulse(Excitation):
+    class Bump(Excitation):
         duration: float = 10.0
         amplitude: float = 0.05
 
-        def sticks(self, time):
-            return self.on_axis(np.where((time >= 2.0) & (time < 3.0), self.amplitude, 0.0))
+        def wave(self, time):
+            return self.amplitude * np.exp(-((time - 3.0) ** 2))
 
-Its fields are its settings: in provenance, plan files and on the command line. `sticks` is asked
-once, for the times of all steps of a flight; no Python runs in the steps.
+or `sticks`, which moves several axes. Its fields are its settings: in provenance, plan files and
+on the command line. It is asked once, for the times of all steps of a flight; no Python runs in
+the steps.
 """
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.physics.layout import DOUBLET, PARAM, STICK_HISTORY, SWEEP
-from helisim.records.channels import AXES, IN2
-from helisim.sim.plain import to_plain
+from helisim.physics.layout import HISTORY, PARAM
+from helisim.records.channels import AXES, RATES
+from helisim.sim.plain import UNSAID, to_plain
 
 Setting = TypeVar("Setting")
 
+PLACES: dict[str, tuple[str, ...]] = {
+    "sticks": AXES,
+    "servos": (*AXES, "front", "left", "right", "tail"),
+    "actuators": (*AXES, "front", "left", "right", "tail"),
+    "sensors": RATES,
+}
+"""Where a manoeuvre can be added, and the axes that there are."""
+
+LIMITS = {"sticks": 0.5, "servos": 0.5, "actuators": 0.5, "sensors": 35.0}
+"""Greatest |value| of what is added: half a travel, unitised; the range of the gyro's rate
+sensors, 2000 deg/s, rad/s."""
+
+_OWN_AXIS = {"p": "lat", "q": "lon", "r": "ped", "tail": "ped"}
+"""Whose own band a vehicle has for what is no axis of a stick."""
+
 EXCITATIONS: dict[str, type["Excitation"]] = {}
-"""Every kind of excitation by its name; a subclass of `Excitation` joins on its definition."""
+"""Every kind of manoeuvre by its name; a subclass of `Excitation` joins on its definition."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Excitation:
-    """What a pilot flies on purpose, on top of holding the hover; subclass it to fly your own.
+    """What is flown on purpose, on top of holding the hover; subclass it to fly your own.
 
     Attributes:
-        axis: "col", "lon", "lat" or "ped": the axis that records and responses are named after.
+        axis: what moves, and what records and responses are named after: of sticks "col", "lon",
+            "lat" or "ped"; of servos and actuators these too, mixed, or one servo, "front",
+            "left", "right" or "tail"; of sensors "p", "q" or "r". Kinds that move several take
+            them joined, as "lat+ped".
         duration: s, of the whole flight.
+        at: where it is added: to the pilot's "sticks"; to the commands that go to the "servos",
+            behind the gyro; to what reaches the "actuators", behind what a recorder sees as
+            command; or to the rates of the "sensors" of the gyro, rad/s.
 
     Raises:
         InputError: on its definition, a class has the name of an excitation from elsewhere.
@@ -50,12 +70,20 @@ class Excitation:
 
     axis: str
     duration: float
+    at: str = field(default="sticks", metadata=UNSAID)
 
     left_open: ClassVar[tuple[str, ...]] = ()
     """Settings that may be None: the vehicle's own `sweep.<axis>_<setting>`."""
+    kinds: ClassVar[Mapping[str, type["Excitation"]]] = EXCITATIONS
+    several: ClassVar[bool] = True
+    """Whether more than one axis can move."""
+    written: ClassVar[bool] = True
+    """Whether its settings are plain data, which a file can hold."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
+        if cls.__name__.startswith("_") or not cls.written:
+            return
         other = EXCITATIONS.get(cls.__name__, cls)
         if other.__module__ != cls.__module__:
             raise InputError(
@@ -64,44 +92,133 @@ class Excitation:
             )
         EXCITATIONS[cls.__name__] = cls
 
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes that `axis` joins, in its order."""
+        return split_axes(self.axis)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where it adds something, of `PLACES`."""
+        return (self.at,)
+
+    @property
+    def highest(self) -> float:
+        """The highest frequency that it means to excite, rad/s; 0 where it doesn't say."""
+        band = getattr(self, "band", None)
+        return float(max(band)) if band else 0.0
+
     def on(self, own: Mapping[str, float]) -> Self:
-        """Return it with what is left open filled in by a vehicle's own parameters."""
+        """Return it with what is left open filled in by a vehicle's own parameters.
+
+        Raises:
+            InputError: it is faster than the vehicle's gyro can tell.
+        """
         open_ones = [name for name in self.left_open if getattr(self, name) is None]
-        return replace(self, **{name: _own(own, self.axis, name) for name in open_ones})
+        complete = replace(self, **{name: self._own(own, name) for name in open_ones})
+        fastest = math.pi / own["gyro.period"]
+        if complete.highest > fastest:
+            raise InputError(
+                f"{type(self).__name__} goes up to {complete.highest:g} rad/s, beyond half the "
+                f"gyro's rate, {fastest:g} rad/s, which no tick can follow"
+            )
+        return complete
 
-    def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what is added to the pilot's sticks, (n_time, 4), unitised: COL, LON, LAT, PED.
-
-        Each value is between -0.5 and 0.5, the whole travel of a stick.
+    def wave(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what is added to the one axis, (n_time,): unitised, of sensors in rad/s.
 
         Args:
             time: (n_time,) s from the start of the flight, one for each step of the simulation.
         """
         raise NotImplementedError
 
-    def on_axis(self, stick: ArrayLike) -> NDArray[np.float64]:
-        """Return sticks, (n_time, 4), of which only that of `axis` moves, as `stick`, (n_time,)."""
-        values = np.asarray(stick, dtype=np.float64)
-        sticks = np.zeros((*values.shape, len(AXES)))
-        sticks[..., AXES.index(self.axis)] = values
-        return sticks
+    def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what is added to each axis of its place, (n_time, n_axis); by default `wave`.
+
+        At the sticks these are COL, LON, LAT, PED, unitised, each between -0.5 and 0.5, the
+        whole travel. Elsewhere they are those of `PLACES`; of servos and actuators the first
+        four are enough.
+
+        Args:
+            time: (n_time,) s from the start of the flight, one for each step of the simulation.
+        """
+        return self.on_axis(self.wave(time))
+
+    def added(self, time: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Return what is added at the times in s, (n_time,), by place: (n_time, n_axis).
+
+        The columns are the axes of `PLACES`.
+        """
+        return {self.at: checked(self, self.sticks(time.copy()), time)}
+
+    def on_axis(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Return columns, (n_time, n_axis), of which only `axis` moves, as values, (n_time,)."""
+        wave = np.asarray(values, dtype=np.float64)
+        columns = np.zeros((*wave.shape, len(PLACES[self.at])))
+        columns[..., [PLACES[self.at].index(one) for one in self.axes]] = wave[..., None]
+        return columns
+
+    def check(self) -> None:
+        """Raise InputError unless axis, place and duration can be."""
+        check_axis(self)
+        check_times(self.duration, 0.0)
 
     def write(self, par: NDArray[np.float64]) -> None:
         """Put it, complete, into a vehicle's parameters (n_param,) for the force laws."""
-        if not has_sticks(self):
+        if is_compiled(self):
             self._write_closed_form(par)
             return
-        par[PARAM.excitation] = STICK_HISTORY
+        par[PARAM.excitation] = HISTORY
         par[PARAM.excitation_col : PARAM.excitation_ped + 1] = 0.0
 
     def _write_closed_form(self, par: NDArray[np.float64]) -> None:
-        """Put a compiled formula in place of `sticks`; a plan refuses a class that has neither."""
+        """Put a compiled formula in place of `wave` or `sticks`, at the sticks."""
         raise NotImplementedError
 
+    def _own(self, own: Mapping[str, float], setting: str) -> Any:
+        """Return what a vehicle's own sweep has for a setting that is left open."""
+        (axis,) = self.axes
+        return own_setting(self, own, axis, setting)
 
-def has_sticks(excitation: Excitation) -> bool:
-    """Return whether an excitation is flown by its own `sticks`, not by a compiled formula."""
-    return type(excitation).sticks is not Excitation.sticks
+
+def split_axes(axis: str) -> tuple[str, ...]:
+    """Return the axes of a text such as "lat+ped"."""
+    return tuple(one.strip() for one in axis.split("+"))
+
+
+def own_setting(
+    excitation: Excitation, own: Mapping[str, float], axis: str, setting: str
+) -> float | tuple[float, float]:
+    """Return what a vehicle's own sweep of an axis has for a setting that is left open.
+
+    Raises:
+        InputError: it has none there.
+    """
+    kind, axis = type(excitation).__name__, _OWN_AXIS.get(axis, axis)
+    if axis not in AXES or (setting == "amplitude" and excitation.at != "sticks"):
+        raise InputError(
+            f"{kind} needs its {setting} at {excitation.at}: a vehicle's own is of its sticks"
+        )
+    if setting == "band":
+        return own[f"sweep.{axis}_w_min"], own[f"sweep.{axis}_w_max"]
+    return own[f"sweep.{axis}_{setting}"]
+
+
+_WAYS = ("wave", "sticks", "added", "_write_closed_form")
+
+
+def _way(excitation: Excitation) -> frozenset[str]:
+    """Return how the most derived class that says it says how it moves."""
+    for cls in type(excitation).__mro__:
+        found = frozenset(name for name in _WAYS if name in vars(cls))
+        if cls is Excitation or found:
+            return frozenset() if cls is Excitation else found
+    return frozenset()
+
+
+def is_compiled(excitation: Excitation) -> bool:
+    """Return whether an excitation is flown by a compiled formula, not by a history."""
+    return excitation.at == "sticks" and "_write_closed_form" in _way(excitation)
 
 
 def check_excitation(excitation: Any) -> None:
@@ -114,13 +231,14 @@ def check_excitation(excitation: Any) -> None:
     for name in ("axis", "duration"):
         if not hasattr(excitation, name):
             raise InputError(f"{kind} has no {name}: an excitation needs an axis and a duration")
-    _check(excitation.axis, excitation.duration, 0.0)
-    closed_form = type(excitation)._write_closed_form is not Excitation._write_closed_form
-    if not (has_sticks(excitation) or closed_form):
+    excitation.check()
+    if not _way(excitation):
         raise InputError(
-            f"{kind} doesn't say how the sticks move: give it a method sticks(self, time) that "
-            "returns (n_time, 4) for the times, (n_time,)"
+            f"{kind} doesn't say how it moves: give it a method wave(self, time) that returns "
+            "(n_time,) for the times, (n_time,), or sticks(self, time) that returns (n_time, 4)"
         )
+    if not excitation.written:
+        return
     try:
         hash(excitation)
         json.dumps(to_plain(excitation), allow_nan=False)
@@ -131,215 +249,71 @@ def check_excitation(excitation: Any) -> None:
         ) from None
 
 
-@lru_cache(maxsize=4)
-def stick_history(excitation: Excitation, timestep: float) -> NDArray[np.float64] | None:
-    """Return what an excitation's `sticks` adds at each step of a flight, (n_step, 4).
+def check_axis(excitation: Excitation) -> None:
+    """Raise InputError unless an excitation's axes are those of a place."""
+    kind, at, axis = type(excitation).__name__, excitation.at, excitation.axis
+    if at not in PLACES:
+        raise UnknownNameError("place for a manoeuvre", at, PLACES)
+    if not isinstance(axis, str):
+        raise InputError(f"the axis of {kind} must be text such as 'lat', got {axis!r}")
+    axes = split_axes(axis)
+    for one in axes:
+        if one not in PLACES[at]:
+            raise UnknownNameError("axis" if at == "sticks" else f"axis at {at}", one, PLACES[at])
+    if len(set(axes)) < len(axes):
+        raise InputError(f"{kind} has an axis twice: {axis}")
+    if len(axes) > 1 and not excitation.several:
+        raise InputError(f"a {kind} moves one axis, got {axis}: fly several together with Together")
+
+
+def check_times(duration: Any, trim_time: Any, *, after: bool = True) -> None:
+    """Raise InputError unless a duration and the trimmed stretch in it can be.
 
     Args:
-        excitation: with nothing left open.
-        timestep: s, of the simulation.
-
-    Returns:
-        Read-only values; None for sweep and doublet, which the force laws compute themselves.
-
-    Raises:
-        InputError: the class returns something else than such values.
+        duration: s.
+        trim_time: s, before the manoeuvre.
+        after: whether as long a stretch has to be trimmed behind it too.
     """
-    if not has_sticks(excitation):
-        return None
-    time = step_times(excitation.duration, timestep)
-    kind, wanted = type(excitation).__name__, (time.size, len(AXES))
-    given = np.asarray(excitation.sticks(time.copy()))
-    if given.shape != wanted or given.dtype.kind not in "fiub":
-        raise InputError(
-            f"{kind}.sticks must return an array of numbers of shape {wanted}, one row a time, "
-            f"columns {', '.join(IN2)}; got shape {given.shape} of {given.dtype}"
-        )
-    sticks = np.array(given, dtype=np.float64, order="C")
-    bad = ~(np.abs(sticks) <= 0.5)
-    if bad.any():
-        row, column = np.argwhere(bad)[0]
-        raise InputError(
-            f"{kind}.sticks must stay between -0.5 and 0.5, the travel of a stick; "
-            f"{IN2[column]} is {sticks[row, column]:g} at {time[row]:g} s"
-        )
-    sticks.setflags(write=False)
-    return sticks
-
-
-def step_times(duration: float, timestep: float) -> NDArray[np.float64]:
-    """Return the times at which the steps of a flight begin, (n_step,) s.
-
-    They are added up as MuJoCo does, so that they equal its own to the last bit.
-    """
-    steps = round(duration / timestep)
-    return np.concatenate([[0.0], np.cumsum(np.full(steps, timestep))])
-
-
-def sticks_digest(excitation: Excitation, timestep: float) -> str | None:
-    """Return a digest of what an excitation's `sticks` adds; None where there is none.
-
-    A record keeps a class's name and settings, not its code: this shows whether the code that
-    is at hand still flies the same. Arguments and errors are those of `stick_history`.
-    """
-    sticks = stick_history(excitation, timestep)
-    if sticks is None:
-        return None
-    return hashlib.blake2b(sticks.astype("<f8").tobytes(), digest_size=16).hexdigest()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sweep(Excitation):
-    """An exponential frequency sweep between two stretches of trimmed flight.
-
-    Attributes:
-        axis: "col", "lon", "lat" or "ped".
-        duration: s, of the whole flight, at least four times `trim_time`.
-        amplitude: unitised stick; the vehicle's own for that axis if None.
-        band: (w_min, w_max) rad/s; the vehicle's own for that axis if None.
-        trim_time: s of trimmed flight before, and again after.
-        leakage: part of the sweep that slips into each of the other sticks.
-        unsteadiness: wobble of the amplitude, and of the phase in rad.
-    """
-
-    axis: str
-    duration: float = 90.0
-    amplitude: float | None = None
-    band: tuple[float, float] | None = None
-    trim_time: float = 3.0
-    leakage: float = 0.04
-    unsteadiness: float = 0.1
-
-    left_open: ClassVar[tuple[str, ...]] = ("amplitude", "band")
-
-    def __post_init__(self) -> None:
-        _check(self.axis, self.duration, self.trim_time)
-        if self.band is not None:
-            object.__setattr__(self, "band", tuple(self.band))
-            w_min, w_max = self.band
-            if not (math.isfinite(w_max) and 0.0 < w_min < w_max):
-                raise InputError(f"sweep band must be 0 < w_min < w_max in rad/s, got {self.band}")
-        _check_amplitude(self.amplitude)
-        if not (0.0 <= self.leakage <= 1.0 and 0.0 <= self.unsteadiness <= 1.0):
-            raise InputError(
-                f"leakage and unsteadiness must be in [0, 1], got {self.leakage}, "
-                f"{self.unsteadiness}"
-            )
-
-    def _write_closed_form(self, par: NDArray[np.float64]) -> None:
-        amplitude, (w_min, w_max) = _complete(self, self.amplitude), _complete(self, self.band)
-        par[PARAM.excitation] = SWEEP
-        par[PARAM.excitation_start] = self.trim_time
-        par[PARAM.excitation_duration] = self.duration - 2.0 * self.trim_time
-        par[PARAM.sweep_w_min], par[PARAM.sweep_w_max] = w_min, w_max
-        par[PARAM.sweep_fade] = 1.0
-        par[PARAM.sweep_unsteadiness] = self.unsteadiness
-        first = PARAM.excitation_col
-        par[first : first + 4] = self.leakage * amplitude
-        par[first + AXES.index(self.axis)] = amplitude
-
-
-@dataclass(frozen=True, kw_only=True)
-class Doublet(Excitation):
-    """A doublet: the stick one way, then the other, then centred.
-
-    Attributes:
-        axis: "col", "lon", "lat" or "ped".
-        duration: s, of the whole flight.
-        amplitude: unitised stick; the vehicle's own for that axis if None.
-        width: s, of both halves together.
-        trim_time: s of trimmed flight before.
-    """
-
-    axis: str
-    duration: float = 8.0
-    amplitude: float | None = None
-    width: float = 1.0
-    trim_time: float = 2.0
-
-    left_open: ClassVar[tuple[str, ...]] = ("amplitude",)
-
-    def __post_init__(self) -> None:
-        _check(self.axis, self.duration, self.trim_time)
-        if not 0.0 < self.width <= self.duration - self.trim_time:
-            raise InputError(
-                f"doublet width must be above 0 and at most {self.duration - self.trim_time:g} s "
-                f"(what the trimmed stretch leaves), got {self.width}"
-            )
-        _check_amplitude(self.amplitude)
-
-    def _write_closed_form(self, par: NDArray[np.float64]) -> None:
-        par[PARAM.excitation] = DOUBLET
-        par[PARAM.excitation_start] = self.trim_time
-        par[PARAM.excitation_duration] = self.width
-        first = PARAM.excitation_col
-        par[first : first + 4] = 0.0
-        par[first + AXES.index(self.axis)] = _complete(self, self.amplitude)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ThreeTwoOneOne(Excitation):
-    """A 3-2-1-1 multistep: the stick there and back in steps of 3, 2, 1 and 1 units of time.
-
-    With as much effort as a doublet it excites a band about three times as wide (Plaetschke and
-    Schulz, AGARD LS-104, 1979; Jategaonkar, Flight Vehicle System Identification, ch. 2).
-
-    Attributes:
-        axis: "col", "lon", "lat" or "ped".
-        duration: s, of the whole flight.
-        amplitude: unitised stick; the vehicle's own for that axis if None.
-        unit: s, of the shortest step; all seven units must fit behind the trimmed stretch.
-        trim_time: s of trimmed flight before.
-    """
-
-    axis: str
-    duration: float = 10.0
-    amplitude: float | None = None
-    unit: float = 0.3
-    trim_time: float = 2.0
-
-    left_open: ClassVar[tuple[str, ...]] = ("amplitude",)
-
-    def __post_init__(self) -> None:
-        _check(self.axis, self.duration, self.trim_time)
-        longest = (self.duration - self.trim_time) / 7.0
-        if not 0.0 < self.unit <= longest:
-            raise InputError(
-                f"unit must be above 0 and at most {longest:g} s (a seventh of what the trimmed "
-                f"stretch leaves), got {self.unit}"
-            )
-        _check_amplitude(self.amplitude)
-
-    def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what is added to the sticks, (n_time, 4), at the times in s, (n_time,)."""
-        edges = self.trim_time + self.unit * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
-        step = np.searchsorted(edges, time, side="right")
-        wave = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])[step]
-        return self.on_axis(wave * _complete(self, self.amplitude))
-
-
-def _check(axis: str, duration: float, trim_time: float) -> None:
-    if axis not in AXES:
-        raise UnknownNameError("axis", axis, AXES)
     numbers = all(isinstance(one, int | float) for one in (duration, trim_time))
     if not (numbers and math.isfinite(duration + trim_time) and trim_time >= 0.0):
         raise InputError(f"times must be finite numbers of seconds, got {duration}, {trim_time}")
-    if duration < max(4.0 * trim_time, 1.0):
+    if after and duration < max(4.0 * trim_time, 1.0):
         raise InputError(
             f"duration must be at least {max(4.0 * trim_time, 1.0):g} s "
             f"(four times the trimmed stretch), got {duration:g}"
         )
+    if not after and not trim_time < duration:
+        raise InputError(
+            f"duration must be longer than the trimmed stretch of {trim_time:g} s, got {duration:g}"
+        )
 
 
-def _own(own: Mapping[str, float], axis: str, setting: str) -> float | tuple[float, float]:
-    """Return what a vehicle's own sweep of an axis has for a setting that is left open."""
-    if setting == "band":
-        return own[f"sweep.{axis}_w_min"], own[f"sweep.{axis}_w_max"]
-    return own[f"sweep.{axis}_{setting}"]
+def check_amplitude(excitation: Excitation, *, signed: bool = False) -> None:
+    """Raise InputError unless an excitation's amplitude, or each of several, can be."""
+    amplitude, most = getattr(excitation, "amplitude", None), LIMITS.get(excitation.at, 0.5)
+    given = amplitude if isinstance(amplitude, tuple) else (amplitude,)
+    if amplitude is None:
+        return
+    for one in given:
+        size = abs(one) if signed and isinstance(one, int | float) else one
+        if not (isinstance(size, int | float) and 0.0 < size <= most):
+            unit = "rad/s" if excitation.at == "sensors" else "of unitised stick"
+            unit = "of unitised servo command" if excitation.at in ("servos", "actuators") else unit
+            raise InputError(f"amplitude must be in (0, {most:g}] {unit}, got {one}")
 
 
-def _complete(excitation: Excitation, setting: Setting | None) -> Setting:
-    """Return a setting that must not be left open any more."""
+def check_band(band: tuple[float, ...] | None, name: str = "band") -> None:
+    """Raise InputError unless a band, or each of several one after the other, can be."""
+    if band is None:
+        return
+    pairs = list(zip(band[::2], band[1::2]))
+    fine = all(math.isfinite(high) and 0.0 < low < high for low, high in pairs)
+    if not (pairs and len(band) % 2 == 0 and fine):
+        raise InputError(f"{name} must be 0 < w_min < w_max in rad/s, got {band}")
+
+
+def complete(excitation: Excitation, setting: Setting | None) -> Setting:
+    """Return a setting that must not be left open any more. Raises InputError."""
     if setting is None:
         raise InputError(
             f"an open {type(excitation).__name__} can't fly; complete it with "
@@ -348,6 +322,32 @@ def _complete(excitation: Excitation, setting: Setting | None) -> Setting:
     return setting
 
 
-def _check_amplitude(amplitude: float | None) -> None:
-    if amplitude is not None and not 0.0 < amplitude <= 0.5:
-        raise InputError(f"amplitude must be in (0, 0.5] of unitised stick, got {amplitude}")
+def checked(excitation: Excitation, given: Any, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what an excitation's `sticks` gave for the times, (n_time,), as (n_time, n_axis).
+
+    Raises:
+        InputError: it has another shape, or a value that is not finite or beyond the range.
+    """
+    kind, at = type(excitation).__name__, excitation.at
+    axes, most = PLACES[at], LIMITS[at]
+    given = np.asarray(given)
+    wanted = (time.size, len(axes))
+    names = [one.upper() for one in axes] if at == "sticks" else axes
+    short = given.shape == (time.size, len(AXES)) and at in ("servos", "actuators")
+    if (given.shape != wanted and not short) or given.dtype.kind not in "fiub":
+        raise InputError(
+            f"{kind}.sticks must return an array of numbers of shape {wanted}, one row a time, "
+            f"columns {', '.join(names)}; got shape {given.shape} of {given.dtype}"
+        )
+    columns = np.zeros(wanted)
+    columns[:, : given.shape[1]] = given
+    bad = ~(np.abs(columns) <= most)
+    if bad.any():
+        row, column = np.argwhere(bad)[0]
+        reason = "the travel of a stick" if at == "sticks" else "the travel of a servo"
+        reason = "rad/s, the range of the gyro's sensors" if at == "sensors" else reason
+        raise InputError(
+            f"{kind}.sticks must stay between {-most:g} and {most:g}, {reason}; "
+            f"{names[column]} is {columns[row, column]:g} at {time[row]:g} s"
+        )
+    return columns

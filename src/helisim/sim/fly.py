@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import terminated_early
-from helisim.sim.excitation import Excitation, sticks_digest
 from helisim.sim.faults import RecorderFault
+from helisim.sim.injection import injection_digest
 from helisim.sim.plain import to_plain
-from helisim.sim.plan import FlightPlan, as_plan
+from helisim.sim.plan import Flyable, as_plan
 from helisim.sim.recorder import Recorder, last_second
 from helisim.sim.simulation import flight_numbers, generator, simulated
 from helisim.sim.trajectory import Trajectory
@@ -37,7 +37,7 @@ class Flight:
 
 def fly(
     vehicle: Vehicle,
-    plan: FlightPlan | Excitation,
+    plan: Flyable,
     *,
     count: int = 1,
     seed: int = 0,
@@ -52,7 +52,8 @@ def fly(
 
     Args:
         vehicle: that flies.
-        plan: of the flights; a bare excitation is a plan with all else default.
+        plan: of the flights; a bare manoeuvre, or a function of time in s that gives what is
+            added to the four sticks, is a plan with all else default.
         count: number of flights.
         seed: of pilots, turbulence and sensors; flight k of a seed is always the same.
         jobs: threads; all processors if None.
@@ -80,7 +81,7 @@ def fly(
 
 def fly_each(
     vehicle: Vehicle,
-    plan: FlightPlan | Excitation,
+    plan: Flyable,
     numbers: Sequence[int],
     *,
     seed: int = 0,
@@ -106,7 +107,7 @@ def fly_each(
 
 def fly_all(
     vehicle: Vehicle,
-    plan: FlightPlan | Excitation,
+    plan: Flyable,
     numbers: Sequence[int],
     *,
     seed: int = 0,
@@ -124,7 +125,7 @@ def fly_all(
 
 def flown(
     vehicle: Vehicle,
-    plan: FlightPlan | Excitation,
+    plan: Flyable,
     numbers: Sequence[int],
     then: Callable[[int, Flight], Result],
     *,
@@ -155,16 +156,14 @@ def flown(
     return simulated(vehicle, plan, numbers, recorded, seed=seed, jobs=jobs)
 
 
-def flight_provenance(
-    vehicle: Vehicle, plan: FlightPlan | Excitation, *, seed: int, number: int
-) -> dict[str, Any]:
+def flight_provenance(vehicle: Vehicle, plan: Flyable, *, seed: int, number: int) -> dict[str, Any]:
     """Return what a record says of its origin: enough to fly it again."""
     plan = as_plan(plan).on(vehicle)
     facts = plan.to_dict()
     facts["weather"]["dryden"] = to_plain(plan.weather.dryden)
-    sticks = sticks_digest(plan.excitation, vehicle.model.opt.timestep)
-    if sticks is not None:
-        facts["sticks_digest"] = sticks
+    added = injection_digest(plan.excitation, vehicle)
+    if added is not None:
+        facts["sticks_digest"] = added
     return made_by(
         "simulation",
         **vehicle.provenance,

@@ -11,9 +11,8 @@ from helisim.records.provenance import difference, plain
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
 from helisim.records.value import FrozenMap
-from helisim.sim.excitation import Excitation
 from helisim.sim.fly import Flight, flight_provenance, fly_all
-from helisim.sim.plan import FlightPlan, as_plan
+from helisim.sim.plan import Flyable, as_plan
 from helisim.sim.simulation import flight_numbers
 from helisim.vehicle import Vehicle
 
@@ -40,7 +39,7 @@ class Flown:
 def fly_to(
     folder: Path,
     vehicle: Vehicle,
-    plan: FlightPlan | Excitation,
+    plan: Flyable,
     *,
     count: int = 1,
     seed: int = 0,
@@ -57,7 +56,8 @@ def fly_to(
     Args:
         folder: of records such as `lat_0001.parquet`; made if it doesn't exist.
         vehicle: that flies.
-        plan: of the flights; a bare excitation is a plan with all else default.
+        plan: of the flights; a bare manoeuvre, or a function of time in s that gives what is
+            added to the four sticks, is a plan with all else default.
         count: number of flights that the folder shall hold.
         seed: of pilots, turbulence and sensors.
         jobs: threads; all processors if None.

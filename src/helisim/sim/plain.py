@@ -1,7 +1,7 @@
 """Value objects as plain data and TOML, and back, each value checked by its type."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -14,6 +14,9 @@ T = TypeVar("T")
 OFF = "off"
 """In TOML, which knows no null: a setting that is None though its default is not."""
 
+UNSAID = {"unsaid": True}
+"""Metadata of a setting that plain data leave out where it has its default, as before it was."""
+
 INFINITE = "inf"
 """In JSON, which knows no infinity: an infinite number of a result."""
 
@@ -21,11 +24,11 @@ INFINITE = "inf"
 def to_plain(value: Any) -> Any:
     """Return a value object's settings as JSON would give them back: tuples become lists."""
     if is_dataclass(value):
-        return {name: to_plain(getattr(value, name)) for name in setting_names(value)}
+        return {name: _inside(getattr(value, name)) for name in _said(value)}
     if isinstance(value, Mapping):
         return {str(key): to_plain(one) for key, one in value.items()}
     if isinstance(value, tuple | list):
-        return [to_plain(one) for one in value]
+        return [_inside(one) for one in value]
     return value
 
 
@@ -35,10 +38,39 @@ def in_brief(value: Any) -> str:
     for one in fields(value):
         item = getattr(value, one.name)
         default = one.default if one.default_factory is MISSING else one.default_factory()
-        if item != default:
+        if item != default and one.repr:
             text = in_brief(item) if is_dataclass(item) else repr(item)
             changed.append(f"{one.name}={text}")
     return f"{type(value).__name__}({', '.join(changed)})"
+
+
+def with_kind(value: Any, settings: Callable[[Any], dict[str, Any]] = to_plain) -> dict[str, Any]:
+    """Return a value object's settings behind the name of its class."""
+    return {"kind": type(value).__name__, **settings(value)}
+
+
+def of_kind(table: Any, kinds: Mapping[str, type], what: str, *, where: str = "") -> Any:
+    """Return the value object of the kind that a table names.
+
+    Args:
+        table: `with_kind` of it.
+        kinds: by name.
+        what: it is, for messages.
+        where: the table's name, for messages; `what` and the kind if empty.
+
+    Raises:
+        InputError: there is no such kind, or it has no such settings.
+    """
+    names = ", ".join(kinds)
+    if not isinstance(table, Mapping) or "kind" not in table:
+        raise InputError(
+            f"{where or what} must be a table with a kind, one of {names}; got {table!r:.60}"
+        )
+    kind = table["kind"]
+    if kind not in kinds:
+        raise UnknownNameError(f"kind of {what}", kind, kinds)
+    settings = {name: value for name, value in table.items() if name != "kind"}
+    return from_plain(kinds[kind], settings, where or f"{what} {kind}")
 
 
 def from_plain(kind: type[T], table: Any, where: str, *, lenient: bool = False) -> T:
@@ -97,14 +129,31 @@ def setting_names(value: Any) -> tuple[str, ...]:
     return tuple(one.name for one in fields(value) if one.init)
 
 
+def _said(value: Any) -> tuple[str, ...]:
+    """Return the names of the settings that plain data of a value object have."""
+    unsaid = {
+        one.name
+        for one in fields(value)
+        if one.metadata.get("unsaid") and getattr(value, one.name) == one.default
+    }
+    return tuple(name for name in setting_names(value) if name not in unsaid)
+
+
+def _inside(value: Any, settings: Callable[[Any], Any] = to_plain) -> Any:
+    """Return a part of something as plain data, with its kind where there are several."""
+    return with_kind(value, settings) if hasattr(type(value), "kinds") else settings(value)
+
+
 def toml_settings(value: Any) -> dict[str, Any]:
     """Return a value object's settings for a TOML file, where None is `OFF` or left out."""
     defaults = {one.name: one.default for one in fields(value)}
     settings: dict[str, Any] = {}
-    for name in setting_names(value):
+    for name in _said(value):
         one = getattr(value, name)
         if is_dataclass(one):
-            settings[name] = toml_settings(one)
+            settings[name] = _inside(one, toml_settings)
+        elif isinstance(one, tuple) and one and is_dataclass(one[0]):
+            settings[name] = [_inside(part, toml_settings) for part in one]
         elif one is not None:
             settings[name] = to_plain(one)
         elif defaults[name] is not None:
@@ -138,7 +187,7 @@ def _from_plain(hint: Any, value: Any, where: str, lenient: bool) -> Any:
     for kind in _alternatives(hint):
         parts = get_args(kind)
         if is_dataclass(kind) and isinstance(value, Mapping):
-            return from_plain(cast(Any, kind), value, where, lenient=lenient)
+            return _object(kind, value, where, lenient)
         if get_origin(kind) is Mapping and isinstance(value, Mapping):
             return {
                 key: _from_plain(parts[1], one, f"{where}.{key}", lenient)
@@ -146,7 +195,7 @@ def _from_plain(hint: Any, value: Any, where: str, lenient: bool) -> Any:
             }
         if get_origin(kind) is tuple and isinstance(value, list) and is_dataclass(parts[0]):
             return tuple(
-                _from_plain(parts[0], one, f"{where}[{k}]", lenient) for k, one in enumerate(value)
+                _object(parts[0], one, f"{where}[{k}]", lenient) for k, one in enumerate(value)
             )
         if lenient and kind is float and value == INFINITE:
             return math.inf
@@ -155,6 +204,13 @@ def _from_plain(hint: Any, value: Any, where: str, lenient: bool) -> Any:
     value = tuple(value) if isinstance(value, list) and hint is not Any else value
     check_type(where, hint, value)
     return value
+
+
+def _object(kind: Any, table: Any, where: str, lenient: bool) -> Any:
+    """Return a value object of a kind, or of the one of its `kinds` that the table names."""
+    if hasattr(kind, "kinds"):
+        return of_kind(table, kind.kinds, kind.__name__.lower(), where=where)
+    return from_plain(kind, table, where, lenient=lenient)
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:

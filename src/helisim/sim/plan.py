@@ -39,8 +39,17 @@ from helisim.records.record import FlightRecord
 from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.excitation import EXCITATIONS, Excitation, check_excitation
 from helisim.sim.faults import FAULTS, Fault, FlightFault, check_faults, parse_fault
+from helisim.sim.manoeuvres.history import Manoeuvre
 from helisim.sim.pilot import Pilot
-from helisim.sim.plain import from_plain, in_brief, to_plain, toml_settings, toml_text
+from helisim.sim.plain import (
+    from_plain,
+    in_brief,
+    of_kind,
+    to_plain,
+    toml_settings,
+    toml_text,
+    with_kind,
+)
 from helisim.sim.recorder import Recorder
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
@@ -100,11 +109,16 @@ class FlightPlan(Displayed):
         return replace(self, excitation=self.excitation.on(vehicle.parameters), recorder=recorder)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan as JSON data, of which `from_dict` makes an equal plan."""
+        """Return the plan as JSON data, of which `from_dict` makes an equal plan.
+
+        Raises:
+            InputError: the manoeuvre is a function, which `on` samples first.
+        """
+        self._check_written()
         return {
-            "excitation": _with_kind(self.excitation),
+            "excitation": with_kind(self.excitation),
             **{name: to_plain(getattr(self, name)) for name in _PARTS},
-            "faults": [_with_kind(fault) for fault in self.faults],
+            "faults": [with_kind(fault) for fault in self.faults],
         }
 
     @classmethod
@@ -134,9 +148,9 @@ class FlightPlan(Displayed):
         if isinstance(faults, str) or not isinstance(faults, list | tuple):
             raise InputError(f"faults must be a list, got {faults!r}")
         return cls(
-            excitation=_of_kind(data["excitation"], EXCITATIONS, "excitation"),
+            excitation=of_kind(data["excitation"], EXCITATIONS, "excitation"),
             faults=tuple(
-                parse_fault(one) if isinstance(one, str) else _of_kind(one, FAULTS, "fault")
+                parse_fault(one) if isinstance(one, str) else of_kind(one, FAULTS, "fault")
                 for one in faults
             ),
             **given,
@@ -160,15 +174,22 @@ class FlightPlan(Displayed):
         return cls.from_dict(plan)
 
     def to_toml(self) -> str:
-        """Return the plan as the text of a plan file."""
-        tables: dict[str, Any] = {"excitation": _with_kind(self.excitation, toml_settings)}
+        """Return the plan as the text of a plan file; errors as for `to_dict`."""
+        self._check_written()
+        tables: dict[str, Any] = {"excitation": with_kind(self.excitation, toml_settings)}
         for name in _PARTS:
             part = getattr(self, name)
             if part is not None:
                 tables[name] = toml_settings(part)
         if self.faults:
-            tables["faults"] = [_with_kind(fault, toml_settings) for fault in self.faults]
+            tables["faults"] = [with_kind(fault, toml_settings) for fault in self.faults]
         return toml_text(tables)
+
+    def _check_written(self) -> None:
+        if not self.excitation.written:
+            raise InputError(
+                "a function of time can't be written down: the plan's on(vehicle) samples it"
+            )
 
     def in_words(self) -> tuple[tuple[str, str], ...]:
         """Return each part's name, and its settings that aren't the defaults, in words."""
@@ -180,7 +201,8 @@ class FlightPlan(Displayed):
 
     def __str__(self) -> str:
         lines = [f"  {name:<12}{words}" for name, words in self.in_words()]
-        return "\n".join([f"flight plan {self.digest[:8]}", *lines])
+        title = f"flight plan {self.digest[:8]}" if self.excitation.written else "flight plan"
+        return "\n".join([title, *lines])
 
 
 _PARTS: dict[str, type] = {
@@ -192,9 +214,26 @@ _PARTS: dict[str, type] = {
 _KEYS = ("excitation", *_PARTS, "faults")
 
 
-def as_plan(flown: FlightPlan | Excitation) -> FlightPlan:
-    """Return a plan as it is, and a bare excitation as a plan with all else default."""
-    return flown if isinstance(flown, FlightPlan) else FlightPlan(excitation=flown)
+_LONGEST_WORD = 60
+"""Characters of a setting in words: packed samples have thousands."""
+
+Flyable = FlightPlan | Excitation | Callable[[float], Any]
+"""What can be flown: a plan, a bare manoeuvre, or a bare function of time."""
+
+
+def as_plan(flown: Flyable) -> FlightPlan:
+    """Return a plan as it is, and a bare manoeuvre as a plan with all else default.
+
+    A function of time in s gives what is added to the four sticks COL, LON, LAT and PED, for
+    10 s; `Manoeuvre` says which and for how long.
+    """
+    if isinstance(flown, FlightPlan):
+        return flown
+    if isinstance(flown, Excitation):
+        return FlightPlan(excitation=flown)
+    if not callable(flown) or isinstance(flown, type):
+        check_excitation(flown)
+    return FlightPlan(excitation=Manoeuvre(flown))
 
 
 def read_plan(path: str | PathLike[str]) -> FlightPlan:
@@ -215,22 +254,6 @@ def write_plan(plan: FlightPlan, path: str | PathLike[str]) -> None:
     """Write a plan as TOML, from which `read_plan` reads an equal one. Raises StorageError."""
     with atomic_write(path) as temporary:
         temporary.write_text(plan.to_toml(), encoding="utf-8")
-
-
-def _with_kind(value: Any, settings: Callable[[Any], dict[str, Any]] = to_plain) -> dict[str, Any]:
-    return {"kind": type(value).__name__, **settings(value)}
-
-
-def _of_kind(table: Any, kinds: Mapping[str, type], what: str) -> Any:
-    """Return the value object of the kind that a table names."""
-    names = ", ".join(kinds)
-    if not isinstance(table, Mapping) or "kind" not in table:
-        raise InputError(f"{what} must be a table with a kind, one of {names}; got {table!r}")
-    kind = table["kind"]
-    if kind not in kinds:
-        raise UnknownNameError(f"kind of {what}", kind, kinds)
-    settings = {name: value for name, value in table.items() if name != "kind"}
-    return from_plain(kinds[kind], settings, f"{what} {kind}")
 
 
 def _in_words(part: Any) -> str:
@@ -256,7 +279,8 @@ def _value_in_words(value: Any) -> str:
         return f"({inner})"
     if isinstance(value, list):
         return f"({', '.join(map(_value_in_words, value))})"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    text = f"{value:g}" if isinstance(value, float) else getattr(value, "__name__", str(value))
+    return text if len(text) <= _LONGEST_WORD else f"{text[: _LONGEST_WORD - 3]}..."
 
 
 def _as_floats(data: Any) -> Any:

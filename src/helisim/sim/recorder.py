@@ -21,8 +21,14 @@ from helisim.records.channels import (
     ATTITUDES,
     CHANNELS,
     IN1,
+    IN1_ADDED,
+    IN1_DISTURBANCE,
+    IN1_GYRO,
+    IN1_SUM,
     IN2,
     POSITIONS,
+    RATE_DISTURBANCE,
+    RATE_SUM,
     RATES,
     ROTOR,
     SERVO_POSITIONS,
@@ -160,6 +166,7 @@ class Recorder:
         columns |= sampling.plain(set(_MEASURED) - {IN2, SERVOS, *_MOTION})
         if self.rotor:
             columns |= sampling.plain(_TRUE)
+        columns |= sampling.injected(columns)
         names = [name for name in CHANNELS if name in columns]
         values = np.column_stack([columns[name] for name in names])
         kept = tuple(CHANNELS[name] for name in names)
@@ -222,11 +229,39 @@ class _Sampling:
     def plain(self, groups: Iterable[tuple[str, ...]]) -> dict[str, NDArray[np.float64]]:
         """Return channels that need no correction by name, filtered, late, noisy and rounded."""
         return {
-            name: self._rounded(name, self._sampled(signal, name) + self._noise(name))
+            name: self._recorded(name, signal)
             for names, columns in {**_MEASURED, **_TRUE}.items()
             if names in groups
             for name, signal in zip(names, self._filtered(columns(self.trajectory)).T)
         }
+
+    def injected(
+        self, columns: Mapping[str, NDArray[np.float64]]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return what a manoeuvre adds where no other channel shows it, and what comes of it.
+
+        Args:
+            columns: of the other channels; what is added to one is as late as that one.
+        """
+        flight, found = self.trajectory, {}
+        for servos, added, total, sign in (
+            (flight.commands_added, IN1_ADDED, IN1_GYRO, -1.0),
+            (flight.actuators_added, IN1_DISTURBANCE, IN1_SUM, 1.0),
+        ):
+            if servos is None:
+                continue
+            mixed = (*flight.swashplate.unmix(*servos.T[:3]), servos.T[3])
+            for name, own, both, signal in zip(IN1, added, total, mixed):
+                found[own] = self._recorded(
+                    own, self._filtered(signal[:, None])[:, 0], late_as=name
+                )
+                found[both] = columns[name] + sign * found[own]
+        if flight.rates_added is not None:
+            read = flight.gyro_rates + flight.rates_added
+            for names, signals in ((RATE_DISTURBANCE, flight.rates_added), (RATE_SUM, read)):
+                for name, signal in zip(names, self._filtered(signals).T):
+                    found[name] = self._recorded(name, signal)
+        return found
 
     def _lever_arm(
         self, rates: NDArray[np.float64], attitudes: NDArray[np.float64]
@@ -261,6 +296,13 @@ class _Sampling:
     ) -> NDArray[np.float64]:
         sampled = self._sampled(signal, late_as or name)
         return self._rounded(name, sampled + self._input_noise[name])
+
+    def _recorded(
+        self, name: str, signal: NDArray[np.float64], *, late_as: str | None = None
+    ) -> NDArray[np.float64]:
+        """Return a filtered signal as a channel of it: late, noisy and rounded."""
+        sampled = self._sampled(signal, late_as or name)
+        return self._rounded(name, sampled + self._noise(name))
 
     def _filtered(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return columns behind the anti-alias filter, which begins at rest."""

@@ -15,9 +15,9 @@ from helisim.errors import DivergedError, InputError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.sim.envelope import FlightEnvelope, terminated_early
-from helisim.sim.excitation import Excitation, stick_history
 from helisim.sim.faults import write_faults
-from helisim.sim.plan import FlightPlan, as_plan
+from helisim.sim.injection import injection
+from helisim.sim.plan import Flyable, as_plan
 from helisim.sim.trajectory import End, Trajectory, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
@@ -29,7 +29,7 @@ Result = TypeVar("Result")
 
 def simulate(
     vehicle: Vehicle,
-    plan: FlightPlan | Excitation,
+    plan: Flyable,
     *,
     keep_ended: bool = False,
     count: int = 1,
@@ -74,7 +74,7 @@ def _check_at_least(name: str, number: int, least: int) -> None:
 
 def simulated(
     vehicle: Vehicle,
-    plan: FlightPlan | Excitation,
+    plan: Flyable,
     numbers: Sequence[int],
     then: Callable[[int, Trajectory], Result],
     *,
@@ -90,13 +90,14 @@ def simulated(
     plan = as_plan(plan)
     vehicle = plan.weather.trimmed(vehicle)
     buffers = _state_buffers(vehicle, min(threads, len(numbers)), plan.excitation.duration)
-    sticks = stick_history(plan.excitation.on(vehicle.parameters), vehicle.model.opt.timestep)
+    added = injection(plan.excitation.on(vehicle.parameters), vehicle)
 
     def flown(number: int, buffer: NDArray[np.float64]) -> Result:
         model = prepare(vehicle, plan, seed=seed, number=number)
         start = _start(vehicle, plan.weather, seed=seed, number=number)
-        sensordata = _run(model, start, buffer, sticks)
-        return then(number, until_end(vehicle, plan.envelope, model, start, sensordata, sticks))
+        sensordata = _run(model, start, buffer, added)
+        flight = until_end(vehicle, plan.envelope, model, start, sensordata, added)
+        return then(number, flight.injected(added, plan.excitation.places))
 
     def batches() -> Iterator[Result]:
         with ThreadPoolExecutor(threads) as pool:
@@ -123,7 +124,7 @@ def _run(
     model: mujoco.MjModel,
     start: NDArray[np.float64],
     buffer: NDArray[np.float64],
-    sticks: NDArray[np.float64] | None,
+    added: NDArray[np.float64] | None,
 ) -> NDArray[np.float64]:
     """Return the sensor data of a flight, (n_step, nsensordata)."""
     with installed():
@@ -131,7 +132,7 @@ def _run(
             model,
             mujoco.MjData(model),
             initial_state=start,
-            control=None if sticks is None else sticks[None],
+            control=_userdata(model, added),
             control_spec=mujoco.mjtState.mjSTATE_USERDATA,
             nstep=buffer.shape[1],
             state=buffer,
@@ -139,13 +140,20 @@ def _run(
     return sensordata[0]
 
 
-def prepare(
-    vehicle: Vehicle, plan: FlightPlan | Excitation, *, seed: int, number: int
-) -> mujoco.MjModel:
+def _userdata(
+    model: mujoco.MjModel, added: NDArray[np.float64] | None
+) -> NDArray[np.float64] | None:
+    """Return what is added at each step as all the user data of a model, (1, n_step, n)."""
+    if added is None:
+        return None
+    return np.pad(added, ((0, 0), (0, model.nuserdata - added.shape[1])))[None]
+
+
+def prepare(vehicle: Vehicle, plan: Flyable, *, seed: int, number: int) -> mujoco.MjModel:
     """Return a copy of the vehicle's model that flies one flight of a plan.
 
-    An excitation with `sticks` moves them only if `mjData.userdata` is, before each step, the
-    row of its `stick_history`.
+    What no compiled formula adds comes in `mjData.userdata`: before each step, the row of the
+    excitation's `injection`.
 
     Args:
         vehicle: trimmed for the weather's steady wind.
@@ -189,7 +197,7 @@ def until_end(
     model: mujoco.MjModel,
     start: NDArray[np.float64],
     sensordata: NDArray[np.float64],
-    sticks: NDArray[np.float64] | None = None,
+    added: NDArray[np.float64] | None = None,
 ) -> Trajectory:
     """Return the trajectory of a flight, cut where it leaves the envelope or its states break.
 
@@ -199,7 +207,7 @@ def until_end(
         model: of the flight, with pilot and excitation.
         start: (n_state,) full physics state.
         sensordata: (n_step, nsensordata), of the time before each step.
-        sticks: (n_step, 4) `stick_history` of the excitation.
+        added: (n_step, n_injection) `injection` of the excitation.
 
     Raises:
         DivergedError: not one sample is within the envelope.
@@ -217,7 +225,7 @@ def until_end(
         at = float(trajectory.time[count])
     if count == 0:
         raise terminated_early(at, why)
-    state, warnings = _flown_again(model, start, count, sticks)
+    state, warnings = _flown_again(model, start, count, added)
     if found is None and warnings:
         why = f"MuJoCo warned of {', '.join(warnings)}"
     return trajectory.until(count, End(at, why, state))
@@ -227,7 +235,7 @@ def _flown_again(
     model: mujoco.MjModel,
     start: NDArray[np.float64],
     samples: int,
-    sticks: NDArray[np.float64] | None,
+    added: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.float64], list[str]]:
     """Fly again; return the state of the last sample, and what MuJoCo warns of after it.
 
@@ -239,7 +247,7 @@ def _flown_again(
             model,
             data,
             start[None],
-            None if sticks is None else sticks[None, :samples],
+            _userdata(model, None if added is None else added[:samples]),
             control_spec=mujoco.mjtState.mjSTATE_USERDATA,
             nstep=samples,
         )

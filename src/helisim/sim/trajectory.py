@@ -1,5 +1,6 @@
 """The trajectory of a flight: what truly happened, at the simulation's rate, in field axes."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -10,9 +11,18 @@ from scipy.spatial.transform import Rotation
 
 from helisim.errors import DivergedError
 from helisim.physics.frames import flip
+from helisim.physics.layout import INJECTION
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import root_body
 from helisim.vehicle.swashplate import Swashplate
+
+_INJECTED = {
+    "servos": "commands_added",
+    "actuators": "actuators_added",
+    "sensors": "rates_added",
+}
+_INJECTED_FROM = (INJECTION.command_front, INJECTION.actuator_front, INJECTION.rate_p)
+"""What the recorder doesn't see of a manoeuvre otherwise, and where it begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +66,11 @@ class Trajectory:
         specific_forces: (n_time, 3) ax, ay, az in m/s^2 at the IMU.
         positions: (n_time, 3) north, east, down in m of the IMU.
         swashplate: of the vehicle, by which servo commands are col, lon and lat.
+        gyro_rates: (n_time, 3) p, q, r in rad/s as the gyro senses them, at its ticks and late.
+        commands_added: (n_time, 4) what a manoeuvre adds to the commands, servo by servo; None
+            where it adds nothing there.
+        actuators_added: (n_time, 4) likewise to what reaches the servos.
+        rates_added: (n_time, 3) likewise to the rates that the gyro reads, rad/s.
         hold: s, for which sticks and servo commands are held; 0 if they are not.
         imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
         end: why the flight was terminated early; None if it wasn't.
@@ -76,8 +91,27 @@ class Trajectory:
     positions: NDArray[np.float64]
     imu_offset: NDArray[np.float64]
     swashplate: Swashplate
+    gyro_rates: NDArray[np.float64]
+    commands_added: NDArray[np.float64] | None = None
+    actuators_added: NDArray[np.float64] | None = None
+    rates_added: NDArray[np.float64] | None = None
     hold: float = 0.0
     end: End | None = None
+
+    def injected(self, added: NDArray[np.float64] | None, places: Collection[str]) -> "Trajectory":
+        """Return it with what a manoeuvre added in it.
+
+        Args:
+            added: (n_step, n_injection) of the whole flight, or None.
+            places: where the manoeuvre adds something.
+        """
+        if added is None:
+            return self
+        columns = np.split(added[: self.time.size], _INJECTED_FROM, axis=1)[1:]
+        shown = {
+            name: one for (place, name), one in zip(_INJECTED.items(), columns) if place in places
+        }
+        return replace(self, **shown)
 
     def at_ticks(self) -> "Trajectory":
         """Return only the instants at which the held signals change."""
@@ -146,6 +180,7 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         positions=positions,
         imu_offset=imu_offset(vehicle),
         swashplate=vehicle.swashplate,
+        gyro_rates=_flipped(seen("gyro_rate")),
         hold=vehicle.parameters["gyro.period"],
     )
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from helisim.errors import InputError, ModelError, UnknownNameError
 from helisim.physics.layout import (
     ACTUATORS,
+    INJECTION,
     MAGIC,
     PARAM,
     ROTOR,
@@ -22,7 +23,6 @@ from helisim.physics.layout import (
     TAIL_STATES,
 )
 from helisim.physics.timing import TICK_TOLERANCE
-from helisim.records.channels import AXES
 from helisim.vehicle.folder import (
     mjcf_file,
     model_folder,
@@ -103,7 +103,7 @@ def assemble(
         )
         _set_gyro_rate(spec, parameters["gyro.period"], parameters["gyro.latency"], delays)
         _set_force_laws(spec, block)
-        spec.nuserdata = max(spec.nuserdata, len(AXES))  # what an excitation adds to the sticks
+        spec.nuserdata = max(spec.nuserdata, len(INJECTION))  # what a manoeuvre adds
         if rig is None and not visual:  # alone in the air there is nothing to touch
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         wanted = [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]

@@ -87,6 +87,16 @@ def read_log(
         raise _named(path, error) from None
 
 
+def open_source(path: str | Path) -> Source:
+    """Return a file's columns as they are, unmapped and unscreened; a record's too.
+
+    Raises:
+        StorageError: the file can't be read.
+    """
+    path = Path(path)
+    return _open(path, read_log_bytes(path), Map(), cut_tail=False)
+
+
 def screen(
     record: FlightRecord,
     *,

@@ -1,0 +1,114 @@
+"""A manoeuvre as numbers: what is added to a vehicle's signals at each step of a flight."""
+
+import hashlib
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import InputError
+from helisim.physics.layout import INJECTION
+from helisim.records.channels import AXES
+from helisim.sim.excitation import LIMITS, PLACES, Excitation, is_compiled
+from helisim.vehicle import Vehicle
+
+_FIRST = {
+    "sticks": INJECTION.stick_col,
+    "servos": INJECTION.command_front,
+    "actuators": INJECTION.actuator_front,
+    "sensors": INJECTION.rate_p,
+}
+"""Where the numbers of a place begin."""
+
+
+def injection(excitation: Excitation, vehicle: Vehicle) -> NDArray[np.float64] | None:
+    """Return what an excitation adds at each step of a flight, (n_step, n_injection).
+
+    The columns are those of `INJECTION`. What servos, actuators and sensors get is held between
+    the gyro's ticks, as the commands are.
+
+    Args:
+        excitation: with nothing left open.
+        vehicle: that flies.
+
+    Returns:
+        Read-only values; None for what the force laws compute themselves.
+
+    Raises:
+        InputError: the class returns something else than such values.
+    """
+    if is_compiled(excitation):
+        return None
+    mixing = tuple(tuple(map(float, vehicle.swashplate.mix(*unit))) for unit in np.eye(3))
+    timestep = float(vehicle.model.opt.timestep)
+    return _injection(excitation, timestep, vehicle.parameters["gyro.period"], mixing)
+
+
+@lru_cache(maxsize=4)
+def _injection(
+    excitation: Excitation,
+    timestep: float,
+    period: float,
+    mixing: tuple[tuple[float, ...], ...],
+) -> NDArray[np.float64]:
+    time = step_times(excitation.duration, timestep)
+    each = max(1, round(period / timestep))
+    ticks = np.arange(time.size) // each * each
+    rows = np.zeros((time.size, len(INJECTION)))
+    for place, columns in excitation.added(time).items():
+        values = columns if place == "sticks" else columns[ticks]
+        if place in ("servos", "actuators"):
+            values = _servos(values, np.array(mixing))
+        first = _FIRST[place]
+        rows[:, first : first + values.shape[1]] = values
+        _check_total(excitation, place, values, time)
+    rows.setflags(write=False)
+    return rows
+
+
+def _servos(columns: NDArray[np.float64], mixing: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return commands of the four servos, (n_time, 4), from mixed ones and their own, (n, 8)."""
+    axes = len(AXES)
+    servos = columns[:, axes:].copy()
+    servos[:, :3] += columns[:, :3] @ mixing
+    servos[:, 3] += columns[:, 3]
+    return servos
+
+
+def _check_total(
+    excitation: Excitation, place: str, values: NDArray[np.float64], time: NDArray[np.float64]
+) -> None:
+    """Refuse what several parts add up to beyond the range."""
+    limit = LIMITS[place]
+    if place in ("servos", "actuators"):
+        limit *= 2.0  # of one servo, collective and cyclic both at their ends
+    bad = ~(np.abs(values) <= limit)
+    if bad.any():
+        row, column = np.argwhere(bad)[0]
+        raise InputError(
+            f"what {type(excitation).__name__} adds at {place} comes to "
+            f"{values[row, column]:g} at {time[row]:g} s, beyond {limit:g}"
+        )
+
+
+def step_times(duration: float, timestep: float) -> NDArray[np.float64]:
+    """Return the times at which the steps of a flight begin, (n_step,) s.
+
+    They are added up as MuJoCo does, so that they equal its own to the last bit.
+    """
+    steps = round(duration / timestep)
+    return np.concatenate([[0.0], np.cumsum(np.full(steps, timestep))])
+
+
+def injection_digest(excitation: Excitation, vehicle: Vehicle) -> str | None:
+    """Return a digest of what an excitation adds; None where the force laws compute it.
+
+    A record keeps a class's name and settings, not its code: this shows whether the code that
+    is at hand still flies the same. Arguments and errors are those of `injection`.
+    """
+    rows = injection(excitation, vehicle)
+    if rows is None:
+        return None
+    if excitation.places == ("sticks",):
+        rows = rows[:, : len(PLACES["sticks"])]
+    return hashlib.blake2b(rows.astype("<f8").tobytes(), digest_size=16).hexdigest()
