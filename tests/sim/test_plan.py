@@ -308,7 +308,7 @@ def test_another_axis_does_not_keep_the_amplitude_of_the_first(tmp_path, capsys)
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--out", "a.parquet"], "--axis col|lon|lat|ped, or --plan FILE"),
+        (["--out", "a.parquet"], "--axis col|lon|lat|ped, --excitation KIND, or --plan FILE"),
         (["--axis", "lat"], "--out FILE, or --out DIR"),
         (["--plan", "none.toml", "--out", "a.parquet"], "none.toml: no such file"),
         (

@@ -29,7 +29,7 @@ examples:
   helisim verify model.json doublet.parquet
 """
 
-_SHARED = {"common", "logs", "progress", "responses"}
+_SHARED = {"common", "logs", "manoeuvres", "progress", "responses"}
 """Modules here that are no commands."""
 
 

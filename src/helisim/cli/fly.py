@@ -18,13 +18,15 @@ from helisim.cli.common import (
     print_written,
     write_recording,
 )
+from helisim.cli.manoeuvres import EPILOG as MANOEUVRES
+from helisim.cli.manoeuvres import add_manoeuvre, is_asked, manoeuvre
 from helisim.cli.progress import Progress
 from helisim.errors import DivergedError, InputError, UnknownNameError
 from helisim.records.channels import AXES
 
 if TYPE_CHECKING:
     from helisim.records.record import FlightRecord
-    from helisim.sim import Excitation, FlightEnvelope, FlightPlan, Weather
+    from helisim.sim import FlightEnvelope, FlightPlan, Weather
     from helisim.vehicle import Vehicle
 
 _EPILOG = """\
@@ -40,6 +42,7 @@ a plan is a TOML file with all that is flown: excitation, pilot, recorder,
 weather, faults, envelope. Options beside --plan change what it says, but
 --fault adds to its faults.
 
+{manoeuvres}
 a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
   servo_front:stuck@30                   where it is; with position=P, at P
   servo_tail:weak@30,rate_limit=1        slow; with travel=T, short
@@ -70,7 +73,7 @@ def add(commands: Any) -> None:
         help="fly sweeps and other plans and record them",
         description="Fly one frequency sweep, or another plan, once or many times, and write what "
         "the flight computer records.",
-        epilog=_EPILOG,
+        epilog=_EPILOG.format(manoeuvres=MANOEUVRES),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_vehicle(command)
@@ -80,21 +83,7 @@ def add(commands: Any) -> None:
         action="store_true",
         help="print the whole plan as TOML, which --plan reads, and fly nothing",
     )
-    command.add_argument(
-        "--excitation",
-        metavar="KIND[,NAME=VALUE...]",
-        help="what is flown on purpose: sweep (default), doublet, ..., and its settings",
-    )
-    command.add_argument("--axis", metavar="AXIS", help="|".join(AXES))
-    command.add_argument(
-        "--duration", type=float, metavar="S", help="of the flight, s (default: a sweep's is 90)"
-    )
-    command.add_argument(
-        "--amplitude",
-        type=float,
-        metavar="A",
-        help="of the stick, unitised (default: the axis's own)",
-    )
+    add_manoeuvre(command, alone="")
     command.add_argument(
         "--count",
         type=int,
@@ -173,47 +162,20 @@ def _plan(options: argparse.Namespace) -> "FlightPlan":
 
     faults = tuple(parse_fault(text) for text in options.fault)
     if options.plan is None:
-        if options.axis is None:
-            raise InputError(f"say what is flown: --axis {'|'.join(AXES)}, or --plan FILE")
-        plan = FlightPlan(excitation=_excitation(options, None))
+        if not is_asked(options):
+            raise InputError(
+                f"say what is flown: --axis {'|'.join(AXES)}, --excitation KIND, or --plan FILE"
+            )
+        plan = FlightPlan(excitation=manoeuvre(options))
     else:
         plan = read_plan(options.plan)
-        plan = replace(plan, excitation=_excitation(options, plan.excitation))
+        plan = replace(plan, excitation=manoeuvre(options, plan.excitation))
     return replace(
         plan,
         faults=(*plan.faults, *faults),
         weather=_weather(options, plan.weather),
         envelope=_envelope(options.envelope, plan.envelope),
     )
-
-
-def _excitation(options: argparse.Namespace, planned: "Excitation | None") -> "Excitation":
-    """Return the excitation that the options say, beside that of a plan."""
-    from helisim.sim.excitation import EXCITATIONS
-    from helisim.sim.plain import from_plain, to_plain
-
-    given = {
-        name: value
-        for name in ("axis", "duration", "amplitude")
-        if (value := getattr(options, name)) is not None
-    }
-    if options.excitation is None and planned is not None:
-        axis = given.get("axis", planned.axis)
-        fixed = [one for one in planned.left_open if getattr(planned, one) is not None]
-        if axis != planned.axis and fixed:
-            raise InputError(
-                f"{options.plan}: {' and '.join(fixed)} of the {planned.axis} axis: take them out "
-                f"for --axis {axis}, or leave out --axis"
-            )
-        return from_plain(type(planned), {**to_plain(planned), **given}, "the excitation")
-    word, *items = (options.excitation or "sweep").split(",")
-    kinds = {name.lower(): kind for name, kind in EXCITATIONS.items()}
-    if word.strip().lower() not in kinds:
-        raise UnknownNameError("excitation", word, kinds)
-    kind = kinds[word.strip().lower()]
-    settings = named_numbers("--excitation", items)
-    axis = {} if planned is None else {"axis": planned.axis}
-    return from_plain(kind, {**axis, **given, **settings}, f"the excitation {kind.__name__}")
 
 
 def _weather(options: argparse.Namespace, weather: "Weather") -> "Weather":

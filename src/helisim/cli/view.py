@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from helisim.cli.common import add_parameters, add_vehicle, parameters
-from helisim.records.channels import AXES
+from helisim.cli.manoeuvres import EPILOG, add_manoeuvre, is_asked, manoeuvre
 
 
 def add(commands: Any) -> None:
@@ -12,18 +12,12 @@ def add(commands: Any) -> None:
     command = commands.add_parser(
         "view",
         help="watch the helicopter fly in MuJoCo's viewer",
-        description="Fly in MuJoCo's viewer, in real time: a hover, or a frequency sweep. Needs "
+        description="Fly in MuJoCo's viewer, in real time: a hover, or any manoeuvre. Needs "
         "a display; without one, record a flight with helisim fly --rerun.",
-        epilog="example: helisim view --axis lat",
+        epilog=f"example: helisim view --axis lat\n\n{EPILOG}",
     )
     add_vehicle(command)
-    command.add_argument("--axis", metavar="AXIS", help=f"{'|'.join(AXES)} (default: hover)")
-    command.add_argument(
-        "--duration",
-        type=float,
-        metavar="S",
-        help="s (default: a sweep's 90; a hover goes on until the window is closed)",
-    )
+    add_manoeuvre(command, alone=" (default: a hover, until the window is closed)")
     command.add_argument(
         "--seed", type=int, default=1, metavar="S", help="of the pilot (default: 1)"
     )
@@ -34,17 +28,14 @@ def add(commands: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     from helisim.errors import InputError
     from helisim.output.viewer import check_display, view
-    from helisim.sim import Sweep
     from helisim.vehicle import load
 
     duration = options.duration
     if duration is not None and not 0.0 < duration < float("inf"):
         raise InputError(f"--duration must be a positive number of seconds, got {duration}")
-    sweep = None
-    if options.axis is not None:
-        sweep = Sweep(axis=options.axis, duration=90.0 if duration is None else duration)
+    flown_on_purpose = manoeuvre(options) if is_asked(options) else None
     check_display()
     vehicle = load(options.vehicle, parameters=parameters(options))
-    flown = view(vehicle, sweep, duration=duration, seed=options.seed)
+    flown = view(vehicle, flown_on_purpose, duration=duration, seed=options.seed)
     print(f"Flown: {flown:.1f} s")
     return 0

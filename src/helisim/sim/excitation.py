@@ -346,8 +346,9 @@ def checked(excitation: Excitation, given: Any, time: NDArray[np.float64]) -> ND
         row, column = np.argwhere(bad)[0]
         reason = "the travel of a stick" if at == "sticks" else "the travel of a servo"
         reason = "rad/s, the range of the gyro's sensors" if at == "sensors" else reason
+        what = getattr(excitation, "source", "") or f"{kind}.sticks"
         raise InputError(
-            f"{kind}.sticks must stay between {-most:g} and {most:g}, {reason}; "
+            f"{what} must stay between {-most:g} and {most:g}, {reason}; "
             f"{names[column]} is {columns[row, column]:g} at {time[row]:g} s"
         )
     return columns
