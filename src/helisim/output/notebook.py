@@ -6,6 +6,7 @@ Values find this module by `helisim.records.display`; nobody below imports it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -84,7 +85,9 @@ def plot_verification(
         if not (isinstance(number, int) and 0 <= number < count):
             raise InputError(f"there are records 0 to {count - 1}, got {number!r}")
     drawings = [draw_verification("", verification, k, f"record {k}") for k in chosen]
-    return _drawn([drawings], axes)
+    if not drawings:
+        raise InputError("records is empty; leave it out for all records")
+    return _drawn(_in_rows(drawings), axes)
 
 
 def plot_linearization(
@@ -92,10 +95,7 @@ def plot_linearization(
 ) -> Figure:
     """Draw magnitude and phase of an exact model, delays included."""
     found = _exact(model)
-    if pairs is None:
-        own = {pair.lower(): pair for pair in found.pairs}
-        pairs = [own[pair] for pair in _OWN_AXES if pair in own]
-    shown = _chosen(found.outputs, found.inputs, pairs)
+    shown = _chosen(found.outputs, found.inputs, _own_axes(found) if pairs is None else pairs)
     return _drawn(_in_grid(shown, lambda o, i: draw_bode("", o, i, identified=found)), axes)
 
 
@@ -160,7 +160,7 @@ def _verification_page(verification: Verification) -> tuple[str, ...]:
     return (
         "Verification",
         html.paragraph(f"{count} record(s), Theil's coefficient {verification.tic:.3f}: {good}."),
-        html.table(tables.verification({"": verification.figures})),
+        html.table(_unnamed(tables.verification({"": verification.figures}))),
         _figures(
             draw_verification("", verification, k, f"record {k}") for k in range(min(count, _FEW))
         ),
@@ -172,6 +172,7 @@ def _vehicle_page(shown: Vehicle) -> tuple[str, ...]:
         f"Vehicle: {shown.name}",
         html.paragraph(f"{len(shown.parameters)} parameters, model digest {shown.digest[:8]}."),
         html.table(summaries.vehicle(shown)),
+        _exact_figures(shown.linearize()),
         _folded("parameters", summaries.parameters(shown)),
     )
 
@@ -182,6 +183,7 @@ def _linearization_page(model: Linearization) -> tuple[str, ...]:
     return (
         f"Linearization: from {', '.join(labels)}",
         html.paragraph(f"{kind}, {model.system.nstates} states; delays are beside it."),
+        _exact_figures(model),
         _folded("modes", summaries.modes(model)),
     )
 
@@ -255,6 +257,23 @@ def _titled(table: Table) -> str:
     return html.paragraph(f"{table.title}{lead}") + html.table(table) + notes
 
 
+def _in_rows(drawings: Sequence[Drawing]) -> list[Sequence[Drawing]]:
+    """Return drawings in rows of two or three: a screen has no room for more."""
+    wide = 2 if len(drawings) in (2, 4) else 3
+    return [drawings[k : k + wide] for k in range(0, len(drawings), wide)]
+
+
+def _exact_figures(model: Linearization) -> str:
+    found = _exact(model)
+    shown = _chosen(found.outputs, found.inputs, _own_axes(found))
+    return _figures(draw_bode("", o, i, identified=found) for o, i in shown)
+
+
+def _unnamed(table: Table) -> Table:
+    """Return a table without its first column, the names of what is alone here."""
+    return replace(table, columns=table.columns[1:], rows=tuple(row[1:] for row in table.rows))
+
+
 def _folded(summary: str, table: Table) -> str:
     return f"<details><summary>{escape(summary)}</summary>{html.table(table)}</details>"
 
@@ -285,17 +304,20 @@ def _chosen(
 
 def _in_grid(
     pairs: Sequence[tuple[str, str]], draw: Callable[[str, str], Drawing]
-) -> list[list[Drawing]]:
+) -> Sequence[Sequence[Drawing]]:
     """Return drawings in rows: one an output where all pairs are shown, else of two or three."""
     outputs, inputs = ({pair[k] for pair in pairs} for k in (0, 1))
     if len(pairs) != len(outputs) * len(inputs):
-        drawings = [draw(*pair) for pair in pairs]
-        wide = 2 if len(drawings) in (2, 4) else 3
-        return [drawings[k : k + wide] for k in range(0, len(drawings), wide)]
+        return _in_rows([draw(*pair) for pair in pairs])
     rows: dict[str, list[Drawing]] = {}
     for output, input_ in pairs:
         rows.setdefault(output, []).append(draw(output, input_))
     return list(rows.values())
+
+
+def _own_axes(found: FrequencyResponse) -> list[str]:
+    own = {pair.lower(): pair for pair in found.pairs}
+    return [own[pair] for pair in _OWN_AXES if pair in own]
 
 
 def _exact(model: Linearization) -> FrequencyResponse:
