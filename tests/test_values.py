@@ -2,6 +2,7 @@
 
 import copy
 import inspect
+import math
 import multiprocessing
 import pickle
 import re
@@ -54,6 +55,17 @@ def values(jr700, tmp_path_factory):
         "Sweep": sweep,
         "Doublet": hs.Doublet(axis="ped"),
         "ThreeTwoOneOne": hs.ThreeTwoOneOne(axis="lon"),
+        "Step": hs.Step(axis="lat"),
+        "Pulse": hs.Pulse(axis="lat"),
+        "Chirp": hs.Chirp(axis="r", at="sensors", amplitude=0.1, band=(1.0, 20.0)),
+        "Multisine": hs.Multisine(amplitude=0.03, band=(1.0, 20.0)),
+        "History": hs.Manoeuvre(math.sin, axis="lat").on(jr700.parameters),
+        "Manoeuvre": hs.Manoeuvre(math.sin, axis="lat"),
+        "Sequence": hs.Sequence(parts=(hs.Step(axis="lat"), hs.Step(axis="lon"))),
+        "Together": hs.Together(parts=(hs.Step(axis="lat"), hs.Step(axis="lon"))),
+        "plan of a History": hs.FlightPlan(
+            excitation=hs.Manoeuvre(math.sin, axis="lat").on(jr700.parameters)
+        ),
         "Pilot": plan.pilot,
         "Recorder": plan.recorder,
         "default Recorder": hs.Recorder(),
@@ -90,7 +102,9 @@ def values(jr700, tmp_path_factory):
 
 NAMES = [
     *("Vehicle", "Linearization", "sampled Linearization", "Parameters", "Trim", "GyroSettings"),
-    *("FlightPlan", "Sweep", "Doublet", "ThreeTwoOneOne", "Pilot", "Recorder", "default Recorder"),
+    *("FlightPlan", "Sweep", "Doublet", "ThreeTwoOneOne", "Step", "Pulse", "Chirp", "Multisine"),
+    *("History", "Manoeuvre", "Sequence", "Together", "plan of a History"),
+    *("Pilot", "Recorder", "default Recorder"),
     *("Weather", "Gust", "FlightEnvelope", "ServoStuck", "SensorDropout", "ServoWeak"),
     *("GyroRestart", "GyroDropout", "SensorSpikes", "SampleLoss", "RecordGap", "ClockDrift"),
     *(

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import CHANNELS, Channel
 from helisim.records.record import FlightRecord
-from helisim.sim import FlightPlan, Sweep
+from helisim.sim import Chirp, FlightPlan, Step, Sweep, Together
 from made_run import make_flight, make_model, write_run
 
 
@@ -231,6 +231,23 @@ def test_a_page_says_what_there_is(shown):
     assert "off" in shown["results"]._repr_html_() or "tolerances hold" in (
         shown["results"]._repr_html_()
     )
+
+
+def test_a_plan_is_drawn_where_it_is_known():
+    """What a manoeuvre adds, by place; not what a vehicle or a pilot has still to say."""
+    known = FlightPlan(
+        excitation=Together(
+            parts=(
+                Step(axis="lat", amplitude=0.1),
+                Chirp(axis="r", at="sensors", amplitude=0.1, band=(1.0, 9.0)),
+            )
+        )
+    )
+    page = known._repr_html_()
+    assert "lat at the sticks, unitised" in page
+    assert "r at the sensors, rad/s" in page
+    for excitation in (Step(axis="lat"), Sweep(axis="lat", amplitude=0.1, band=(1.0, 9.0))):
+        assert "<svg" not in FlightPlan(excitation=excitation)._repr_html_()
 
 
 def test_names_of_others_are_text():

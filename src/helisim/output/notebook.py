@@ -17,7 +17,13 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, Verification
 from helisim.output import html, summaries, tables
 from helisim.output.drawings import pair_drawing
-from helisim.output.plots import draw_bode, draw_flight, draw_groups, draw_verification
+from helisim.output.plots import (
+    draw_bode,
+    draw_excitation,
+    draw_flight,
+    draw_groups,
+    draw_verification,
+)
 from helisim.output.svg import DARK, LIGHT, Drawing, colour_variables, drawing_style
 from helisim.output.table import Table
 from helisim.records.channels import CHANNELS, IN1, IN2, RATES
@@ -189,7 +195,12 @@ def _linearization_page(model: Linearization) -> tuple[str, ...]:
 
 
 def _plan_page(plan: FlightPlan) -> tuple[str, ...]:
-    return (f"Flight plan {plan.digest[:8]}", html.table(summaries.plan(plan)))
+    drawn = draw_excitation("", plan.excitation)
+    return (
+        f"Flight plan {plan.digest[:8]}" if plan.excitation.written else "Flight plan",
+        html.table(summaries.plan(plan)),
+        _figures([drawn] if drawn is not None and drawn.panels else []),
+    )
 
 
 def _results_page(results: Results) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.errors import InputError
 from helisim.ident import USABLE_COHERENCE, FrequencyResponse, Verification
 from helisim.output.bode import (
     decibels,
@@ -40,6 +41,7 @@ from helisim.records.record import FlightRecord
 from helisim.units import decibel
 
 if TYPE_CHECKING:
+    from helisim.sim import Excitation
     from helisim.vehicle import Vehicle
 
 _FAMILIES = {
@@ -58,6 +60,8 @@ _FAMILIES = {
 """Channels that are looked at together."""
 _UNITISED = ("controls", "sticks", "servos", "servo positions")
 _INKS: tuple[Ink, ...] = ("identified", "data", "third", "fourth")
+_INSTANTS = 3001
+"""Of a manoeuvre that is drawn: more than a figure has columns."""
 _DEGREES = (0.5, 1.0, 2.0, 5.0, 15.0, 45.0, 90.0, 180.0, 360.0)
 """Steps between ticks of a phase."""
 
@@ -238,6 +242,32 @@ def draw_groups(name: str, title: str, record: FlightRecord, channels: Sequence[
                 )
             )
     return Drawing(name, title, f"{title}, {record.duration:g} s", tuple(panels), "time, s")
+
+
+def draw_excitation(name: str, flown: "Excitation") -> Drawing | None:
+    """Draw what a manoeuvre adds over time, at each of its places; None where no one knows yet.
+
+    So it is of one that leaves settings to the vehicle, and of a pilot's sweep, whose wobble each
+    flight has anew.
+    """
+    if any(getattr(flown, setting) is None for setting in flown.left_open):
+        return None
+    from helisim.sim.excitation import PLACES  # there, as its manoeuvre is; not for a log alone
+
+    time = np.linspace(0.0, flown.duration, _INSTANTS)
+    try:
+        added = flown.added(time)
+    except (NotImplementedError, InputError):
+        return None
+    panels = []
+    for place, values in added.items():
+        unit = "rad/s" if place == "sensors" else "unitised"
+        for axis, one in zip(PLACES[place], values.T):
+            if np.any(one):
+                mark = Mark("line", "identified", time, one, width=0.6)
+                panels.append(Panel(f"{axis} at the {place}, {unit}", (mark,), 48.0))
+    title = f"{type(flown).__name__}, {flown.axis}"
+    return Drawing(name, title, f"{title}, {flown.duration:g} s", tuple(panels), "time, s")
 
 
 def draw_trims(flights: "Sequence[Vehicle]") -> Drawing:

@@ -5,6 +5,7 @@ own input, recomputed from the four servo signals; IN2 is the pilot's sticks; OU
 measured motion (Wu and Chen, section 2). IN1 and IN2 are unitised to [-0.5, 0.5].
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -112,8 +113,17 @@ _STANDARD = (
     ),
 )
 
+_NAMED = 30
+"""Channels that a `repr` names, at most."""
+
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}
 """Every standard channel by name. IN1 (col) and IN2 (COL) differ by case."""
+
+
+def some_names(names: Iterable[str]) -> str:
+    """Return names in one line, of many only the first."""
+    known = list(names)
+    return ", ".join(known if len(known) <= _NAMED else [*known[:_NAMED], "..."])
 
 
 def channel(name: str) -> Channel:

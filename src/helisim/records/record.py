@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import RecordError, UnknownNameError
-from helisim.records.channels import Channel
+from helisim.records.channels import Channel, some_names
 from helisim.records.display import Displayed, shower
 from helisim.records.provenance import plain
 from helisim.records.value import FrozenMap, Value
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 UNIFORM = 1e-6
 """A time step may differ from the mean by this fraction and still count as uniform:
 far above the rounding of a double, far below any sample of interest."""
-_NAMED = 30
-"""Channels that `repr` names, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +62,9 @@ class FlightRecord(Value, Displayed):
         return self.time.size
 
     def __repr__(self) -> str:
-        names = self.names if len(self.names) <= _NAMED else (*self.names[:_NAMED], "...")
         return (
             f"FlightRecord({len(self)} samples, {self.duration:.2f} s, "
-            f"{len(self.names)} channels: {', '.join(names)})"
+            f"{len(self.names)} channels: {some_names(self.names)})"
         )
 
     @property

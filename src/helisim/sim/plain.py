@@ -38,10 +38,20 @@ def in_brief(value: Any) -> str:
     for one in fields(value):
         item = getattr(value, one.name)
         default = one.default if one.default_factory is MISSING else one.default_factory()
-        if item != default and one.repr:
-            text = in_brief(item) if is_dataclass(item) else repr(item)
-            changed.append(f"{one.name}={text}")
+        if one.repr and item != default:
+            changed.append(f"{one.name}={_item_in_brief(item)}")
     return f"{type(value).__name__}({', '.join(changed)})"
+
+
+def _item_in_brief(item: Any) -> str:
+    if is_dataclass(item) and not isinstance(item, type):
+        return in_brief(item)
+    if isinstance(item, tuple):
+        inner = ", ".join(map(_item_in_brief, item))
+        return f"({inner},)" if len(item) == 1 else f"({inner})"
+    if callable(item):
+        return str(getattr(item, "__name__", None) or type(item).__name__)  # without its address
+    return repr(item)
 
 
 def with_kind(value: Any, settings: Callable[[Any], dict[str, Any]] = to_plain) -> dict[str, Any]:

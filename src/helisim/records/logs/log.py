@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from helisim.errors import RecordError
-from helisim.records.channels import Channel
+from helisim.records.channels import Channel, some_names
 from helisim.records.logs.parts import Cut
 from helisim.records.logs.report import LogReport
 from helisim.records.logs.resample import PASSBAND
@@ -38,7 +38,7 @@ class Log(Value):
         samples = sum(map(len, self.records))
         return (
             f"Log({Path(self.report.path).name!r}: {samples} samples in {len(self.records)} "
-            f"record(s) of {', '.join(self.headings)})"
+            f"record(s), {len(self.headings)} channels: {some_names(self.headings)})"
         )
 
     @property

@@ -18,6 +18,7 @@ from helisim.errors import InputError
 from helisim.records.channels import AXES
 from helisim.sim.excitation import PLACES, Excitation, check_axis, check_times, split_axes
 from helisim.sim.manoeuvres.table import read_columns
+from helisim.sim.plain import in_brief
 
 Method = Literal["linear", "hold", "cubic"]
 
@@ -198,6 +199,9 @@ class Manoeuvre(Excitation):
     duration: float = field(default=10.0, kw_only=True)
 
     written: ClassVar[bool] = False
+
+    def __repr__(self) -> str:
+        return in_brief(self)
 
     def __post_init__(self) -> None:
         check_axis(self)
