@@ -1,50 +1,73 @@
-"""Calibrate a vehicle from what is published of it, as the text of its `calibrated.toml`."""
+"""Calibrate a vehicle to its derivatives, as the text of its `calibrated.toml`.
 
-from collections.abc import Callable
+A shipped vehicle has the published ones, one of one's own what `[targets]` of its parameters.toml
+says. What neither says can be estimated from the geometry.
+"""
+
+from collections.abc import Callable, Mapping
 from os import PathLike
+from pathlib import Path
 
-from helisim.study.published import published_of
+from helisim.errors import ModelError
+from helisim.paper import published
 from helisim.vehicle import calibrate, read_parameters
-from helisim.vehicle.calibrate import DIRECT, SOLVED
-from helisim.vehicle.folder import model_folder
-from helisim.vehicle.parameters import to_toml
+from helisim.vehicle.assembly import mass_and_gravity
+from helisim.vehicle.estimate import estimated_targets
+from helisim.vehicle.folder import is_shipped, model_folder
+from helisim.vehicle.parameters import Parameters, completed, to_toml
+from helisim.vehicle.targets import lacking, stated_targets
 
 _HEADER = """\
 Written by `helisim calibrate --write`; not by hand.
-Solved so that the linearised nonlinear model has the published derivatives."""
-
-_TARGETS = "targets."
-_INSTEAD = (
-    "give the derivatives that it is to have in a section [targets] of its parameters.toml: "
-    f"{', '.join(DIRECT + SOLVED)}"
-)
+Solved so that the linearised nonlinear model has the {derivatives} derivatives."""
 
 
 def calibrated_text(
-    vehicle: str | PathLike[str], *, on_progress: Callable[[str], None] | None = None
+    vehicle: str | PathLike[str],
+    *,
+    from_geometry: bool = False,
+    on_progress: Callable[[str], None] | None = None,
 ) -> str:
     """Return a vehicle's `calibrated.toml`, solved from its derivatives.
 
-    They stand in `[targets]` of its parameters.toml; of a shipped one they are published.
-
     Args:
         vehicle: name of a shipped one, or path of a folder.
+        from_geometry: True estimates the derivatives that it doesn't state, in closed form.
         on_progress: called with the vehicle's name after each trial.
 
     Raises:
         UnknownNameError: no such vehicle.
-        InputError: one of its targets is missing.
-        ModelError: it has no targets, or they can't be met.
+        ModelError: a derivative is missing or malformed, or they can't be met.
     """
     folder = model_folder(vehicle)
     files = (folder / "parameters.toml", folder / "tuned.toml")
-    given = read_parameters(*(path for path in files if path.is_file()))
-    targets = {
-        name.removeprefix(_TARGETS): given[name] for name in given if name.startswith(_TARGETS)
-    }
-    source = "targets of parameters.toml"
-    if not targets:
-        known = published_of(folder, instead=_INSTEAD)
-        targets, source = known.targets, known.source
+    given = completed(read_parameters(*(path for path in files if path.is_file())))
+    try:
+        stated = stated_targets(given)
+    except ModelError as error:
+        raise ModelError(f"{files[0]}: {error}") from None
+    if is_shipped(folder) and not stated and not from_geometry:
+        known = published(folder.name)
+        targets, source, whose = known.targets, known.source, "published"
+    else:
+        targets, source = _own(folder, given, stated, from_geometry=from_geometry)
+        whose = "estimated" if from_geometry else "stated"
     solved = calibrate(folder, given, targets, source, on_progress=on_progress)
-    return to_toml(solved, _HEADER)
+    return to_toml(solved, _HEADER.format(derivatives=whose))
+
+
+def _own(
+    folder: Path, given: Parameters, stated: Parameters, *, from_geometry: bool
+) -> tuple[Mapping[str, float], str]:
+    """Return a vehicle's own targets, those that it states before those that are estimated."""
+    if not from_geometry:
+        missing = lacking(stated)
+        if missing:
+            raise ModelError(
+                f"{folder / 'parameters.toml'}: [targets] lacks {', '.join(missing)}; each is "
+                '{ value = NUMBER, unit = "UNIT", source = "WHERE FROM" }, and '
+                "helisim calibrate --from-geometry estimates what is missing"
+            )
+        return dict(stated), "[targets] of parameters.toml"
+    estimated = estimated_targets(given, *mass_and_gravity(folder))
+    return {**estimated, **stated}, "[targets] and closed forms of the geometry"

@@ -114,7 +114,7 @@ def margins(vehicle: Vehicle, axis: str, *, extra_delay: float = 0.0) -> Margins
     falls = [-decibel[k] for k in critical if omega[k] > omega[crossings[-1]]]
     return Margins(
         gain_db=float(min(falls, default=np.inf)),
-        phase_deg=float(np.degrees(min(behind))),
+        phase_deg=float(np.degrees(min(behind, key=abs))),
         crossover=float(omega[crossings[-1]]),
     )
 

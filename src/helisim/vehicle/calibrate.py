@@ -125,8 +125,15 @@ def _miss(
 
 
 @dataclass(frozen=True)
-class _Disc:
-    """A rotor at the hover: its reference force (N), tip speed (m/s), solidity, thrust (N)."""
+class Disc:
+    """A rotor at the hover.
+
+    Attributes:
+        force: N, the reference of its coefficients, rho A (Omega R)^2.
+        tip_speed: m/s.
+        solidity: sigma.
+        thrust: N.
+    """
 
     force: float
     tip_speed: float
@@ -134,7 +141,8 @@ class _Disc:
     thrust: float
 
     @classmethod
-    def of(cls, given: Mapping[str, float], rotor: str, thrust: float) -> "_Disc":
+    def of(cls, given: Mapping[str, float], rotor: str, thrust: float) -> "Disc":
+        """Return "main_rotor" or "tail_rotor" of a vehicle's parameters at a thrust, N."""
         radius = given[f"{rotor}.radius"]
         tip_speed = given[f"{rotor}.speed"] * radius
         solidity = given[f"{rotor}.blades"] * given[f"{rotor}.chord"] / (math.pi * radius)
@@ -143,6 +151,7 @@ class _Disc:
 
     @property
     def inflow(self) -> float:
+        """Ratio of the induced velocity to the tip speed."""
         return math.sqrt(0.5 * self.thrust / self.force)
 
     def pitch(self, slope: float) -> float:
@@ -160,6 +169,13 @@ class _Disc:
         return 8.0 / 3.0 * inflow * slope / (16.0 * inflow + slope) * self.force
 
 
+def hover_torque(given: Mapping[str, float], main: Disc) -> float:
+    """Return the torque that the main rotor takes in hover, N m."""
+    power = given["main_rotor.induced_factor"] * main.inflow * main.thrust / main.force
+    power += main.solidity * given["main_rotor.profile_drag"] / 8.0
+    return main.force * given["main_rotor.radius"] * power
+
+
 def first_guess(
     given: Mapping[str, float], targets: Mapping[str, float], mass: float, gravity: float
 ) -> dict[str, float]:
@@ -174,7 +190,7 @@ def first_guess(
     Raises:
         ModelError: the heave damping is none that a hovering rotor can have.
     """
-    main = _Disc.of(given, "main_rotor", mass * gravity)
+    main = Disc.of(given, "main_rotor", mass * gravity)
     wanted = -targets["Z_w"] * mass * main.tip_speed / main.force
     if not 0.0 < wanted < 2.0 * main.inflow:
         limit = 2.0 * main.inflow * main.force / (mass * main.tip_speed)
@@ -183,12 +199,8 @@ def first_guess(
             f"allows {-limit:.3g} to 0 for this disc and {mass:g} kg"
         )
     slope = 16.0 * main.inflow * wanted / (2.0 * main.inflow - wanted)
-    coefficient = main.thrust / main.force
-    power = given["main_rotor.induced_factor"] * main.inflow * coefficient
-    power += main.solidity * given["main_rotor.profile_drag"] / 8.0
-    torque = main.force * given["main_rotor.radius"] * power
     arm = abs(given["tail_rotor.arm_x"])
-    tail = _Disc.of(given, "tail_rotor", torque / arm)
+    tail = Disc.of(given, "tail_rotor", hover_torque(given, main) / arm)
     tail_slope = given["tail_rotor.lift_slope"] * tail.solidity
     ixx = given["airframe.ixx"]
     izz = -(arm**2) * tail.per_climb(tail_slope) / targets["N_r"]

@@ -18,6 +18,9 @@ from helisim.vehicle.vehicle import Vehicle
 
 _POINTS = 40
 _STEPS = 60
+_PHASE = "gyro.phase"
+_USUAL = 8.0
+"""rad/s, of a small helicopter; gains of a rate have its dimension, so others' are scaled by it."""
 _STIFFNESS = 10.0
 """Weight of sensitivity above its peak against the relative error of the response."""
 _REACH = 0.01
@@ -32,10 +35,10 @@ _CYCLIC_STARTS = {
     "gyro.ki_lon": 1.0,
     "gyro.kd_lat": 0.001,
     "gyro.kd_lon": 0.001,
-    "gyro.phase": 0.3,
+    _PHASE: 0.3,
 }
 STARTS = {**_YAW_STARTS, **_CYCLIC_STARTS}
-"""Setting that is solved for -> where the search starts, SI."""
+"""Setting that is solved for -> where the search starts for a usual helicopter, SI."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +88,10 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
         gains=(own["gyro.p_per_lat"], own["gyro.q_per_lon"]),
         loops=("lat", "lon"),
         bandwidth=own["tuning.cyclic_bandwidth"],
-        starts=_CYCLIC_STARTS,
+        starts=_cyclic_starts(own),
     )
     peak = own["tuning.peak_sensitivity"]
-    settings = dict(STARTS)
+    settings = {**yaw.starts, **cyclic.starts}
     for search in (yaw, cyclic):  # whatever the vehicle was tuned to before
         settings |= _solve(vehicle.with_settings(settings), search, peak)
     source = "solved by helisim tune: rate command, peak sensitivity"
@@ -98,6 +101,16 @@ def tune_rate_command(vehicle: Vehicle) -> Parameters:
             for name, value in settings.items()
         }
     )
+
+
+def _cyclic_starts(own: Parameters) -> dict[str, float]:
+    """Return where the search starts, by the bandwidth wanted and the way the rotor turns."""
+    slow = _USUAL / own["tuning.cyclic_bandwidth"]
+    scales = {"s/rad": slow, "s^2/rad": slow**2, "rad": own["main_rotor.direction"]}
+    return {
+        name: start * scales.get(own.entry(name).unit, 1.0)
+        for name, start in _CYCLIC_STARTS.items()
+    }
 
 
 def sensitivity(vehicle: Vehicle, axis: str, omega: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -118,8 +131,11 @@ def _solve(vehicle: Vehicle, search: Search, peak: float) -> dict[str, float]:
     omega = np.geomspace(0.1 * search.bandwidth, 4.0 * search.bandwidth, _POINTS)
     wide = np.geomspace(0.3, 0.99 * np.pi / vehicle.parameters["gyro.period"], 4 * _POINTS)
 
+    turns = np.array([name == _PHASE for name in names])
+
     def setting(x: NDArray[np.float64]) -> dict[str, float]:
-        return dict(zip(names, (starts * x[:-1]).tolist()))
+        # a gain never changes its sign, the phase may
+        return dict(zip(names, (starts * np.where(turns, x[:-1], np.abs(x[:-1]))).tolist()))
 
     def unsafe(tried: Vehicle) -> NDArray[np.float64]:
         felt = [sensitivity(tried, axis, wide) for axis in search.loops]

@@ -1,0 +1,104 @@
+"""Derivatives of a helicopter that has not flown yet, from its geometry, in closed form.
+
+Momentum theory and untwisted blades for thrust, as in `calibrate`; for the tip-path plane a rotor
+with a spring at its centre (Padfield, Helicopter Flight Dynamics, ch. 3): its time constant is
+16 / (gamma Omega), where the Lock number gamma = rho a c R^4 / I is reduced by the inflow that the
+blades' own flapping makes, by 1 + a sigma / (16 lambda); its coupling is the stiffness number
+8 k / (gamma I Omega^2). No hinge offset, no delta-3, no dampers: flown derivatives of small
+helicopters are up to some four times larger in tau_f and in A_b and B_a. A start, not a truth.
+"""
+
+import math
+from collections.abc import Mapping
+
+from helisim.errors import ModelError
+from helisim.vehicle.calibrate import Disc, hover_torque
+from helisim.vehicle.parameters import Parameters, PhysicalParameter
+from helisim.vehicle.targets import UNITS
+
+GEOMETRY = {
+    "geometry.lift_slope": ("1/rad", "of the main rotor's blades, 5 to 6"),
+    "geometry.blade_inertia": ("kg m^2", "of one blade about the hub, mass R^2 / 3"),
+    "geometry.hub_stiffness": ("N m/rad", "moment of the tilted disc, all blades together"),
+    "geometry.collective_range": ("rad", "blade pitch for one unit of collective"),
+    "geometry.cyclic_range": ("rad", "blade pitch for one unit of cyclic"),
+    "geometry.tail_range": ("rad", "tail blade pitch for one unit of pedals"),
+    "geometry.iyy": ("kg m^2", "pitch inertia"),
+    "geometry.izz": ("kg m^2", "yaw inertia"),
+}
+"""What an estimate takes beside the vehicle's other parameters: unit and meaning."""
+
+_SOURCE = "estimated: closed form, from the geometry"
+
+
+def estimated_targets(given: Parameters, mass: float, gravity: float) -> Parameters:
+    """Return an estimate of every derivative that a calibration takes, by name.
+
+    Args:
+        given: the vehicle's parameters, those of `GEOMETRY` among them.
+        mass: kg.
+        gravity: m/s^2.
+
+    Raises:
+        ModelError: one of the geometry is missing, or not positive.
+    """
+    missing = [
+        f"{name} ({unit}: {meaning})"
+        for name, (unit, meaning) in GEOMETRY.items()
+        if name not in given
+    ]
+    if missing:
+        raise ModelError(
+            "an estimate from the geometry needs these in parameters.toml, section [geometry]: "
+            + "; ".join(name.removeprefix("geometry.") for name in missing)
+        )
+    own = {name.removeprefix("geometry."): given[name] for name in GEOMETRY}
+    for name, value in own.items():
+        if not value > 0.0:
+            raise ModelError(f"parameter 'geometry.{name}' must be positive, got {value:g}")
+    values = {**_forces(given, own, mass, gravity), **_flapping(given, own, mass * gravity)}
+    return Parameters(
+        {name: PhysicalParameter(name, values[name], unit, _SOURCE) for name, unit in UNITS.items()}
+    )
+
+
+def _forces(
+    given: Mapping[str, float], own: Mapping[str, float], mass: float, gravity: float
+) -> dict[str, float]:
+    """Return the derivatives of vertical force, yaw moment and hub moment."""
+    main = Disc.of(given, "main_rotor", mass * gravity)
+    slope = own["lift_slope"] * main.solidity
+    arm = abs(given["tail_rotor.arm_x"])
+    tail = Disc.of(given, "tail_rotor", hover_torque(given, main) / arm)
+    tail_slope = given["tail_rotor.lift_slope"] * tail.solidity
+    stiffness = own["hub_stiffness"] - main.thrust * given["main_rotor.hub_z"]
+    return {
+        "Z_w": -main.per_climb(slope) / mass,
+        "Z_col": -own["collective_range"] * main.per_pitch(slope) / mass,
+        "N_r": -(arm**2) * tail.per_climb(tail_slope) / own["izz"],
+        "N_ped": arm * own["tail_range"] * tail.per_pitch(tail_slope) / own["izz"],
+        "L_b": stiffness / given["airframe.ixx"],
+        "M_a": stiffness / own["iyy"],
+    }
+
+
+def _flapping(
+    given: Mapping[str, float], own: Mapping[str, float], weight: float
+) -> dict[str, float]:
+    """Return the derivatives of the tip-path plane."""
+    main = Disc.of(given, "main_rotor", weight)
+    radius, speed = given["main_rotor.radius"], given["main_rotor.speed"]
+    inertia, slope = own["blade_inertia"], own["lift_slope"]
+    lock = given["air.density"] * slope * given["main_rotor.chord"] * radius**4 / inertia
+    lock /= 1.0 + slope * main.solidity / (16.0 * main.inflow)
+    spring = 2.0 * own["hub_stiffness"] / given["main_rotor.blades"]  # of one blade
+    coupling = given["main_rotor.direction"] * 8.0 * spring / (lock * inertia * speed**2)
+    return {
+        "tau_f": 16.0 / (lock * speed),
+        "A_b": -coupling,
+        "B_a": coupling,
+        "A_lat": 0.0,
+        "A_lon": own["cyclic_range"],
+        "B_lat": own["cyclic_range"],
+        "B_lon": 0.0,
+    }
