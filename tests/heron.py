@@ -285,14 +285,14 @@ def _mjcf(n: float) -> str:
   </worldbody>
   <actuator>
     <general name="{a["COL"]}" {channel} ctrlrange="-0.5 0.5"/>
-    <general name="{a["LON"]}" {channel} ctrlrange="-0.5 0.5" dyntype="user" actdim="3"/>
-    <general name="{a["LAT"]}" {channel} ctrlrange="-0.5 0.5" dyntype="user" actdim="3"/>
-    <general name="{a["PED"]}" {channel} ctrlrange="-0.5 0.5" dyntype="user" actdim="2"/>
+    <general name="{a["LON"]}" {channel} ctrlrange="-0.5 0.5"/>
+    <general name="{a["LAT"]}" {channel} ctrlrange="-0.5 0.5"/>
+    <general name="{a["PED"]}" {channel} ctrlrange="-0.5 0.5"/>
     <general name="{a["servo_front"]}" {channel} dyntype="user" actdim="2"/>
     <general name="{a["servo_left"]}" {channel} dyntype="user" actdim="2"/>
     <general name="{a["servo_right"]}" {channel} dyntype="user" actdim="2"/>
     <general name="{a["servo_tail"]}" {channel} dyntype="user" actdim="2"/>
-    <general name="{a["rotor"]}" {channel} ctrlrange="0 1.2" dyntype="user" actdim="10"/>
+    <general name="{a["rotor"]}" {channel} ctrlrange="0 1.2" dyntype="user" actdim="33"/>
   </actuator>
   <sensor>
     <gyro name="{s["imu_gyro"]}" site="nav"/>

@@ -42,29 +42,29 @@ def calibrated_text(
     folder = model_folder(vehicle)
     files = (folder / "parameters.toml", folder / "tuned.toml")
     given = completed(read_parameters(*(path for path in files if path.is_file())))
-    try:
-        stated = stated_targets(given)
-    except ModelError as error:
-        raise ModelError(f"{files[0]}: {error}") from None
-    if is_shipped(folder) and not stated and not from_geometry:
+    if is_shipped(folder) and not from_geometry:
         known = published(folder.name)
         targets, source, whose = known.targets, known.source, "published"
     else:
-        targets, source = _own(folder, given, stated, from_geometry=from_geometry)
         whose = "estimated" if from_geometry else "stated"
+        try:
+            targets, source = _own(folder, given, from_geometry=from_geometry)
+        except ModelError as error:
+            raise ModelError(f"{files[0]}: {error}") from None
     solved = calibrate(folder, given, targets, source, on_progress=on_progress)
     return to_toml(solved, _HEADER.format(derivatives=whose))
 
 
 def _own(
-    folder: Path, given: Parameters, stated: Parameters, *, from_geometry: bool
+    folder: Path, given: Parameters, *, from_geometry: bool
 ) -> tuple[Mapping[str, float], str]:
     """Return a vehicle's own targets, those that it states before those that are estimated."""
+    stated = stated_targets(given)
     if not from_geometry:
         missing = lacking(stated)
         if missing:
             raise ModelError(
-                f"{folder / 'parameters.toml'}: [targets] lacks {', '.join(missing)}; each is "
+                f"[targets] lacks {', '.join(missing)}; each is "
                 '{ value = NUMBER, unit = "UNIT", source = "WHERE FROM" }, and '
                 "helisim calibrate --from-geometry estimates what is missing"
             )

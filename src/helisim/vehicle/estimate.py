@@ -8,26 +8,27 @@ blades' own flapping makes, by 1 + a sigma / (16 lambda); its coupling is the st
 helicopters are up to some four times larger in tau_f and in A_b and B_a. A start, not a truth.
 """
 
-import math
 from collections.abc import Mapping
 
 from helisim.errors import ModelError
 from helisim.vehicle.calibrate import Disc, hover_torque
+from helisim.vehicle.glossary import glossary
 from helisim.vehicle.parameters import Parameters, PhysicalParameter
 from helisim.vehicle.targets import UNITS
 
-GEOMETRY = {
-    "geometry.lift_slope": ("1/rad", "of the main rotor's blades, 5 to 6"),
-    "geometry.blade_inertia": ("kg m^2", "of one blade about the hub, mass R^2 / 3"),
-    "geometry.hub_stiffness": ("N m/rad", "moment of the tilted disc, all blades together"),
-    "geometry.collective_range": ("rad", "blade pitch for one unit of collective"),
-    "geometry.cyclic_range": ("rad", "blade pitch for one unit of cyclic"),
-    "geometry.tail_range": ("rad", "tail blade pitch for one unit of pedals"),
-    "geometry.iyy": ("kg m^2", "pitch inertia"),
-    "geometry.izz": ("kg m^2", "yaw inertia"),
-}
-"""What an estimate takes beside the vehicle's other parameters: unit and meaning."""
+GEOMETRY = (
+    "lift_slope",
+    "blade_inertia",
+    "hub_stiffness",
+    "collective_range",
+    "cyclic_range",
+    "tail_range",
+    "iyy",
+    "izz",
+)
+"""What an estimate takes beside the vehicle's other parameters, all in `[geometry]`."""
 
+_SECTION = "geometry."
 _SOURCE = "estimated: closed form, from the geometry"
 
 
@@ -42,20 +43,16 @@ def estimated_targets(given: Parameters, mass: float, gravity: float) -> Paramet
     Raises:
         ModelError: one of the geometry is missing, or not positive.
     """
-    missing = [
-        f"{name} ({unit}: {meaning})"
-        for name, (unit, meaning) in GEOMETRY.items()
-        if name not in given
-    ]
+    terms = {name: glossary()[_SECTION + name] for name in GEOMETRY}
+    missing = [f"{name} ({terms[name].unit})" for name in GEOMETRY if _SECTION + name not in given]
     if missing:
         raise ModelError(
-            "an estimate from the geometry needs these in parameters.toml, section [geometry]: "
-            + "; ".join(name.removeprefix("geometry.") for name in missing)
+            f"an estimate from the geometry needs a section [geometry] with {', '.join(missing)}"
         )
-    own = {name.removeprefix("geometry."): given[name] for name in GEOMETRY}
+    own = {name: given[_SECTION + name] for name in GEOMETRY}
     for name, value in own.items():
         if not value > 0.0:
-            raise ModelError(f"parameter 'geometry.{name}' must be positive, got {value:g}")
+            raise ModelError(f"geometry.{name} must be positive, got {value:g} {terms[name].unit}")
     values = {**_forces(given, own, mass, gravity), **_flapping(given, own, mass * gravity)}
     return Parameters(
         {name: PhysicalParameter(name, values[name], unit, _SOURCE) for name, unit in UNITS.items()}

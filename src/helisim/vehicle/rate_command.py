@@ -122,7 +122,9 @@ def sensitivity(vehicle: Vehicle, axis: str, omega: NDArray[np.float64]) -> NDAr
         omega: rad/s, (n_freq,).
     """
     loop = vehicle.loop(axis)
-    positive = np.asarray(loop(np.exp(1j * omega * loop.dt), squeeze=True))
+    a, b, c, d = (np.asarray(getattr(loop, name)) for name in "ABCD")
+    point = np.exp(1j * omega * loop.dt)[:, None, None]
+    positive = (c @ np.linalg.solve(point * np.eye(len(a)) - a, b) + d)[:, 0, 0]
     return np.abs(1.0 / (1.0 - positive))
 
 

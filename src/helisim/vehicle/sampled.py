@@ -5,7 +5,9 @@ exactly; the gyro's law is sampled by itself. The gyro's latency is a whole numb
 Nothing is approximated but the linearisation itself.
 """
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import control
 import numpy as np
@@ -36,12 +38,20 @@ class SampledGyro:
 
 
 def sample(a: Matrix, b: Matrix, period: float) -> tuple[Matrix, Matrix]:
-    """Return the matrices of a linear system sampled with held inputs."""
+    """Return the matrices of a linear system sampled with held inputs, read-only."""
     n, m = b.shape
     both = np.zeros((n + m, n + m))
     both[:n] = np.hstack([a, b])
-    whole = np.asarray(expm(both * period), dtype=np.float64)
+    whole = np.frombuffer(_exponential((both * period).tobytes())).reshape(n + m, n + m)
     return whole[:n, :n], whole[:n, n:]
+
+
+@lru_cache(maxsize=4)
+def _exponential(matrix: bytes) -> bytes:
+    """Return the exponential of a square matrix; tuning asks for one again and again."""
+    numbers = np.frombuffer(matrix)
+    size = math.isqrt(numbers.size)
+    return np.asarray(expm(numbers.reshape(size, size)), dtype=np.float64).tobytes()
 
 
 def close(
