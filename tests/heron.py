@@ -170,6 +170,14 @@ _PARAMETERS = {
         "ped_w_min": (0.4, "rad/s", -0.5),
         "ped_w_max": (30.0, "rad/s", -0.5),
     },
+    "band": {
+        "yaw_base_low": (0.6, "rad/s", -0.5),
+        "yaw_base_high": (25.0, "rad/s", -0.5),
+        "rollpitch_in1_low": (4.0, "rad/s", -0.5),
+        "rollpitch_in1_high": (50.0, "rad/s", -0.5),
+        "heave_low": (0.3, "rad/s", -0.5),
+        "heave_high": (12.0, "rad/s", -0.5),
+    },
 }
 """Section -> name -> value at size 1, unit, and the power of n it scales with."""
 

@@ -156,11 +156,12 @@ def _set_gyro_rate(spec: mujoco.MjSpec, period: float, latency: float, sampled: 
 
 
 def _advice(message: str) -> str:
-    if "A + B >= C" not in message:
+    if not any(said in message for said in ("A + B >= C", "positive eigenvalues")):
         return ""
     return (
         "; the parts' inertias leave the fuselage none that a body can have: change "
-        "airframe.ixx, airframe.iyy or airframe.izz"
+        "airframe.ixx, airframe.iyy or airframe.izz (a calibration has iyy = ixx L_b / M_a and izz "
+        "from N_r)"
     )
 
 

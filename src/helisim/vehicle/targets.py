@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from helisim.errors import ModelError
 from helisim.vehicle.calibrate import DIRECT, SOLVED
 from helisim.vehicle.glossary import glossary
-from helisim.vehicle.parameters import Parameters, PhysicalParameter, to_toml
+from helisim.vehicle.parameters import Parameters, PhysicalParameter
 
 _SECTION = "targets."
 
@@ -45,17 +45,3 @@ def stated_targets(given: Parameters) -> Parameters:
 def lacking(targets: Mapping[str, float]) -> list[str]:
     """Return the derivatives that a calibration still lacks, each with its unit."""
     return [f"{name} ({unit})" for name, unit in UNITS.items() if name not in targets]
-
-
-def targets_toml(derivatives: Mapping[str, float], source: str) -> str:
-    """Return the text of a section `[targets]` with a vehicle's own derivatives.
-
-    Args:
-        derivatives: such as `Vehicle.derivatives`; others than `UNITS` are left out.
-        source: where they come from.
-    """
-    entries = {
-        _SECTION + name: PhysicalParameter(_SECTION + name, float(derivatives[name]), unit, source)
-        for name, unit in UNITS.items()
-    }
-    return to_toml(Parameters(entries), "What `helisim calibrate` solves the parameters for. SI.")
