@@ -64,7 +64,7 @@ def _own(
         missing = lacking(stated)
         if missing:
             raise ModelError(
-                f"[targets] lacks {', '.join(missing)}; each is "
+                f"section [targets] lacks {', '.join(missing)}; each is "
                 '{ value = NUMBER, unit = "UNIT", source = "WHERE FROM" }, and '
                 "helisim calibrate --from-geometry estimates what is missing"
             )
