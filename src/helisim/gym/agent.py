@@ -80,7 +80,8 @@ class Agent:
     def give(self, controls: NDArray[np.float64], actions: NDArray[np.float64]) -> None:
         """Write actions, (4, n), into each step of a frame's inputs, (n, n_step, n_input)."""
         moved = self._centre + self._authority * actions
-        np.clip(moved, -self._limit, self._limit, out=moved)
+        np.minimum(moved, self._limit, out=moved)
+        np.maximum(moved, -self._limit, out=moved)
         controls[:, :, self._moved] = moved.T[:, None, :]
 
 

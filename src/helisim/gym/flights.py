@@ -24,6 +24,8 @@ from helisim.sim.simulation import thread_count
 
 _EARLY = 1e-9
 """s by which a new command may come early: times are rounded."""
+_CHUNKS = 16
+"""Portions of a frame's work for each thread: none has long to wait for the last of another's."""
 OPTIONS = ("motion", "command")
 
 
@@ -65,6 +67,7 @@ class Flights:
         self._scale = 1.0 / np.array([[one.scale] for one in self.task.observations])
         self._models = [copy.copy(model) for _ in range(count)]
         self._data, self._pool = _workers(model, min(count, threads or thread_count(setup.threads)))
+        self._chunk = max(1, count // (_CHUNKS * len(self._data)))
         self._allocate(model)
 
     def _allocate(self, model: mujoco.MjModel) -> None:
@@ -164,25 +167,27 @@ class Flights:
         if started is not None:
             self._actions[:, started] = 0.0
         self.agent.give(self._given, self._actions)
-        self._fly()
+        with installed():
+            self.roll()
         if kept is not None:
             self.states[started] = kept
         with np.errstate(invalid="ignore", over="ignore"):
             return self._judged(randoms, started)
 
-    def _fly(self) -> None:
-        with installed():
-            self._pool.rollout(
-                self._models,
-                self._data,
-                self.states,
-                self._given,
-                control_spec=self.agent.spec,
-                skip_checks=True,
-                nstep=self.setup.frame_skip,
-                state=self._flown,
-                sensordata=self._sensed,
-            )
+    def roll(self) -> None:
+        """Step a frame with the inputs as they are; the force laws must be installed."""
+        self._pool.rollout(
+            self._models,
+            self._data,
+            self.states,
+            self._given,
+            control_spec=self.agent.spec,
+            skip_checks=True,
+            nstep=self.setup.frame_skip,
+            state=self._flown,
+            sensordata=self._sensed,
+            chunk_size=self._chunk,
+        )
         np.copyto(self.states, self._flown[:, -1])
 
     def _judged(
@@ -209,8 +214,8 @@ class Flights:
         }
         if self._commanded(randoms, started):
             seen = self.task.observe(situation)
-        if not finite.all():
-            reward = np.nan_to_num(reward, copy=False)
+        if "finite state" in beyond:
+            seen, reward = np.nan_to_num(seen), np.nan_to_num(reward)
         return Stepped(self._scaled(seen), reward, terminated, why)
 
     def look(self) -> NDArray[np.float32]:
@@ -222,8 +227,10 @@ class Flights:
         return Situation(motions, self._commands, self._actions, self._before)
 
     def _scaled(self, seen: NDArray[np.float64]) -> NDArray[np.float32]:
-        scaled = np.clip(seen * self._scale, -BOUND, BOUND)
-        return np.nan_to_num(np.ascontiguousarray(scaled.T, dtype=np.float32), copy=False)
+        scaled = seen * self._scale
+        np.minimum(scaled, BOUND, out=scaled)
+        np.maximum(scaled, -BOUND, out=scaled)
+        return np.ascontiguousarray(scaled.T, dtype=np.float32)
 
     def _commanded(
         self, randoms: Sequence[np.random.Generator], started: NDArray[np.bool_] | None

@@ -12,10 +12,6 @@ from helisim.vehicle.motion import addresses
 
 Columns = NDArray[np.float64]
 
-# products of a quaternion's elements (w, x, y, z), and where they stand in `_products`
-_LEFT = np.array([0, 1, 2, 3, 1, 1, 2, 0, 0, 0])
-_RIGHT = np.array([0, 1, 2, 3, 2, 3, 3, 3, 2, 1])
-
 
 @dataclass(frozen=True, eq=False)
 class Motions:
@@ -93,14 +89,19 @@ def _axes(quaternions: Columns) -> Columns:
 
     Turning both frames from north-west-up to north-east-down changes the sign of y and z.
     """
-    products = quaternions[_LEFT] * quaternions[_RIGHT]
-    products[[4, 5, 7, 8]] *= -1.0
-    squares, mixed, turns = products[:4], products[4:7], products[7:]
-    above, below = 2.0 * (mixed + turns), 2.0 * (mixed - turns)
+    doubled = (2.0 * quaternions)[:, None] * quaternions  # of w, x, y, z, (4, 4, n)
+    wx, wy, wz = doubled[0, 1:]
+    xx, xy, xz = doubled[1, 1:]
+    yy, yz = doubled[2, 2:]
+    zz = doubled[3, 3]
     axes = np.empty((3, 3, quaternions.shape[1]))
-    axes[0, 0] = (squares[0] + squares[1]) - (squares[2] + squares[3])
-    axes[1, 1] = (squares[0] + squares[2]) - (squares[1] + squares[3])
-    axes[2, 2] = (squares[0] + squares[3]) - (squares[1] + squares[2])
-    axes[1, 0], axes[0, 2], axes[2, 1] = above
-    axes[0, 1], axes[2, 0], axes[1, 2] = below
+    np.subtract(1.0, yy + zz, out=axes[0, 0])
+    np.subtract(1.0, xx + zz, out=axes[1, 1])
+    np.subtract(1.0, xx + yy, out=axes[2, 2])
+    np.subtract(-wz, xy, out=axes[1, 0])
+    np.subtract(wz, xy, out=axes[0, 1])
+    np.subtract(wy, xz, out=axes[2, 0])
+    np.subtract(-wy, xz, out=axes[0, 2])
+    np.add(wx, yz, out=axes[2, 1])
+    np.subtract(yz, wx, out=axes[1, 2])
     return axes

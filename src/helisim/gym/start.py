@@ -33,7 +33,8 @@ class EpisodeStart:
         model = vehicle.model
         self.height = setup.weather.height
         self._rotor = addresses(model).rotor
-        self._air = addresses(model).state + STATE.air_u
+        first = addresses(model).state
+        self._air = slice(first + STATE.air_u, first + STATE.air_r_lag + 1)
         self._data = mujoco.MjData(model)
         place(model, self._data, vehicle.trim, height=self.height)
         self._motion = replace(vehicle.trim.motion, down=-self.height)
@@ -89,8 +90,9 @@ class EpisodeStart:
             trim, **{name: getattr(trim, name) + value for name, value in offsets.items()}
         )
         write_motion(self._vehicle.model, self._data, motion)
-        rough = weather.start(self._vehicle, np.random.default_rng(seed))
-        self._data.act[self._air : self._air + len(rough)] = rough
+        calm = weather.dryden is None
+        rough = 0.0 if calm else weather.start(self._vehicle, np.random.default_rng(seed))
+        self._data.act[self._air] = rough
         state = np.empty_like(self.state)
         self._read(state)
         return state
