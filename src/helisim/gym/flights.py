@@ -251,7 +251,8 @@ class Flights:
         actions = np.asarray(actions, dtype=np.float64)
         if actions.shape != (self.count, 4):
             raise InputError(f"actions must be ({self.count}, 4), got {actions.shape}")
-        moved = np.clip(np.ascontiguousarray(actions.T), -1.0, 1.0)
+        moved = np.maximum(np.ascontiguousarray(actions.T), -1.0)
+        np.minimum(moved, 1.0, out=moved)
         if np.isnan(moved).any():
             rows = np.flatnonzero(np.isnan(moved).any(axis=0)).tolist()
             raise InputError(f"actions must be numbers from -1 to 1, got nan in rows {rows}")

@@ -34,7 +34,7 @@ class Limits:
         """
         limit = self._envelope
         if limit.tilt is not None:
-            tilt = np.abs(motions.attitude[:2])
+            tilt = np.abs(motions.tilt)
             yield "tilt", np.maximum(tilt[0], tilt[1]) > limit.tilt
         if limit.rate is not None:
             rate = np.abs(motions.rates)
@@ -59,6 +59,6 @@ class Limits:
         if near.any():
             axes, (x, y, z) = motions.axes[:, :, near], self._imu
             imu = motions.position[:, near] + (axes[:, 0] * x + axes[:, 1] * y + axes[:, 2] * z)
-            attitude = motions.attitude[:, near]
+            attitude = np.vstack([motions.tilt, motions.psi])[:, near]
             near[near] = self._outline.closer_than(least, imu.T, attitude.T)
         return near

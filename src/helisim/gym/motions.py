@@ -43,13 +43,17 @@ class Motions:
         return self.axes[0] * north + self.axes[1] * east + self.axes[2] * down
 
     @cached_property
-    def attitude(self) -> Columns:
-        """phi, theta, psi, rad, (3, n); psi from -pi to pi."""
-        axes, angles = self.axes, np.empty_like(self.position)
+    def tilt(self) -> Columns:
+        """phi and theta, rad, (2, n)."""
+        axes, angles = self.axes, np.empty_like(self.flapping)
         np.arctan2(axes[2, 1], axes[2, 2], out=angles[0])
-        np.arcsin(np.clip(-axes[2, 0], -1.0, 1.0), out=angles[1])
-        np.arctan2(axes[1, 0], axes[0, 0], out=angles[2])
+        np.arcsin(np.minimum(np.maximum(-axes[2, 0], -1.0), 1.0), out=angles[1])
         return angles
+
+    @property
+    def psi(self) -> Columns:
+        """The heading from -pi to pi, rad, (n,)."""
+        return np.arctan2(self.axes[1, 0], self.axes[0, 0])
 
     @cached_property
     def heading(self) -> Columns:

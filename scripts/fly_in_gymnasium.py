@@ -1,0 +1,56 @@
+"""Fly helicopters in Gymnasium: an agent of a few lines tracks velocities and headings.
+
+    python scripts/fly_in_gymnasium.py [EPISODES]
+
+Each episode has a helicopter, a wind, and commands of its own. The gyro keeps the rates that the
+sticks ask for, so the agent's law is that of a patient pilot: an attitude for the velocity that is
+missing, a stick for the attitude.
+"""
+
+import sys
+
+import gymnasium
+import numpy as np
+
+import helisim.gym
+
+# tilt for velocity, rad s/m; stick for tilt, 1/rad; the tilt to the right of the hover, rad
+TILT, STICK, HOVERS_AT = 0.15, 1.2, 0.067
+
+
+def agent(seen: np.ndarray) -> np.ndarray:
+    """Return actions (n, 4) for scaled observations (n, 17), in the order of the tables."""
+    ahead, right, below, turn = *seen[:, :3].T, np.arctan2(seen[:, 3], seen[:, 4])
+    phi, theta = 0.2 * seen[:, 8], 0.2 * seen[:, 9]
+    col = -0.1 * below
+    lon = STICK * (np.clip(-TILT * ahead, -0.3, 0.3) - theta)
+    lat = STICK * (np.clip(TILT * right, -0.3, 0.3) + HOVERS_AT - phi)
+    ped = 0.3 * turn
+    return np.column_stack([col, lon, lat, ped])
+
+
+def main(episodes: int = 32) -> None:
+    """Print what is seen and moved, and how the episodes went."""
+    env = gymnasium.make_vec(
+        "helisim/Track-v0",
+        num_envs=episodes,
+        vectorization_mode="vector_entry_point",
+        spread=helisim.gym.USUAL,
+        weather=helisim.gym.WeatherRange(wind=3.0, turbulence=5.0),
+    )
+    for one in env.unwrapped.observations:
+        print(f"{one.name:22}{one.unit:7}{one.scale:<6g}{one.meaning}")
+    for one in env.unwrapped.actions:
+        print(f"{one.name:22}1      {one.authority:<6g}stick, about {one.centre:.3f}")
+    seen, _ = env.reset(seed=1)
+    score, lost = np.zeros(episodes), np.zeros(episodes, dtype=bool)
+    for _ in range(500):
+        seen, reward, terminated, _, _ = env.step(agent(seen))
+        lost |= terminated
+        score += np.where(lost, 0.0, reward)
+    print(f"{episodes} episodes: mean return {score.mean():.0f} of 500, {lost.sum()} lost")
+    env.close()
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
