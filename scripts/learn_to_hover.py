@@ -1,15 +1,14 @@
 """Learn to hover without a gyro: PPO moves the four servos of the bare helicopter, in minutes.
 
-    python scripts/learn_to_hover.py [MINUTES] [FOLDER]
+    python scripts/learn_to_hover.py [MILLIONS] [FOLDER]
 
-It trains for so many minutes (6 if left out) on 64 helicopters at once, prints the learning curve,
-and writes into FOLDER (hover, if left out) the curve, `curve.png`, and the policy, `policy.zip`. Then
-the policy hovers, without noise on its actions, helicopters that it has not met. It needs
-stable-baselines3: pip install helisim[learn].
+It trains for so many millions of frames (1.5 if left out, some two minutes) on 64 helicopters at
+once, prints the learning curve, and writes it as `curve.png` and the policy as `policy.zip` into
+FOLDER (hover, if left out). Then the policy hovers helicopters that it has not met, without noise
+on its actions. It needs stable-baselines3: pip install helisim[learn].
 """
 
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from stable_baselines3.common.vec_env import VecEnv
 import helisim.gym
 
 HELICOPTERS = 64
-SETTINGS = {"action": "servos", "authority": 0.25}
+SERVOS = {"action": "servos", "authority": 0.25}
 """A quarter of the servos' unit range is enough to stabilise, and kinder to a beginner."""
 
 
@@ -32,20 +31,20 @@ class Fleet(VecEnv):
     """The native vector environment as stable-baselines3 wants one."""
 
     def __init__(self, count: int, **settings: Any) -> None:
-        self.env = gymnasium.make_vec(
-            "helisim/Hover-v0", count, vectorization_mode="vector_entry_point",
-            autoreset_mode="SameStep", **settings,
-        )  # fmt: skip
+        self.env = vector(count, autoreset_mode="SameStep", **settings)
         super().__init__(count, self.env.single_observation_space, self.env.single_action_space)
         self._actions = np.zeros((count, 4))
 
-    def reset(self):
+    def reset(self) -> np.ndarray:
+        """Return what is seen at the start of all episodes."""
         return self.env.reset(seed=self._seeds[0])[0]
 
-    def step_async(self, actions):
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions of the next frame."""
         self._actions = actions
 
-    def step_wait(self):
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Fly it; where an episode ended, what is seen is the next one's start."""
         seen, rewards, terminated, truncated, infos = self.env.step(self._actions)
         done = terminated | truncated
         each: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -54,28 +53,43 @@ class Fleet(VecEnv):
             each[row]["TimeLimit.truncated"] = bool(truncated[row] and not terminated[row])
         return seen, rewards.astype(np.float32), done, each
 
-    def close(self):
+    def close(self) -> None:
+        """Stop the threads."""
         self.env.close()
 
-    def get_attr(self, attr_name, indices=None):
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return what all helicopters share."""
         return [getattr(self.env, attr_name)] * self.num_envs
 
-    def set_attr(self, attr_name, value, indices=None):
-        raise NotImplementedError("settings are given when the environment is made")
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Return that none is wrapped."""
+        return [False] * self.num_envs
 
-    def env_method(self, method_name, *args, indices=None, **kwargs):
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refuse: settings are given when the environment is made."""
+        raise NotImplementedError(attr_name)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **words: Any) -> None:
+        """Refuse: there is no environment of one helicopter to call."""
         raise NotImplementedError(method_name)
 
-    def env_is_wrapped(self, wrapper_class, indices=None):
-        return [False] * self.num_envs
+
+def vector(count: int, **settings: Any) -> gymnasium.vector.VectorEnv:
+    """Return helicopters whose four servos are to be moved."""
+    mode = {"vectorization_mode": "vector_entry_point"}
+    return gymnasium.make_vec("helisim/Hover-v0", count, **mode, **SERVOS, **settings)
 
 
 class Curve(BaseCallback):
-    """Notes how the last episodes went, and ends the training when its time is over."""
+    """Notes how the last episodes went.
 
-    def __init__(self, seconds: float) -> None:
+    Attributes:
+        rows: frames so far, mean return and mean length (s) of the episodes that ended since.
+    """
+
+    def __init__(self) -> None:
         super().__init__()
-        self.until, self.rows = time.monotonic() + seconds, []
+        self.rows: list[tuple[int, float, float]] = []
         self._return, self._length = np.zeros(HELICOPTERS), np.zeros(HELICOPTERS)
         self._ended: list[tuple[float, float]] = []
 
@@ -85,7 +99,7 @@ class Curve(BaseCallback):
         for row in np.flatnonzero(self.locals["dones"]):
             self._ended.append((self._return[row], 0.02 * self._length[row]))
             self._return[row] = self._length[row] = 0.0
-        return time.monotonic() < self.until
+        return True
 
     def _on_rollout_end(self) -> None:
         if len(self._ended) >= HELICOPTERS:
@@ -96,18 +110,18 @@ class Curve(BaseCallback):
                 print(f"{self.num_timesteps:>10,} frames: return {score:6.1f}, {length:5.2f} s")
 
 
-def train(minutes: float) -> tuple[PPO, Curve]:
-    """Return the policy that so many minutes of training make, and how it learned."""
+def train(frames: int) -> tuple[PPO, Curve]:
+    """Return the policy that so many frames of training make, and how it learned."""
     torch.set_num_threads(1)
-    fleet = Fleet(HELICOPTERS, **SETTINGS)
+    fleet = Fleet(HELICOPTERS)
     fleet.seed(1)
     policy = PPO(
         "MlpPolicy", fleet, n_steps=64, batch_size=1024, n_epochs=10, learning_rate=5e-4,
         gamma=0.99, gae_lambda=0.95, seed=1, device="cpu",
         policy_kwargs={"net_arch": [64, 64], "log_std_init": -1.5},
     )  # fmt: skip
-    curve = Curve(60.0 * minutes)
-    policy.learn(10**9, callback=curve)
+    curve = Curve()
+    policy.learn(frames, callback=curve)
     fleet.close()
     return policy, curve
 
@@ -129,8 +143,7 @@ def examine(policy: PPO) -> None:
 
 def flown(policy: PPO | None, settings: dict[str, Any]) -> tuple[float, float, float]:
     """Return the means of return, seconds, and metres off at the end, over one episode each."""
-    env = gymnasium.make_vec("helisim/Hover-v0", HELICOPTERS, max_episode_steps=None,
-                             vectorization_mode="vector_entry_point", **SETTINGS, **settings)  # fmt: skip
+    env = vector(HELICOPTERS, max_episode_steps=None, **settings)
     seen, _ = env.reset(seed=1000)
     score, length = np.zeros(HELICOPTERS), np.zeros(HELICOPTERS)
     off, flying = np.zeros(HELICOPTERS), np.ones(HELICOPTERS, dtype=bool)
@@ -159,11 +172,11 @@ def draw(curve: Curve, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def main(minutes: float = 6.0, folder: str = "hover") -> None:
+def main(millions: float = 1.5, folder: str = "hover") -> None:
     """Train, print, write, examine."""
     path = Path(folder)
     path.mkdir(parents=True, exist_ok=True)
-    policy, curve = train(minutes)
+    policy, curve = train(round(1e6 * millions))
     policy.save(path / "policy.zip")
     if curve.rows:
         draw(curve, path / "curve.png")

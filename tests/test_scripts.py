@@ -1,5 +1,6 @@
 """The scripts that a user copies: each runs, and says what it is for."""
 
+import re
 import runpy
 import subprocess
 import sys
@@ -27,7 +28,9 @@ def test_a_few_scripts_are_for_users():
     assert sorted(path.name for path in SCRIPTS.glob("*.py")) == [
         "first_look.py",
         "fly_and_identify.py",
+        "fly_in_gymnasium.py",
         "identify_log.py",
+        "learn_to_hover.py",
         "own_structure.py",
         "run_campaign.py",
         "write_report.py",
@@ -107,3 +110,27 @@ def test_a_campaign_is_flown_and_looked_at(run):
     assert "heave (recorder.noise 4, flights 2, method designed)" in printed
     assert len(printed.split("replicate  noise", 1)[1].splitlines()) == 3
     assert run("run_campaign.py", "noise", 1) == printed
+
+
+def test_an_agent_of_a_few_lines_flies(run):
+    """The tables of what is seen and moved; no helicopter is lost, and more is won than by luck."""
+    printed = run("fly_in_gymnasium.py", 4)
+    assert "heading_error_sine" in printed
+    assert "PED" in printed
+    score, lost = re.search(r"mean return (\d+) of 500, (\d+) lost", printed).groups()
+    assert int(score) > 150  # of the still sticks: some 60
+    assert int(lost) == 0
+
+
+@pytest.mark.slow
+def test_a_policy_learns_to_hover(run, tmp_path):
+    """A fifth of a million frames: a curve that rises, a picture, a policy that beats none."""
+    pytest.importorskip("stable_baselines3", reason="pip install helisim[learn]")
+    printed = run("learn_to_hover.py", 0.2, "out")
+    returns = [float(one) for one in re.findall(r"frames: return +([\d.]+)", printed)]
+    assert returns[-1] > returns[0]
+    assert (tmp_path / "out" / "policy.zip").is_file()
+    assert (tmp_path / "out" / "curve.png").read_bytes().startswith(b"\x89PNG")
+    found = re.findall(r"as it learned, .*: return ([\d.]+) of 500", printed)
+    learned, held = map(float, found)
+    assert learned > 2.0 * held

@@ -44,7 +44,7 @@ class Motions:
 
     @cached_property
     def tilt(self) -> Columns:
-        """phi and theta, rad, (2, n)."""
+        """Roll and pitch angle, phi and theta, rad, (2, n)."""
         axes, angles = self.axes, np.empty_like(self.flapping)
         np.arctan2(axes[2, 1], axes[2, 2], out=angles[0])
         np.arcsin(np.minimum(np.maximum(-axes[2, 0], -1.0), 1.0), out=angles[1])

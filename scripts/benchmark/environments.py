@@ -6,7 +6,7 @@ rollout is `mujoco.rollout` of the same models from the same states with the sam
 same memory, and nothing else: what is left of it is the cost of the environment. With other
 programs at work only the processor time means something.
 
-    python scripts/benchmark/gym.py [NUM_ENVS] [ROUNDS]
+    python scripts/benchmark/environments.py [NUM_ENVS] [ROUNDS]
 """
 
 import os
