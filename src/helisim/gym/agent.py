@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.gym.settings import Setup
-from helisim.physics.layout import CONTROL, PARAM, STICK_HISTORY
+from helisim.physics.layout import CONTROL, HISTORY, INJECTION, PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 
@@ -59,7 +59,7 @@ class Agent:
         spec = mujoco.mjtState.mjSTATE_USERDATA if self._sticks else mujoco.mjtState.mjSTATE_CTRL
         self.spec = int(spec)
         self._resting = resting.copy()
-        place = 0 if self._sticks else first
+        place = INJECTION.stick_col if self._sticks else first
         self._moved = slice(place, place + 4)
         self._centre, self._limit = np.array(trim)[:, None], limit
         self._authority = setup.authority
@@ -70,7 +70,7 @@ class Agent:
         if not self._sticks:
             par[PARAM.gyro_on] = 0.0
             return
-        par[PARAM.pilot_on], par[PARAM.excitation] = 1.0, STICK_HISTORY
+        par[PARAM.pilot_on], par[PARAM.excitation] = 1.0, HISTORY
         par[PARAM.pilot_col : PARAM.pilot_k_heading + 1] = 0.0  # holds nothing, from no trim
 
     def controls(self, count: int) -> NDArray[np.float64]:
