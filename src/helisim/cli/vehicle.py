@@ -4,12 +4,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import add_quiet, print_written
+from helisim.cli.common import add_quiet, add_vehicle, print_written, single_line
 
 _EPILOG = """\
 examples:
   helisim vehicle list
   helisim vehicle new myheli --like jr700      the folder myheli/, which flies
+  helisim vehicle check myheli                 what is wrong with it, with lines
   helisim fly myheli --axis lat --out lat.parquet
 
 A vehicle is a folder: every command takes its path. parameters.toml in it
@@ -30,6 +31,7 @@ def add(commands: Any) -> None:
         dest="part", required=True, metavar="PART", parser_class=type(command)
     )
     _add_new(parts)
+    _add_check(parts)
     parts.add_parser("list", help="list the shipped vehicles").set_defaults(run=_list)
 
 
@@ -62,6 +64,31 @@ def _new(options: argparse.Namespace) -> int:
     shown = folder.name if options.to is None else options.to / folder.name
     print_written(options, f"{shown}; next: see {shown}/README.md, or helisim linearize {shown}")
     return 0
+
+
+def _add_check(parts: Any) -> None:
+    check = parts.add_parser(
+        "check",
+        help="say everything that is wrong with a vehicle, with its line and the remedy",
+        description="Say everything that is wrong with a vehicle's folder, each with its line and "
+        "the remedy, and print what it is in the hover. Exit status 2 if anything is wrong.",
+        epilog="example: helisim vehicle check myheli",
+    )
+    add_vehicle(check)
+    add_quiet(check)
+    check.set_defaults(run=_check)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from helisim.output.terminal import render_check
+    from helisim.study.check import check_vehicle
+
+    found = check_vehicle(options.vehicle)
+    for problem in found.problems:
+        print(single_line(str(problem)))
+    if not options.quiet:
+        print(render_check(found))
+    return 2 if found.problems else 0
 
 
 def _list(options: argparse.Namespace) -> int:

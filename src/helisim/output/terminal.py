@@ -1,14 +1,16 @@
 """What the commands print: tables with the sentences around them, in at most 80 columns."""
 
+import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TextIO
 
 from helisim.output import tables
-from helisim.output.table import GREEN, RED, as_text, filled, formatted, paint
+from helisim.output.table import GREEN, NO_BREAK, RED, as_text, filled, formatted, paint
 from helisim.paper.errata import Erratum
 from helisim.records.channels import IN1
 from helisim.sim.rigs import RigTest
+from helisim.study.check import VehicleCheck
 from helisim.study.results import Results
 from helisim.vehicle import Linearization, Vehicle
 
@@ -68,6 +70,44 @@ def render_trims(flights: Sequence[Vehicle]) -> str:
         "mast."
     )
     return f"{as_text(tables.trims(flights))}\n\n{filled(text)}"
+
+
+def render_check(found: VehicleCheck) -> str:
+    """Return how many problems a vehicle has, remarks, and what it is in the hover."""
+    count = len(found.problems)
+    said = f"{count} problem{'s' if count > 1 else ''}." if count else "All is well."
+    lines = [f"{found.name}: {said}"]
+    if found.remarks:
+        lines.append(_list("To know:", [str(remark) for remark in found.remarks]))
+    if found.figures is not None:
+        lines += ["", *_figures(found)]
+    return "\n".join(lines)
+
+
+def _figures(found: VehicleCheck) -> Iterator[str]:
+    """Yield the lines of what a vehicle is in the hover."""
+    own = found.figures
+    assert own is not None
+    pair = f"{NO_BREAK}+-{NO_BREAK}"
+    poles = (f"{one.real:.3g}" + f"{pair}{one.imag:.3g}j" * (one.imag > 0.0) for one in own.poles)
+    rows = {
+        "mass": f"{own.mass:.4g} kg",
+        "disc loading": f"{own.disc_loading:.3g} N/m^2",
+        "tip speed": f"{own.tip_speed:.4g} m/s",
+        "solidity": f"{own.solidity:.3g}",
+        "blade loading CT/sigma": f"{own.blade_loading:.3g}",
+        "Lock number": f"{own.lock_number:.3g}, as tau_f implies",
+        "hover collective": f"{math.degrees(own.collective):.3g} deg of blade pitch",
+        "hover power": f"{own.power:.4g} W of the main rotor",
+        "figure of merit": f"{own.figure_of_merit:.3g}",
+        "poles": f"{', '.join(poles)} rad/s",
+    }
+    for axis, left in found.margins.items():
+        rows[f"{axis} margins"] = (
+            f"{left.gain_db:.1f} dB, {left.phase_deg:.0f} deg, crossover {left.crossover:.3g} rad/s"
+        )
+    for name, text in rows.items():
+        yield filled(text, f"{name:<24}")
 
 
 def render_derivatives(linear: Linearization, derivatives: Mapping[str, float]) -> str:

@@ -40,6 +40,9 @@ _INTEGRATORS = {
     name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }
 
+ROTOR_STATES = len(STATE) + SWASH_STATES + TAIL_STATES - STATE.flap_a
+"""Activations of the rotor, at least: its own, the air's, and those of the gyro's laws."""
+
 _LONGEST = 10.0
 """s, of the gyro's period and latencies: MuJoCo keeps what happened in all that time."""
 
@@ -230,11 +233,10 @@ def check_interface(model: mujoco.MjModel) -> None:
     check_channels(model)
     rotor = model.actuator("rotor").id
     found = model.actuator_actnum[rotor - ROTOR : rotor + 1].tolist()
-    least = len(STATE) + SWASH_STATES + TAIL_STATES - STATE.flap_a
-    if found[:ROTOR] != [0, 0, 0, 0, 2, 2, 2, 2] or found[ROTOR] < least:
+    if found[:ROTOR] != [0, 0, 0, 0, 2, 2, 2, 2] or found[ROTOR] < ROTOR_STATES:
         raise ModelError(
-            f"actdim must be none of the sticks, 2 of the servos and {least} or more of the rotor; "
-            f"the MJCF has {', '.join(map(str, found))}"
+            f"actdim must be none of the sticks, 2 of the servos and {ROTOR_STATES} or more of the "
+            f"rotor; the MJCF has {', '.join(map(str, found))}"
         )
     if model.nuser_actuator < len(PARAM):
         raise ModelError(f"nuser_actuator is {model.nuser_actuator}, needs {len(PARAM)} or more")

@@ -1,0 +1,346 @@
+"""`helisim vehicle check`: a copy is broken in one way, and the sentence with the line says it."""
+
+import shutil
+
+import pytest
+
+from helisim.cli import main
+from helisim.errors import UnknownNameError
+from helisim.study.check import Problem, check_vehicle
+from helisim.study.new_vehicle import new_vehicle
+from helisim.vehicle.folder import vehicle_names
+from own_vehicle import renamed
+
+PARAMETERS, CALIBRATED, TUNED, MJCF = "parameters.toml", "calibrated.toml", "tuned.toml", "own.xml"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return new_vehicle("own", to=tmp_path_factory.mktemp("hangar"))
+
+
+@pytest.fixture
+def own(made, tmp_path):
+    """A vehicle to be broken."""
+    return shutil.copytree(made, tmp_path / "own")
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_nothing_is_wrong_with_the_shipped(name, tmp_path):
+    """Nor with what is made from them."""
+    for vehicle in (name, new_vehicle("own", like=name, to=tmp_path)):
+        found = check_vehicle(vehicle)
+        assert [str(one) for one in (*found.problems, *found.remarks)] == []
+        assert found.figures is not None
+        assert set(found.margins) == {"lat", "lon", "ped"}
+
+
+def test_nothing_is_wrong_with_names_of_ones_own(tmp_path):
+    """Roles are followed."""
+    assert check_vehicle(renamed(tmp_path / "libelle")).problems == ()
+
+
+FILES = {
+    "a unit": (
+        PARAMETERS,
+        'radius = { value = 0.767, unit = "m"',
+        'radius = { value = 767, unit = "mm"',
+        r"main_rotor.radius is in 'm', not in 'mm': 767 mm are value = 0.767",
+    ),
+    "degrees": (
+        CALIBRATED,
+        'pitch_trim = { value = 0.07997304190586609, unit = "rad"',
+        'pitch_trim = { value = 4.58, unit = "deg"',
+        "main_rotor.pitch_trim is in 'rad', not in 'deg': 4.58 deg are value = 0.0799361",
+    ),
+    "revolutions": (
+        PARAMETERS,
+        'speed = { value = 178.0235837034216, unit = "rad/s"',
+        'speed = { value = 1700, unit = "rpm"',
+        "1700 rpm are value = 178.024",
+    ),
+    "a radius of 767 m": (
+        PARAMETERS,
+        "radius = { value = 0.767",
+        "radius = { value = 767",
+        "main_rotor.radius = 767 m is implausible: it is usually 0.05 to 12 m. Radius of the main",
+    ),
+    "a tail ahead": (
+        PARAMETERS,
+        "arm_x = { value = -0.9",
+        "arm_x = { value = 0.9",
+        "tail_rotor.arm_x = 0.9 m is implausible: it is usually -15 to -0.05 m. Tail rotor",
+    ),
+    "a misspelt parameter": (
+        PARAMETERS,
+        "hub_x =",
+        "hub_ex =",
+        "did you mean hub_x?",
+    ),
+    "a misspelt section": (
+        PARAMETERS,
+        "[servo]",
+        "[servos]",
+        "The section [servos] is not one that a vehicle has; did you mean [servo]?",
+    ),
+    "a missing parameter": (
+        PARAMETERS,
+        "fin_area = {",
+        "# fin_area = {",
+        'airframe.fin_area is missing: add fin_area = { value = ..., unit = "m^2", source',
+        "[airframe]",
+    ),
+    "a missing target": (
+        PARAMETERS,
+        "N_ped = {",
+        "# N_ped = {",
+        "[targets] lacks N_ped: `helisim calibrate` needs all of them.",
+        "[targets]",
+    ),
+    "no source": (
+        PARAMETERS,
+        'ground_effect = { value = 0.0, unit = "1", source =',
+        'ground_effect = { value = 0.0, unit = "1", from =',
+        "air.ground_effect needs a value (a number), a unit and a source",
+    ),
+    "no number": (
+        PARAMETERS,
+        "ixx = { value = 0.2",
+        "ixx = { value = nan",
+        "airframe.ixx must be a finite number, got nan.",
+    ),
+    "no TOML": (PARAMETERS, "[airframe]", "[airframe", "This is not TOML: Expected ']'"),
+    "defined twice": (
+        TUNED,
+        "[gyro]",
+        '[gyro]\nk_a = { value = 1.0, unit = "s/rad", source = "mine" }',
+        "gyro.k_a is defined already, in parameters.toml, line",
+        "k_a = {",
+    ),
+    "a role": (
+        PARAMETERS,
+        "# [roles]",
+        '[roles.sight]\nimu = "x"',
+        "Unknown kind of role 'sight'; available: mjcf, scene, body, site",
+        "[roles.sight]",
+    ),
+    "an inertia": (
+        CALIBRATED,
+        "izz = { value = 0.4185352286016171",
+        "izz = { value = 0.6",
+        "airframe.izz = 0.6 kg m^2 is more than the other two moments together, 0.5424, which no",
+    ),
+    "what is left to the fuselage": (
+        PARAMETERS,
+        "ixx = { value = 0.2",
+        "ixx = { value = 0.12",
+        "The fuselage is left with principal moments of inertia of",
+        "ixx = {",
+    ),
+    "a period": (
+        PARAMETERS,
+        "period = { value = 0.002",
+        "period = { value = 0.003",
+        "gyro.period = 0.003 s must be a whole number of the MJCF's time steps of 0.002 s: 0.004 s",
+    ),
+    "a hub elsewhere": (
+        PARAMETERS,
+        "hub_z = { value = -0.28",
+        "hub_z = { value = -0.2",
+        "main_rotor.hub_z is -0.2 m, and the site 'hub' of the MJCF is at -0.28 m; make them one",
+        "hub_z",
+    ),
+    "a chord": (
+        PARAMETERS,
+        "chord = { value = 0.065",
+        "chord = { value = 0.9",
+        "The solidity is 0.747, which is implausible: it is usually 0.01 to 0.25.",
+        None,
+    ),
+    "an old calibration": (
+        PARAMETERS,
+        "radius = { value = 0.767",
+        "radius = { value = 0.8",
+        "Z_w is -",
+        "Z_w = {",
+    ),
+    "a gyro out of tune": (
+        TUNED,
+        "kp_lat = { value = 0.054009",
+        "kp_lat = { value = 0.954009",
+        "`helisim tune own --write` solves the gains for [tuning].",
+        "",
+    ),
+}
+ELEMENTS = {
+    "a misspelt sensor": (
+        '<gyro name="imu_gyro"',
+        '<gyro name="imugyro"',
+        "The sensor 'imu_gyro' is missing; this one may be meant: call it 'imu_gyro', or say in "
+        'parameters.toml: [roles.sensor] imu_gyro = "imugyro".',
+    ),
+    "a misspelt actuator": (
+        '<general name="PED"',
+        '<general name="PEDAL"',
+        "The actuator 'PED' is missing; this one may be meant: call it 'PED'",
+    ),
+    "a misspelt site": (
+        '<site name="tail_hub"',
+        '<site name="tailhub"',
+        "The site 'tail_hub' is missing; this one may be meant",
+    ),
+    "a misspelt body": (
+        '<body name="fuselage"',
+        '<body name="fuselag"',
+        "The body 'fuselage' is missing; this one may be meant",
+    ),
+    "another kind": (
+        '<gyro name="gyro_rate" site="gyro" interval="0.002 0" nsample="2" interp="zoh"/>',
+        '<velocimeter name="gyro_rate" site="gyro"/>',
+        "The sensor 'gyro_rate' must be a <gyro>, it is a <velocimeter>.",
+    ),
+    "another size": (
+        '<user name="air" dim="6"',
+        '<user name="air" dim="5"',
+        "The sensor 'air' must have dim=\"6\", it has 5",
+    ),
+    "no XML": ("<sensor>", "<sensor", "Not XML: not well-formed", "<gyro name"),
+    "what MuJoCo refuses": ('<key name="hover" qpos="0', '<key name="hover" qpos="0 0', "qpos", ""),
+    "no fullinertia": (
+        'fullinertia="',
+        'diaginertia="0.1 0.1 0.1" user="',
+        "The fuselage 'fuselage' needs <inertial pos=",
+        "diaginertia",
+    ),
+    "a centre of gravity": (
+        'name="flight_computer" pos="0.08 0 -0.12"',
+        'name="flight_computer" pos="0.68 0 -0.12"',
+        "The centre of gravity is 18.7 mm ahead, 0.0 mm left and 0.0 mm above the origin of the",
+        "<inertial pos=",
+    ),
+    "too few activations": (
+        'actdim="2"',
+        'actdim="1"',
+        'must have dyntype="user" actdim="2"',
+        'name="servo_front"',
+    ),
+    "no free joint": ('class="rotor" joint="root"', 'class="rotor" site="cg"', "free joint"),
+}
+
+
+@pytest.mark.parametrize("how", FILES)
+def test_what_is_wrong_with_the_parameters(own, how):
+    """The sentence, and the line that it is about."""
+    file, old, new, message, *at = FILES[how]
+    _change(own / file, old, new)
+    _is_said(own, message, *(at or [new.splitlines()[0]]))
+
+
+@pytest.mark.parametrize("how", ELEMENTS)
+def test_what_is_wrong_with_the_mjcf(own, how):
+    """Names, order, kinds, sizes, places, and what MuJoCo itself refuses."""
+    old, new, message, *at = ELEMENTS[how]
+    _change(own / MJCF, old, new)
+    _is_said(own, message, *(at or [new]))
+
+
+def _change(path, old, new):
+    """Change what stands first in a file."""
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def _is_said(own, message, at):
+    """Hold that a problem says so, of a line with that text; of no line if that is empty."""
+    problems = check_vehicle(own).problems
+    found = [one for one in problems if message in one.text]
+    assert found, [str(one) for one in problems]
+    problem = found[0]
+    assert problem.text.endswith((".", "?"))
+    if at is None:
+        assert problem.file is None
+    elif at:
+        assert at in problem.file.read_text().splitlines()[problem.line - 1]
+    else:
+        assert problem.file.parent == own
+
+
+def test_everything_is_said_at_once(own, capsys, monkeypatch):
+    """One line each, by file and line as compilers do; exit status 2."""
+    monkeypatch.chdir(own.parent)
+    _change(own / PARAMETERS, "radius = { value = 0.767", "radius = { value = 767")
+    _change(own / PARAMETERS, "hub_x =", "hub_ex =")
+    _change(own / PARAMETERS, "[tail_rotor]", "[tailrotor]")
+    _change(own / MJCF, 'name="air" dim="6"', 'name="air" dim="7"')
+    (own / TUNED).unlink()
+    assert main(["vehicle", "check", "own"]) == 2
+    *lines, last = capsys.readouterr().out.splitlines()
+    places = [line.split(": ")[0].rstrip("0123456789").rstrip(":") for line in lines]
+    expected = ["own/parameters.toml"] * 3 + ["own/tuned.toml", "own/own.xml"]
+    assert [place for place in places if place] == expected
+    assert last == "own: 5 problems."
+
+
+def test_what_is_well_is_shown(own, capsys):
+    """Figures of the hover, poles, margins; exit status 0."""
+    assert main(["vehicle", "check", str(own)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("own: All is well.")
+    for text in (
+        "mass                    8.01 kg",
+        "disc loading            42.5 N/m^2",
+        "hover collective        4.58 deg",
+        "hover power             841.1 W",
+        "figure of merit         0.389",
+        "-8.62 +- 12.4j",
+        "ped margins             23.1 dB",
+    ):
+        assert text in printed
+    assert main(["vehicle", "check", str(own), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("file", "command"), [(CALIBRATED, "calibrate"), (TUNED, "tune")])
+def test_a_file_that_is_not_made_yet(own, file, command):
+    """The message has the command that makes it."""
+    (own / file).unlink()
+    (problem,) = check_vehicle(own).problems
+    assert problem == Problem(
+        f"There is no such file. `helisim {command} own --write` makes it.", own / file
+    )
+
+
+def test_no_hover(own):
+    """A vehicle that is too heavy for its rotors; what to look at is said."""
+    _change(own / MJCF, 'mass="4.19"', 'mass="400.19"')
+    texts = [one.text for one in check_vehicle(own).problems]
+    assert any(text.startswith("It does not hover: ") for text in texts), texts
+
+
+def test_actuators_out_of_order(own):
+    """The first that stands where another must be."""
+    text = (own / MJCF).read_text()
+    for old, new in (("LON", "X"), ("LAT", "LON"), ("X", "LAT")):
+        text = text.replace(f'<general name="{old}"', f'<general name="{new}"')
+    (own / MJCF).write_text(text)
+    _is_said(own, "here is 'LAT' where 'LON' must be.", '<general name="LAT"')
+
+
+def test_a_section_that_nothing_reads_is_remarked(own, capsys):
+    """It may be a controller's own, so nothing is wrong."""
+    with (own / PARAMETERS).open("a") as file:
+        file.write('[my_law]\ngain = { value = 2.0, unit = "1", source = "mine" }\n')
+    assert main(["vehicle", "check", str(own)]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "Nothing in helisim reads the section [my_law]: it is left to you." in printed
+
+
+def test_no_mjcf_and_no_vehicle(own, tmp_path):
+    """Of two MJCF neither is guessed; what is no vehicle at all is refused."""
+    (own / MJCF).rename(own / "a.xml")
+    (own / "b.xml").write_text("<mujoco/>")
+    (problem,) = check_vehicle(own).problems
+    assert "which file is the vehicle's MJCF?" in problem.text
+    with pytest.raises(UnknownNameError):
+        check_vehicle(tmp_path)
