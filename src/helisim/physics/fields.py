@@ -50,7 +50,6 @@ class Offsets(NamedTuple):
     actuator_trntype: int
     actuator_trnid: int
     actuator_actadr: int
-    actuator_actnum: int
     actuator_ctrladr: int
     actuator_history: int
     actuator_historyadr: int
