@@ -299,10 +299,14 @@ def test_helicopters_of_two_kinds_in_one_scene(jr700):
 
 
 def test_a_scene_that_has_no_room_for_a_vehicles_numbers_is_refused():
-    """MuJoCo cuts them off with a warning, and the vehicle would fall like a stone."""
-    with pytest.warns(UserWarning, match="nuser_actuator"):
-        model = scene("jr700", size=len(PARAM) - 10).compile()
-    with pytest.raises(ModelError, match=f"room for {len(PARAM) - 10} .* nuser_actuator"):
+    """MuJoCo refuses it itself; and a vehicle without its numbers is not one to be placed."""
+    with pytest.raises(ValueError, match="more values than nuser_actuator"):
+        scene("jr700", size=len(PARAM) - 10).compile()
+    world = scene("jr700", size=-1)
+    for actuator in world.actuators:
+        actuator.userdata = []
+    model = world.compile()
+    with pytest.raises(ModelError, match=r"room for 0 numbers .* nuser_actuator .* vehicle build"):
         addresses(model, "0/")
 
 

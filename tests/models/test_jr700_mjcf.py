@@ -8,6 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from helisim.physics.layout import PARAM
+from helisim.vehicle import standard_parameters
+
 FOLDER = Path(__file__).parents[2] / "models" / "jr700"
 VEHICLE = FOLDER / "jr700.xml"
 SCENE = FOLDER / "scene.xml"
@@ -44,9 +47,10 @@ def model():
 
 @pytest.fixture
 def level(model):
-    """The vehicle at the hover keyframe, so that body axes and world axes agree."""
+    """The vehicle at the height of its hover and level: body axes and world axes agree."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("hover").id)
+    data.qpos[3:7] = [1.0, 0.0, 0.0, 0.0]
     mujoco.mj_forward(model, data)
     return data
 
@@ -222,9 +226,9 @@ def test_actuators(model):
 
 
 def test_only_the_pedal_is_delayed(model):
-    """PED reaches the yaw gyro 22 ms late through MuJoCo's own history buffer."""
+    """PED reaches the yaw gyro 23 ms late through MuJoCo's own history buffer."""
     delays = dict(zip([*STICKS, *SERVOS, "rotor"], model.actuator_delay, strict=True))
-    assert delays.pop("PED") == 0.022
+    assert delays.pop("PED") == standard_parameters("jr700")["gyro.ped_latency"]
     assert not any(delays.values())
 
 
@@ -247,7 +251,7 @@ def test_sensors(model):
 
 def test_room_for_parameters_and_state(model):
     """The callbacks keep parameters in the actuators' user data and memory in mjData's."""
-    assert model.nuser_actuator == 240
+    assert model.nuser_actuator == len(PARAM)
 
 
 def test_options(model):
@@ -260,12 +264,15 @@ def test_options(model):
 
 
 def test_hover_keyframe(model):
-    """Hover: 10 m up, level, at rest, sticks centred, rotor at its full speed."""
+    """Hover: 10 m up, rolled against the tail's thrust, at rest, sticks centred, full speed."""
     key = model.key("hover")
-    assert list(key.qpos) == [0, 0, 10, 1, 0, 0, 0]
+    assert list(key.qpos[:3]) == [0, 0, 10]
+    # tail thrust over weight is 5.25 N / 78.5 N, to the right: 3.8 degrees, half of that here
+    assert key.qpos[3:] == pytest.approx([0.99944, 0.03345, 0, 0], abs=1e-5)
     assert not np.any(key.qvel)
-    assert not np.any(key.act)
-    assert list(key.ctrl) == [0] * 8 + [1]
+    # calibration centres collective and pedals in the hover
+    assert key.ctrl == pytest.approx([0] * 8 + [1], abs=1e-9)
+    assert key.act == pytest.approx(0, abs=1e-9)
 
 
 def test_only_skids_and_bars_collide_and_never_with_the_vehicle(model):

@@ -39,7 +39,7 @@ def state_of(model, data):
 
 SCENE = """
 <mujoco><option timestep="0.002" integrator="RK4" density="0" viscosity="0" gravity="0 0 -9.8015">
-<flag autoreset="disable"/></option><size nuser_actuator="240" nuserdata="16"/></mujoco>
+<flag autoreset="disable"/></option><size nuserdata="16"/></mujoco>
 """
 
 

@@ -115,9 +115,6 @@ def _of_actuator(m, offsets, actuator):
         if code == NOT_OURS and _in_a_shape(m, offsets, actuator):
             code = WELL  # its rotor will be named
         return Finding(code, names, actuator, 0.0, 0.0)
-    room = long(m, offsets.nuser_actuator)
-    if room < _NUMBERS:
-        return Finding(TOO_FEW, names, actuator, float(room), float(_NUMBERS))
     ordinal = int(user_numbers(m, offsets, actuator)[PARAM.ordinal])
     for k in range(ROTOR + 1):
         one = actuator - ordinal + k
@@ -162,6 +159,9 @@ def _in_a_shape(m, offsets, actuator):
 def _of_vehicle(m, offsets, rotor):
     """Return what is wrong with the vehicle of a rotor; its nine actuators are there."""
     names, par = offsets.name_actuatoradr, user_numbers(m, offsets, rotor)
+    room = long(m, offsets.nuser_actuator)
+    if room < _NUMBERS:
+        return Finding(TOO_FEW, names, rotor, float(room), float(_NUMBERS))
     if par[PARAM.layout] != LAYOUT:
         return Finding(OTHER_LAYOUT, names, rotor, par[PARAM.layout], LAYOUT)
     joint = ints(m, offsets.actuator_trnid)[2 * rotor]

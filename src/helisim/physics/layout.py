@@ -416,9 +416,6 @@ class ParamIndex(NamedTuple):
 
 PARAM = ParamIndex(*range(len(ParamIndex._fields)))
 
-ROOM = 240
-"""User numbers of each actuator in the shipped models: all of `PARAM`, and some to come."""
-
 NO_LAW = 0
 SHIPPED_LAW = 1
 """What `PARAM.swash_law` and `PARAM.tail_law` say; from 2 on, a row of the laws' table."""

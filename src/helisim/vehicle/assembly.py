@@ -1,7 +1,8 @@
 """From a model folder to a compiled MuJoCo model that carries the vehicle's parameters."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Literal, get_args
@@ -42,6 +43,8 @@ _INTEGRATORS = {
 
 ROTOR_STATES = len(STATE) + SWASH_STATES + TAIL_STATES - STATE.flap_a
 """Activations of the rotor, at least: its own, the air's, and those of the gyro's laws."""
+_CLOSED = 1e-13
+"""Relative rounding of the parts' sum of inertias."""
 
 _LONGEST = 10.0
 """s, of the gyro's period and latencies: MuJoCo keeps what happened in all that time."""
@@ -77,6 +80,33 @@ def assemble(
         UnknownNameError: no such vehicle or rig.
         ModelError: the MJCF lacks what a vehicle needs, or MuJoCo refuses it.
     """
+    spec = specified(
+        vehicle,
+        parameters,
+        timestep=timestep,
+        integrator=integrator,
+        delays=delays,
+        visual=visual,
+        rig=rig,
+    )
+    folder = model_folder(vehicle)
+    with _named(_mjcf(folder, read_roles(folder), visual=visual, rig=rig)):
+        model = spec.compile()
+        check_interface(model)
+    return model
+
+
+def specified(
+    vehicle: str | PathLike[str],
+    parameters: Parameters,
+    *,
+    timestep: float | None = None,
+    integrator: Integrator | None = None,
+    delays: bool = True,
+    visual: bool = False,
+    rig: str | None = None,
+) -> mujoco.MjSpec:
+    """Return what `assemble` compiles; arguments and errors as there."""
     if timestep is not None and not (math.isfinite(timestep) and timestep > 0.0):
         raise InputError(f"timestep must be a positive number of seconds, got {timestep}")
     if integrator not in (None, *_INTEGRATORS):
@@ -88,7 +118,7 @@ def assemble(
     for timing in ("gyro.period", "gyro.latency", "gyro.ped_latency"):
         if not parameters[timing] <= _LONGEST:
             raise ModelError(f"{timing} is {parameters[timing]:g} s, at most {_LONGEST:g} s")
-    try:
+    with _named(path):
         spec = mujoco.MjSpec.from_file(str(path))
         roles.rename(spec)
         if visual and rig is None and scene_file(folder, roles) is None:
@@ -98,6 +128,7 @@ def assemble(
         if integrator is not None:
             spec.option.integrator = _INTEGRATORS[integrator]
         spec.compiler.discardvisual = not visual
+        _drop_old_states(spec)
         parts = spec.compile()
         check_channels(parts)
         _check_roles(parts, roles, visual=visual)
@@ -111,14 +142,30 @@ def assemble(
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         wanted = [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
         fuselage = spec.body(roles.body("fuselage"))
-        _close_inertia(fuselage, np.diag(wanted) - total_inertia(parts, root_body(parts)))
+        _close_inertia(fuselage, np.diag(wanted), total_inertia(parts, root_body(parts)))
         spec.compiler.fusestatic = not visual
-        model = spec.compile()
-        check_interface(model)
+    return spec
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Say of which MJCF what MuJoCo and the checks say."""
+    try:
+        yield
     except (ValueError, KeyError, ModelError) as error:
         reason = " ".join(str(error).split())  # MuJoCo's run over several lines
         raise ModelError(f"{path}: {reason}{_advice(reason)}") from None
-    return model
+
+
+def _drop_old_states(spec: mujoco.MjSpec) -> None:
+    """Take out of keyframes what was written for another number of activations."""
+    states = 0
+    for actuator in spec.actuators:
+        dynamic = actuator.dyntype != mujoco.mjtDyn.mjDYN_NONE
+        states += actuator.actdim if actuator.actdim > 0 else int(dynamic)
+    for key in spec.keys:
+        if len(key.act) not in (0, states):
+            key.act = []
 
 
 def _mjcf(folder: Path, roles: Roles, *, visual: bool, rig: str | None) -> Path:
@@ -189,8 +236,16 @@ def _set_force_laws(spec: mujoco.MjSpec, block: NDArray[np.float64]) -> None:
         spec.actuator(label).userdata = block if ordinal == ROTOR else user
 
 
-def _close_inertia(fuselage: mujoco.MjsBody, missing: NDArray[np.float64]) -> None:
-    """Give the fuselage what the other parts lack of the vehicle's moments of inertia, (3, 3)."""
+def _close_inertia(
+    fuselage: mujoco.MjsBody, wanted: NDArray[np.float64], found: NDArray[np.float64]
+) -> None:
+    """Give the fuselage what the parts, (3, 3), lack of what is wanted of the vehicle, (3, 3).
+
+    An MJCF that is closed already stays as it is written.
+    """
+    missing = wanted - found
+    if np.abs(missing).max() < _CLOSED * wanted.max():
+        return
     terms = [missing[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     fuselage.fullinertia = np.asarray(fuselage.fullinertia) + terms
 
@@ -201,6 +256,7 @@ def mass_and_gravity(vehicle: str | PathLike[str]) -> tuple[float, float]:
     roles = read_roles(folder)
     spec = mujoco.MjSpec.from_file(str(mjcf_file(folder, roles)))
     roles.rename(spec)
+    _drop_old_states(spec)
     model = spec.compile()
     return float(model.body_subtreemass[root_body(model)]), -float(model.opt.gravity[2])
 

@@ -12,13 +12,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape
 
 from helisim.errors import ModelError, StorageError
 from helisim.records.files import atomic_write, read_bytes
 
 _MAX_BYTES = 1 << 26
 """A larger MJCF is refused: people write them."""
+_WIDTH = 130
+"""Columns; an attribute that would go beyond begins a line."""
 _START_TAG = re.compile(rb"""<[^\s/>]+(?:\s+[^\s=]+\s*=\s*(?:"[^"]*"|'[^']*'))*\s*/?>""")
 _ATTRIBUTE = re.compile(rb"""(\s+)([^\s=]+)(\s*=\s*)("[^"]*"|'[^']*')""")
 
@@ -32,7 +34,6 @@ class Element:
         attributes: as they are written; those of default classes are not among them.
         file: that it stands in.
         line: of that file, from 1.
-        parents: tags around it from the outermost on; one that includes another file is none.
         parent: the innermost element around it, None for the outermost.
         start: of its start tag, a byte of the file.
     """
@@ -60,7 +61,7 @@ class Element:
     @property
     def place(self) -> str:
         """Where it is, for a message: file, line, tag and name."""
-        named = f" name={quoteattr(self.name)}" if self.name else ""
+        named = f' name="{self.name}"' if self.name else ""
         return f"{self.file}, line {self.line}: <{self.tag}{named}>"
 
 
@@ -128,7 +129,8 @@ class Mjcf:
         parts = [text[: element.start]]
         if comment is not None:
             parts = [self._with_comment(element, comment)]
-        changed = _changed(tag.group(), dict(attributes))
+        column = element.start - text.rfind(b"\n", 0, element.start) - 1
+        changed = _changed(tag.group(), dict(attributes), column)
         self._texts[element.file] = b"".join([*parts, changed, text[tag.end() :]])
         self._read_again()
 
@@ -213,8 +215,8 @@ class Mjcf:
         return before + written + b"\n" + indent
 
 
-def _changed(tag: bytes, attributes: dict[str, str | None]) -> bytes:
-    """Return a start tag with its attributes changed."""
+def _changed(tag: bytes, attributes: dict[str, str | None], column: int) -> bytes:
+    """Return a start tag, which stands at a column, with its attributes changed."""
 
     def replaced(found: re.Match[bytes]) -> bytes:
         name = found[2].decode()
@@ -224,13 +226,19 @@ def _changed(tag: bytes, attributes: dict[str, str | None]) -> bytes:
         return b"" if value is None else found[1] + found[2] + found[3] + _quoted(value)
 
     body = _ATTRIBUTE.sub(replaced, tag)
-    new = [f" {name}=".encode() + _quoted(text) for name, text in attributes.items() if text]
     end = re.search(rb"\s*/?>$", body)
     assert end is not None
-    return body[: end.start()] + b"".join(new) + body[end.start() :]
+    body, closing = body[: end.start()], body[end.start() :]
+    for name, value in attributes.items():
+        if value is None:
+            continue
+        added = f"{name}=".encode() + _quoted(value)
+        taken = len(body.rpartition(b"\n")[2]) + (0 if b"\n" in body else column)
+        fits = taken + 1 + len(added.partition(b"\n")[0]) <= _WIDTH
+        body += (b" " if fits else b"\n" + b" " * (column + 2)) + added
+    return body + closing
 
 
 def _quoted(value: str) -> bytes:
     """Return an attribute's value in quotes, its line breaks as they are."""
-    lines = (quoteattr(line, {'"': "&quot;"})[1:-1] for line in value.split("\n"))
-    return b'"' + "\n".join(lines).encode() + b'"'
+    return b'"' + escape(value, {'"': "&quot;"}).encode() + b'"'

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.errors import ModelError, UnknownNameError
 from helisim.physics.frames import flip
-from helisim.physics.layout import PARAM, ROOM, ROTOR, STATE
+from helisim.physics.layout import MAGIC, PARAM, ROTOR, STATE
 
 
 @dataclass(frozen=True)
@@ -46,22 +46,43 @@ def addresses(model: mujoco.MjModel, prefix: str = "") -> Addresses:
         UnknownNameError: there is no such vehicle.
         ModelError: the scene has no room for the numbers of a vehicle.
     """
-    try:
-        rotor = model.actuator(f"{prefix}rotor").id
-    except KeyError:
-        names = [model.actuator(k).name for k in range(model.nu)]
-        rotors = [name for name in names if name.endswith("rotor")]
-        raise UnknownNameError("vehicle's rotor", f"{prefix}rotor", rotors) from None
+    rotor = rotor_actuator(model, prefix)
     if model.nuser_actuator < len(PARAM):
         raise ModelError(
             f"the scene has room for {model.nuser_actuator} numbers of an actuator, and a vehicle "
-            f'has {len(PARAM)}; give the scene <size nuser_actuator="{ROOM}"/>'
+            f"has {len(PARAM)}; take nuser_actuator out of the scene's <size/>, or write them into "
+            "the vehicle's MJCF with `helisim vehicle build FOLDER`"
         )
     return Addresses(
         rotor=rotor,
         state=int(model.actuator_actadr[rotor]) - STATE.flap_a,
         control=int(model.actuator_ctrladr[rotor]) - ROTOR,
     )
+
+
+def rotor_actuator(model: mujoco.MjModel, prefix: str = "") -> int:
+    """Return the number of a vehicle's rotor actuator, found by its name or its user numbers.
+
+    Args:
+        model: with one vehicle or more.
+        prefix: that the names of the vehicle's elements begin with.
+
+    Raises:
+        UnknownNameError: there is no such vehicle, or several could be meant.
+    """
+    rotors = {}
+    for actuator in range(model.nactuator):
+        name = model.actuator(actuator).name
+        user = model.actuator_user[actuator]
+        numbered = len(user) > PARAM.ordinal and user[PARAM.magic] == MAGIC
+        if name.endswith("rotor") or (numbered and user[PARAM.ordinal] == ROTOR):
+            rotors[name] = actuator
+    if f"{prefix}rotor" in rotors:
+        return rotors[f"{prefix}rotor"]
+    meant = [name for name in rotors if name.startswith(prefix)]
+    if len(meant) != 1:
+        raise UnknownNameError("vehicle's rotor", f"{prefix}rotor", rotors)
+    return rotors[meant[0]]
 
 
 def root_body(model: mujoco.MjModel, prefix: str = "") -> int:
@@ -71,7 +92,7 @@ def root_body(model: mujoco.MjModel, prefix: str = "") -> int:
         UnknownNameError: there is no such vehicle.
         ModelError: the rotor has no free joint.
     """
-    rotor = addresses(model, prefix).rotor
+    rotor = rotor_actuator(model, prefix)
     joint = int(model.actuator_trnid[rotor, 0])
     moves = model.actuator_trntype[rotor] == mujoco.mjtTrn.mjTRN_JOINT
     if not moves or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
