@@ -144,14 +144,17 @@ def add_write(command: argparse.ArgumentParser, name: str) -> None:
 
 
 def replace_parameter_file(options: argparse.Namespace, name: str, text: str) -> None:
-    """Write a vehicle's parameter file of that name anew, and print where."""
+    """Write a vehicle's parameter file of that name anew, its MJCF too, and print where."""
     from helisim.records.files import atomic_write
+    from helisim.vehicle.build import write_numbers
     from helisim.vehicle.folder import model_folder
 
     path = model_folder(options.vehicle) / name
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     print_written(options, str(path))
+    for mjcf in write_numbers(options.vehicle):
+        print_written(options, str(mjcf))
 
 
 def print_written(options: argparse.Namespace, text: str) -> None:

@@ -1,4 +1,4 @@
-"""`helisim vehicle`: make a vehicle of your own, say what is wrong with it, list the shipped."""
+"""`helisim vehicle`: make a vehicle of your own, check it, build its MJCF, list the shipped."""
 
 import argparse
 from pathlib import Path
@@ -12,6 +12,7 @@ examples:
   helisim vehicle new myheli --like jr700      the folder myheli/, which flies
   helisim vehicle check myheli                 what is wrong with it, with lines
   helisim fly myheli --axis lat --out lat.parquet
+  helisim vehicle build myheli                 its MJCF for stock MuJoCo
 
 A vehicle is a folder: every command takes its path. parameters.toml in it
 says of each line what it is, in which unit, and where to get it.
@@ -22,9 +23,9 @@ def add(commands: Any) -> None:
     """Add the command to the parser."""
     command = commands.add_parser(
         "vehicle",
-        help="make a vehicle of your own, check it, list the shipped ones",
+        help="make a vehicle of your own, check it, build its MJCF, list the shipped",
         description="Make a vehicle of your own from a shipped one, say what is wrong with it, "
-        "list what is shipped.",
+        "write its numbers for stock MuJoCo, list what is shipped.",
         epilog=_EPILOG,
     )
     parts = command.add_subparsers(
@@ -32,6 +33,7 @@ def add(commands: Any) -> None:
     )
     _add_new(parts)
     _add_check(parts)
+    _add_build(parts)
     parts.add_parser("list", help="list the shipped vehicles").set_defaults(run=_list)
 
 
@@ -89,6 +91,42 @@ def _check(options: argparse.Namespace) -> int:
     if not options.quiet:
         print(render_check(found))
     return 2 if found.problems else 0
+
+
+def _add_build(parts: Any) -> None:
+    build = parts.add_parser(
+        "build",
+        help="write the force laws' numbers into the vehicle's MJCF",
+        description="Write into a vehicle's MJCF what its parameters give: the numbers of the "
+        "force laws, the gyro's timing, the fuselage's inertia and the trim of the keyframe "
+        "hover. Stock MuJoCo flies it then, within helisim.installed(). Nothing else of the file "
+        "is changed.",
+        epilog="example: helisim vehicle build myheli",
+    )
+    build.add_argument("vehicle", metavar="VEHICLE", help="its folder, or name of a shipped one")
+    build.add_argument(
+        "--check",
+        action="store_true",
+        help="write nothing; say what is not as the parameters give it, status 1",
+    )
+    add_quiet(build)
+    build.set_defaults(run=_build)
+
+
+def _build(options: argparse.Namespace) -> int:
+    from helisim.vehicle.build import unwritten, write_numbers
+
+    if options.check:
+        changes = unwritten(options.vehicle)
+        for change in changes:
+            print(f"{change.element.place}: {', '.join(change.numbers)}")
+        return 1 if changes else 0
+    written = write_numbers(options.vehicle)
+    for path in written:
+        print_written(options, str(path))
+    if not written and not options.quiet:
+        print("Nothing to write: the MJCF says what the parameters give")
+    return 0
 
 
 def _list(options: argparse.Namespace) -> int:
