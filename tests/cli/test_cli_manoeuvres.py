@@ -140,7 +140,10 @@ def test_kinds_are_listed_with_settings_and_defaults(capsys):
         (["--excitation", "broken:f", "--axis", "lat"], "can't import it: division by zero"),
         (["--excitation", "math:tau", "--axis", "lat"], "needs a function of time, got 6.28"),
         (["--excitation", "math:sqrt,width=1"], "available: axis, at, duration"),
-        (["--excitation", "math:sqrt", "--axis", "lat"], "sqrt must stay between -0.5 and 0.5, the travel of a stick; LAT is"),
+        (
+            ["--excitation", "math:sqrt", "--axis", "lat"],
+            "sqrt must stay between -0.5 and 0.5, the travel of a stick; LAT is",
+        ),
         (["--excitation", "math:sqrt"], "gave 0.0, expected 4 numbers"),
         ([], "--axis col|lon|lat|ped, --excitation KIND, or --plan FILE"),
     ],
