@@ -43,6 +43,25 @@ def test_the_rotor_tilts_with_the_tip_path_plane_and_turns(contents):
     np.testing.assert_allclose(hub, np.tile([0.0, 0.0, -0.28], (len(hub), 1)), atol=1e-5)  # MJCF
 
 
+def test_a_rotor_of_the_other_direction_turns_and_pushes_the_other_way(tmp_path, jr700):
+    """Counter-clockwise blades, and a tail thrust to the right; clockwise where none is said."""
+    drawn, pushed = {}, {}
+    for direction in (None, -1.0):
+        parameters = {"main_rotor.speed": SPEED}
+        if direction is not None:
+            parameters["main_rotor.direction"] = direction
+        flights = {"f": make_flight(parameters=parameters)}
+        path = tmp_path / f"{direction}.rrd"
+        found = read(write_recording(path, flights, model=jr700.visual_model()))
+        turned = found["/f/world/helicopter/rotor"]["Transform3D:quaternion"].reshape(-1, 4)
+        drawn[direction] = Rotation.from_quat(turned[1]).as_rotvec()[2]
+        arrow = found["/f/world/helicopter/tail_thrust"]["Arrows3D:vectors"].reshape(-1, 3)
+        pushed[direction] = arrow[:, 1]
+    assert drawn[None] > 0.0 > drawn[-1.0]
+    assert np.abs(pushed[None]).max() > 0.0
+    np.testing.assert_array_equal(pushed[-1.0], -pushed[None])
+
+
 def test_without_a_known_speed_a_rotor_stands(contents):
     """The tail rotor's speed isn't given: its place is logged once."""
     _, found = contents

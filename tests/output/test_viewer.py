@@ -11,6 +11,7 @@ from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.sim import Doublet, Sweep
 from helisim.vehicle import load
+from helisim.vehicle.mirror import mirrored
 from helisim.vehicle.motion import addresses
 
 
@@ -171,6 +172,18 @@ def test_the_disc_tilts_and_the_blades_turn(jr700):
     clockwise = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     # the disc's lean moves a unit vector by no more than its angle
     np.testing.assert_allclose(_blade(data)[:2], clockwise @ _blade(at_rest)[:2], atol=turn)
+
+
+def test_blades_of_the_other_direction_turn_the_other_way(jr700):
+    """Counter-clockwise seen from above: what pointed ahead turns to the left."""
+    other = load("jr700", parameters=mirrored(jr700.parameters))
+    flight, clock = prepare_live(other), Clock()
+    watch(flight, Window(flight.model, 10**6), duration=0.1, clock=clock, sleep=clock.sleep)
+    at_rest = mujoco.MjData(flight.model)
+    mujoco.mj_kinematics(flight.model, at_rest)
+    turned = [np.arctan2(*_blade(data)[1::-1]) for data in (flight.data, at_rest)]
+    angle = 178.024 * flight.data.time / SLOWED
+    assert turned[0] - turned[1] == pytest.approx(angle, abs=0.01)  # of the disc's lean
 
 
 def _blade(data):

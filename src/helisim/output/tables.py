@@ -68,7 +68,8 @@ def _compared(table: str, row: ParameterRow) -> tuple[Cell, ...]:
         "insensitivity_percent": row.insensitivity_percent,
     }
     published = jr700.TABLES[table].get(row.name) if table in jr700.TABLES else None
-    bound = None if published is None else published.cr_percent
+    is_its = published is not None and published.value == row.paper  # of no other vehicle
+    bound = published.cr_percent if published is not None and is_its else None
     style = {"ok": " ok", "not judged": ""}.get(row.verdict, " off")
     return (
         *_named(row.name, row.unit),

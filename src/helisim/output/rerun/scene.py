@@ -33,9 +33,11 @@ blades turn {SLOWED:g} times slower than flown
 """
 
 _METRES_PER_NEWTON = 0.008
-"""Hover thrust, 79 N, is an arrow of 0.63 m."""
+"""Hover thrust of the JR700, 79 N, is an arrow of 0.63 m."""
 _METRES_PER_TAIL_NEWTON = 0.06
 _METRES_PER_NEWTON_METRE = 0.3
+_USUAL_RADIUS = 0.767
+"""m, of the rotor that these are for; weights go with the third power of a vehicle's size."""
 
 _TRAIL_HZ = 4.0
 """Points of the trail a second, each the mean of what was recorded around it."""
@@ -245,17 +247,18 @@ def _log_loads(
     recording: rr.RecordingStream, entity: str, record: FlightRecord, shapes: Shapes
 ) -> None:
     zero = np.zeros(len(record))
+    size = (shapes.radius or _USUAL_RADIUS) / _USUAL_RADIUS
     if "thrust" in record:
-        lift = np.column_stack([zero, zero, -_METRES_PER_NEWTON * record["thrust"]])
+        lift = np.column_stack([zero, zero, -_METRES_PER_NEWTON / size**2 * record["thrust"]])
         _log_arrow(recording, f"{entity}/rotor/thrust", _THRUST_COLOUR, lift, record)
     if "tail_thrust" in record and shapes.tail_hub is not None:
-        left = _METRES_PER_TAIL_NEWTON * _direction(record) * record["tail_thrust"]
+        left = _METRES_PER_TAIL_NEWTON / size**2 * _direction(record) * record["tail_thrust"]
         side = np.column_stack([zero, -left, zero])
         name = f"{entity}/tail_thrust"
         _log_arrow(recording, name, _TAIL_COLOUR, side, record, shapes.tail_hub)
     stiffness = _parameter(record, "main_rotor.hub_stiffness")
     if stiffness is not None and knows_rotor(record):
-        scale = _METRES_PER_NEWTON_METRE * stiffness
+        scale = _METRES_PER_NEWTON_METRE / size**3 * stiffness
         turn = np.column_stack([scale * record["b"], scale * record["a"], zero])
         _log_arrow(recording, f"{entity}/hub_moment", _MOMENT_COLOUR, turn, record, shapes.hub)
 
