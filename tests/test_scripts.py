@@ -32,6 +32,7 @@ def test_a_few_scripts_are_for_users():
         "identify_log.py",
         "learn_to_hover.py",
         "own_structure.py",
+        "own_vehicle.py",
         "run_campaign.py",
         "write_report.py",
     ]
@@ -94,6 +95,20 @@ def test_a_structure_of_ones_own_is_identified_and_written(run):
         file.write(printed[start:])
     again = Structure.from_toml("roll.toml")
     assert again.names == ("L_b", "tau_f", "B_lat", "tau_lat")
+
+
+def test_a_vehicle_of_ones_own_is_made_changed_and_identified(run, tmp_path):
+    """What is wrong after the change, nothing after solving, and its yaw as it is."""
+    printed = run("own_vehicle.py", "myheli", 2)
+    assert "calibrate myheli --write" in printed
+    assert "myheli: All is well." in printed
+    assert "tip speed               125.6 m/s" in printed
+    assert (tmp_path / "myheli" / "README.md").is_file()
+    found = [line.replace(",", "").split() for line in printed.splitlines() if "truth:" in line]
+    for _, _, truth, _, identified in found:
+        # three standard errors of N_r from two flights, of 1.7 % each
+        assert float(identified) == pytest.approx(float(truth), rel=0.052)
+    assert len(found) == 2
 
 
 def test_a_report_of_a_fit_is_one_page(run, tmp_path):

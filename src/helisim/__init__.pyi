@@ -51,6 +51,8 @@ from helisim.sim import fly_each as fly_each
 from helisim.sim import fly_to as fly_to
 from helisim.sim import read_plan as read_plan
 from helisim.sim import write_plan as write_plan
+from helisim.study.check import check_vehicle as check_vehicle
+from helisim.study.new_vehicle import new_vehicle as new_vehicle
 from helisim.study.reproduce import reproduce as reproduce
 from helisim.vehicle import GyroSettings as GyroSettings
 from helisim.vehicle import Vehicle as Vehicle
