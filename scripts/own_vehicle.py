@@ -13,6 +13,7 @@ import helisim as hs
 from helisim.output.terminal import render_check
 from helisim.study.calibrate import calibrated_text
 from helisim.study.tune import tune
+from helisim.vehicle.build import write_numbers
 from helisim.vehicle.parameters import to_toml
 
 CHANGES = (
@@ -25,8 +26,7 @@ def main(name: str = "myheli", count: int = 3) -> None:
     """Print what is wrong after the change, what the vehicle is after solving, and its yaw."""
     folder = hs.new_vehicle(name, like="jr700")
     change(folder / "parameters.toml")
-    problems = hs.check_vehicle(folder).problems
-    print(f"Changed: {len(problems)} problems, such as\n{problems[-1]}\n")
+    print("Changed:", *hs.check_vehicle(folder).problems, sep="\n- ", end="\n\n")
     solve(folder)
     print(render_check(hs.check_vehicle(folder)))
 
@@ -61,6 +61,7 @@ def solve(folder: Path) -> None:
     settings = tune(hs.load(folder, tuned=False))
     text = to_toml(settings, "Written by own_vehicle.py.")
     (folder / "tuned.toml").write_text(text, encoding="utf-8")
+    write_numbers(folder)  # into the MJCF, for stock MuJoCo
 
 
 if __name__ == "__main__":

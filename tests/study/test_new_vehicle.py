@@ -74,7 +74,7 @@ def test_new_fly_linearize_calibrate_tune_from_the_command_line(tmp_path, monkey
     for name in shipped:
         # calibration stops at 1e-8 of its conditions, tuning where its cost changes by 1e-8
         assert tuned[name] == pytest.approx(shipped[name], rel=1e-3), name
-    assert "targets of parameters.toml" in tuned.entry("airframe.izz").source
+    assert "[targets] of parameters.toml" in tuned.entry("airframe.izz").source
     for file in ("parameters.toml", "calibrated.toml", "tuned.toml"):
         assert tomllib.loads((tmp_path / "own" / file).read_text())
 

@@ -221,7 +221,9 @@ A helicopter for helisim, made from {like}. It flies at once, and is yours to ch
        helisim calibrate {name} --write
        helisim tune {name} --write
 
-5. Write the numbers into the MJCF, so that it flies in stock MuJoCo too:
+   Both write the numbers into the MJCF too, so that it flies in stock MuJoCo.
+
+5. After any other change of the parameters, write them into the MJCF:
 
        helisim vehicle build {name}
 

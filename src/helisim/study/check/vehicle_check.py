@@ -17,6 +17,7 @@ from helisim.study.check.problem import Problem, sentence
 from helisim.study.check.rigid_body import body_problems
 from helisim.study.tune import LOOPS, Margins, margins
 from helisim.vehicle import Vehicle, load
+from helisim.vehicle.build import unwritten
 from helisim.vehicle.calibrate import DIRECT, SOLVED
 from helisim.vehicle.folder import is_shipped, mjcf_file, model_folder
 
@@ -65,11 +66,12 @@ def check_vehicle(vehicle: str | os.PathLike[str]) -> VehicleCheck:
     files = ParameterFiles(folder)
     problems = files.problems.copy()
     flown: Vehicle | None = None
+    mjcf: Path | None = None
     try:
         mjcf = mjcf_file(folder, files.roles)
     except ModelError as error:
         problems.append(Problem.of(str(error)))
-    else:
+    if mjcf is not None:
         found = element_problems(mjcf, files.roles)
         if not found and files.whole:
             found = body_problems(mjcf, files)
@@ -77,10 +79,11 @@ def check_vehicle(vehicle: str | os.PathLike[str]) -> VehicleCheck:
         if files.whole and all(one.flies for one in found):
             flown = _flown(folder, mjcf, problems)
     figures, loops = None, {}
-    if flown is not None:
+    if flown is not None and mjcf is not None:
         figures = Figures.of(flown)
         problems += implausible({"figure_of_merit": figures.figure_of_merit})
         problems += _stale(flown, files)
+        problems += _unwritten(flown, mjcf)
         loops = {axis: margins(flown, axis) for axis in LOOPS}
         problems += _restless(flown, loops, folder)
     return VehicleCheck(
@@ -136,6 +139,22 @@ def _stale(vehicle: Vehicle, files: ParameterFiles) -> Iterator[Problem]:
                 f"{remedy}"
             )
             yield Problem(sentence(text), *files.place(f"targets.{name}"))
+
+
+def _unwritten(vehicle: Vehicle, mjcf: Path) -> Iterator[Problem]:
+    """Yield what the MJCF has of other parameters, by which stock MuJoCo would fly it."""
+    remedy = f"`helisim vehicle build {vehicle.name}` writes them"
+    try:
+        for change in unwritten(vehicle.folder):
+            element, names = change.element, ", ".join(change.numbers)
+            named = f" {element.name!r}" if element.name else ""
+            text = (
+                f"the <{element.tag}>{named} has other numbers ({names}) than the parameters give, "
+                f"by which stock MuJoCo would fly it; {remedy}"
+            )
+            yield Problem(sentence(text), element.file, element.line)
+    except HelisimError as error:
+        yield Problem.of(str(error), mjcf)
 
 
 def _restless(vehicle: Vehicle, loops: Mapping[str, Margins], folder: Path) -> Iterator[Problem]:
