@@ -300,7 +300,7 @@ def _mjcf(n: float) -> str:
     <general name="{a["servo_left"]}" {channel} dyntype="user" actdim="2"/>
     <general name="{a["servo_right"]}" {channel} dyntype="user" actdim="2"/>
     <general name="{a["servo_tail"]}" {channel} dyntype="user" actdim="2"/>
-    <general name="{a["rotor"]}" {channel} ctrlrange="0 1.2" dyntype="user" actdim="33"/>
+    <general name="{a["rotor"]}" {channel} ctrlrange="0 1.2" dyntype="user" actdim="36"/>
   </actuator>
   <sensor>
     <gyro name="{s["imu_gyro"]}" site="nav"/>

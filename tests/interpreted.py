@@ -21,7 +21,7 @@ from typing import Any
 import numba
 from numba import types
 
-from helisim.physics import memory, native, notes
+from helisim.physics import laws, memory, native, notes
 
 _C = {
     types.void: None,
@@ -48,7 +48,9 @@ def install() -> None:
         id(memory.bytes_at): _pointer(ctypes.c_uint8),
         id(notes._address): lambda: ctypes.addressof(notes._memory),
         id(notes._claimed): _claimed,
-        id(memory.buffer): lambda count: [0.0] * count,
+        id(laws._address): lambda: laws._table.ctypes.data,
+        id(laws._call): _call,
+        id(memory.buffer): lambda count: (ctypes.c_double * count)(),
         id(memory.from_element): _from_element,
     }
     physics = [one for name, one in sys.modules.items() if name.startswith("helisim.physics.")]
@@ -68,6 +70,13 @@ def _claimed(state: Any) -> bool:
     free = state[0] == 0
     state[0] = 1 if free else state[0]
     return free
+
+
+def _call(function: int, *arguments: Any) -> None:
+    numbers = ctypes.POINTER(ctypes.c_double)
+    ctypes.CFUNCTYPE(None, *[numbers] * len(arguments))(function)(
+        *(ctypes.cast(one, numbers) for one in arguments)
+    )
 
 
 def _from_element(array: Any, first: int) -> Any:

@@ -10,6 +10,7 @@ from helisim.ident import load_fit as load_fit
 from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
 from helisim.ident import verify as verify
+from helisim.physics.gyro import Seen as Seen
 from helisim.physics.native import check_model as check_model
 from helisim.physics.native import installed as installed
 from helisim.records.examples import examples as examples
@@ -54,9 +55,11 @@ from helisim.sim import write_plan as write_plan
 from helisim.study.check import check_vehicle as check_vehicle
 from helisim.study.new_vehicle import new_vehicle as new_vehicle
 from helisim.study.reproduce import reproduce as reproduce
+from helisim.vehicle import Controller as Controller
 from helisim.vehicle import GyroSettings as GyroSettings
 from helisim.vehicle import Vehicle as Vehicle
 from helisim.vehicle import load as load
+from helisim.vehicle import set_controller as set_controller
 
 __version__: str
 SHOWN_BY: str

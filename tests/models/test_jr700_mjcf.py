@@ -18,7 +18,7 @@ SCENE = FOLDER / "scene.xml"
 STICKS = ["COL", "LON", "LAT", "PED"]
 SERVOS = ["servo_front", "servo_left", "servo_right", "servo_tail"]
 # The rigid body's state lives in qpos and qvel; these are the states of the callbacks' laws.
-STATES = dict.fromkeys(STICKS, 0) | dict.fromkeys(SERVOS, 2) | {"rotor": 33}
+STATES = dict.fromkeys(STICKS, 0) | dict.fromkeys(SERVOS, 2) | {"rotor": 36}
 SENSORS = {
     "imu_gyro": 3,
     "imu_accelerometer": 3,

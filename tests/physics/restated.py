@@ -255,7 +255,9 @@ def control(m):
         if p.faults:
             act[STATE.read_p : STATE.read_r + 1] = sensed(m)
         (lat, lon, ped), moved = gyro(m)
-        act[STATE.law_tick] = np.floor(m.time / p.gyro_period + 1e-6) + 1.0
+        starts = 0.5 if act[STATE.law_tick] == 0.0 else 0.0
+        act[STATE.law_tick] = np.floor(m.time / p.gyro_period + 1e-6) + 1.0 + starts
+        act[STATE.felt_x : STATE.felt_z + 1] = act[STATE.feels_x : STATE.feels_z + 1]
         act[len(STATE) :] = act[GYRO_STATES]
         for name, value in moved.items():
             act[getattr(STATE, name)] = value

@@ -267,7 +267,7 @@ def test_a_held_evaluation_is_the_mean_over_the_step(altered, case):
     solved = solve_ivp(rates, (0.0, STEP), start, rtol=1e-10, atol=1e-13, method="DOP853")
     mean = (solved.y[:, -1] - start) / STEP
     found = data.act_dot
-    commanded, blown = slice(0, STATE.flap_a), slice(STATE.air_u, STATE.felt_x)
+    commanded, blown = slice(0, STATE.flap_a), slice(STATE.air_u, STATE.feels_x)
     off = np.abs(found - mean)
     assert np.all(off[commanded] <= 0.8**6 / 5040.0 * largest[commanded]), off / largest
     assert np.all(off[blown] <= 2.0 * 0.133**4 / 120.0 * np.max(largest[blown])), off / largest

@@ -72,7 +72,7 @@ def forward_flight(vehicle, hand):
     there = vehicle.trimmed(speed=9.0, wind=(-2.0, 3.0 * hand, 0.4))
     model, data = copy.copy(there.model), there.hovering()
     where = addresses(model)
-    data.act[where.state + STATE.air_u : where.state + STATE.felt_x] = rough(model, hand)
+    data.act[where.state + STATE.air_u : where.state + STATE.feels_x] = rough(model, hand)
     sticks = data.ctrl[where.control : where.control + 4].copy()
     rows = []
     with installed():

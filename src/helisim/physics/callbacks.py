@@ -4,6 +4,8 @@ Each function takes the addresses of mjModel and mjData and the tuple of field o
 read and write nothing but those two, so any number of threads and vehicles can share them.
 """
 
+import math
+
 import mujoco
 
 from helisim.physics import controller, faults
@@ -74,7 +76,7 @@ def activation_rates(m, d, offsets, actuator):
     past = flow(view, 0.5 * step)
     view.rate[STATE.flap_a], view.rate[STATE.flap_b] = tilt_rates(view, past, step)
     write_turbulence_rates(view, step)
-    for k in range(STATE.felt_x, states_end(view)):  # written at ticks, not integrated
+    for k in range(STATE.feels_x, states_end(view)):  # written at ticks, not integrated
         view.rate[k] = 0.0
     return 0.0
 
@@ -132,6 +134,7 @@ def sensor(m, d, offsets, stage):
     for view in vehicles(m, d, offsets):
         if view.sensors >= 0:
             report(view)
+            controller.feel(view)
 
 
 @kernel()
@@ -140,6 +143,9 @@ def report(view):
     act, rate, out = view.act, view.rate, sensor_numbers(view)
     for k in range(CONTROL.rotor):
         out[SENSOR.stick_col + k] = view.controls[k]
+    if controller.has_failed(view):
+        for k in range(4):
+            out[SENSOR.command_front + k] = math.nan
     for k in range(4):
         out[SENSOR.position_front + k] = act[STATE.front_position + 2 * k]
     since = 0.5 * held_for(view)  # by which the tilt is kept early

@@ -16,10 +16,12 @@ from helisim.physics.kernel import kernel
 from helisim.physics.layout import (
     ACTUATORS,
     CONTROL,
+    FIRST_LAW_STATE,
     LAYOUT,
     MAGIC,
     PARAM,
     ROTOR,
+    ROTOR_STATES,
     SENSORS,
     STATE,
 )
@@ -31,7 +33,8 @@ _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _NUMBERS = len(PARAM)
 _SERVO_STATES = 2
-_ROTOR_STATES = len(STATE) - STATE.flap_a
+_KEPT = FIRST_LAW_STATE - STATE.flap_a
+"""Activations of the rotor before those of the control laws."""
 _AHEAD = list(SENSORS).index("stick")
 _DIMS = tuple(SENSORS.values())
 _TYPES = tuple(
@@ -58,7 +61,8 @@ _WHOLE = 1e-6
     PERIOD,
     HISTORY,
     NOT_OURS,
-) = range(13)
+    STRANGE_LAW,
+) = range(14)
 
 
 class Finding(NamedTuple):
@@ -143,7 +147,7 @@ def _has_the_shape(m, offsets, rotor):
     for servo in range(rotor - 4, rotor):
         if count[servo] != _SERVO_STATES or kind[servo] != _USER:
             return False
-    return count[rotor] >= _ROTOR_STATES and kind[rotor] == _USER
+    return count[rotor] >= ROTOR_STATES and kind[rotor] == _USER
 
 
 @kernel()
@@ -172,8 +176,9 @@ def _of_vehicle(m, offsets, rotor):
     for servo in range(rotor - ROTOR + CONTROL.servo_front, rotor):
         if count[servo] != _SERVO_STATES:
             return Finding(ACTIVATIONS, names, servo, float(count[servo]), float(_SERVO_STATES))
-    if count[rotor] < _ROTOR_STATES:
-        return Finding(ACTIVATIONS, names, rotor, float(count[rotor]), float(_ROTOR_STATES))
+    needed = _KEPT + 2.0 * (par[PARAM.swash_states] + par[PARAM.tail_states])
+    if count[rotor] < needed:
+        return Finding(ACTIVATIONS, names, rotor, float(count[rotor]), needed)
     return _of_sensors(m, offsets, rotor, np.int64(ints(m, offsets.jnt_bodyid)[joint]))
 
 
@@ -273,6 +278,11 @@ def _said(code: int, it: str, found: float, wanted: float) -> str:
         return (
             f"sensor {it} is what the gyro reads each {found:g} s, and the time step is longer, "
             f'{wanted:g} s; give the scene <option timestep="{found:g}"/> or a part of that'
+        )
+    if code == STRANGE_LAW:
+        return (
+            f"actuator {it} names a controller that this process does not know: it was set in "
+            "another one, or its flight is over. Set it here, with helisim.set_controller"
         )
     return (  # HISTORY
         f"actuator {it} keeps {found:.0f} samples, and its delay needs {wanted:.0f} of the time "

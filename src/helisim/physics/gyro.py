@@ -85,6 +85,7 @@ class YawStates(NamedTuple):
 
 
 CYCLIC = CyclicStates(*range(STATE.gyro_r_lead - STATE.gyro_q_filter))
+_CYCLIC_STATES = len(CYCLIC)
 YAW = YawStates(*range(STATE.gyro_r_integral - STATE.gyro_r_lead + 1))
 
 
@@ -98,7 +99,7 @@ def gyro_law(seen, state, settings):
         settings: of the gyro, (n_param,), by `PARAM`.
     """
     front, left, right = cyclic_law(seen, state, settings)
-    return front, left, right, yaw_law(seen, state, settings, len(CYCLIC))
+    return front, left, right, yaw_law(seen, state, settings, _CYCLIC_STATES)
 
 
 @kernel()

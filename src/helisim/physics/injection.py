@@ -23,7 +23,7 @@ def injected(view):
 
 @kernel()
 def add_to_commands(view):
-    """Add a manoeuvre to the commands that the gyro has just given to the four servos."""
+    """Add a manoeuvre to the commands that have just been given to the four servos."""
     if is_injected(view):
         added = injected(view)
         for k in range(4):

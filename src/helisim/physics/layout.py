@@ -163,7 +163,7 @@ INJECTION = InjectionIndex(*range(len(InjectionIndex._fields)))
 class StateIndex(NamedTuple):
     """Activations of a vehicle, from the address of its first one.
 
-    From `felt_x` on they are not integrated: the callbacks write them at the gyro's ticks. The
+    From `feels_x` on they are not integrated: the callbacks write them at the gyro's ticks. The
     last are the states of the control laws, here those of the shipped gyro; behind them as many
     again are kept, the same states before the last tick.
     """
@@ -186,7 +186,11 @@ class StateIndex(NamedTuple):
     air_w: int
     air_q_lag: int
     air_r_lag: int
-    # what the accelerometer felt when it was last read, m/s^2, body axes (FRD)
+    # what the accelerometer feels in this time step, and felt in the one before the laws' last
+    # tick, m/s^2, body axes (FRD)
+    feels_x: int
+    feels_y: int
+    feels_z: int
     felt_x: int
     felt_y: int
     felt_z: int
@@ -194,7 +198,8 @@ class StateIndex(NamedTuple):
     read_p: int
     read_q: int
     read_r: int
-    # one more than the number of the tick at which the laws last acted; 0 before they have
+    # one more than the number of the tick at which the laws last acted, and a half more at their
+    # first; 0 before they have, -1 where one failed
     law_tick: int
     gyro_q_filter: int
     gyro_q_integral: int
@@ -211,6 +216,15 @@ FIRST_LAW_STATE = STATE.law_tick + 1
 SWASH_STATES = STATE.gyro_r_lead - FIRST_LAW_STATE
 TAIL_STATES = len(STATE) - STATE.gyro_r_lead
 """How many states the shipped gyro's two laws have: for the swashplate, for the tail."""
+
+
+def rotor_states(law_states: int = SWASH_STATES + TAIL_STATES) -> int:
+    """Return the activations of the rotor's actuator, where the laws have so many states."""
+    return FIRST_LAW_STATE - STATE.flap_a + 2 * law_states
+
+
+ROTOR_STATES = rotor_states()
+"""What a vehicle's MJCF has at least."""
 
 
 @known
@@ -299,6 +313,12 @@ class ParamIndex(NamedTuple):
     law_token: int
     swash_states: int
     tail_states: int
+    # commands of servos that no law moves, where a plan flies: 1, and then these count
+    planned: int
+    planned_front: int
+    planned_left: int
+    planned_right: int
+    planned_tail: int
     gyro_period: int
     gyro_heading_lock: int
     gyro_attitude_lock: int

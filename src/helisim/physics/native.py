@@ -21,6 +21,7 @@ from helisim.physics import callbacks, notes
 from helisim.physics.examination import sentence
 from helisim.physics.fields import Offsets, offsets
 from helisim.physics.layout import MAGIC, PARAM, ROTOR
+from helisim.physics.own_laws import watched_failures
 
 _HOOKS = ("passive", "control", "act_dyn", "sensor")
 _PATIENCE = 2.0
@@ -140,7 +141,8 @@ def installed() -> Iterator[None]:
     Raises:
         CallbackError: someone else's callback is installed, or this MuJoCo's memory layout
             is not what it says; when the block ends, a model that was stepped in it lacks
-            something. An exception from within the block comes first, with that as its note.
+            something, or a controller that was set in one failed. An exception from within the
+            block comes first, with that as its note.
     """
     with _loan.lock:
         if _loan.blocks == 0:
@@ -151,11 +153,14 @@ def installed() -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        for one in _left():
-            error.add_note(sentence(one))
+        for one in [*map(sentence, _left()), *watched_failures()]:
+            error.add_note(one)
         raise
     else:
         _say(_left())
+        failures = watched_failures()
+        if failures:
+            raise CallbackError(failures[0])
 
 
 def _left() -> list[notes.Note]:

@@ -146,12 +146,20 @@ class FlightEnvelope:
             yield f"flew beyond an advance ratio of {self.advance:g}", across > self.advance * tip
 
 
-def terminated_early(time: float, why: str) -> DivergedError:
-    """Return the error of a flight that is terminated early at a time, s, with advice."""
-    return DivergedError(
-        f"{why} at {time:.2f} s; "
-        "fly a smaller amplitude or a narrower band, or check the gyro's gains"
-    )
+def terminated_early(time: float, why: str, traceback: str | None = None) -> DivergedError:
+    """Return the error of a flight that is terminated early.
+
+    Args:
+        time: of the end, s.
+        why: in words.
+        traceback: of a controller that failed, "" if it didn't raise; it is the error's note.
+            None for an end of any other kind.
+    """
+    advice = "; fly a smaller amplitude or a narrower band, or check the gyro's gains"
+    error = DivergedError(f"{why} at {time:.2f} s{advice if traceback is None else ''}")
+    if traceback:
+        error.add_note(traceback)
+    return error
 
 
 def hover_induced_velocity(vehicle: Vehicle) -> float:

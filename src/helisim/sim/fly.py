@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
+from helisim.errors import InputError
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import terminated_early
@@ -14,7 +15,7 @@ from helisim.sim.plan import Flyable, as_plan
 from helisim.sim.recorder import Recorder, last_second
 from helisim.sim.simulation import flight_numbers, generator, simulated
 from helisim.sim.trajectory import Trajectory
-from helisim.vehicle import Vehicle
+from helisim.vehicle import ControllerLike, Vehicle
 
 Result = TypeVar("Result")
 
@@ -39,6 +40,7 @@ def fly(
     vehicle: Vehicle,
     plan: Flyable,
     *,
+    controller: ControllerLike | Literal["own"] = "own",
     count: int = 1,
     seed: int = 0,
     jobs: int | None = None,
@@ -54,6 +56,9 @@ def fly(
         vehicle: that flies.
         plan: of the flights; a bare manoeuvre, or a function of time in s that gives what is
             added to the four sticks, is a plan with all else default.
+        controller: that flies in place of the vehicle's own: a law of (seen, state, settings), a
+            `Controller`, or None: then the servos stay where they are trimmed, but for what the
+            plan adds to their commands.
         count: number of flights.
         seed: of pilots, turbulence and sensors; flight k of a seed is always the same.
         jobs: threads; all processors if None.
@@ -67,10 +72,16 @@ def fly(
     Raises:
         InputError: count, seed or jobs is out of range, or the plan can't be flown.
         TrimError: the vehicle can't hover in the wind.
-        DivergedError: a flight left its envelope, and such aren't to be kept; the error has its
-            record and its last second.
+        DivergedError: a flight left its envelope, or its controller failed, and such aren't to be
+            kept; the error has its record, its last second and the controller's traceback.
     """
     numbers = flight_numbers(count)
+    if not isinstance(controller, str):
+        vehicle = vehicle.with_controller(controller)
+    elif controller != "own":
+        raise InputError(
+            f"controller must be a law, a Controller, None or 'own', got {controller!r}"
+        )
     records = []
     for record in fly_each(vehicle, plan, numbers, seed=seed, jobs=jobs, keep_ended=keep_ended):
         records.append(record)
@@ -97,7 +108,7 @@ def fly_each(
     def kept(flight: Flight) -> FlightRecord:
         if flight.last_second is not None and not keep_ended:
             end = flight.record.provenance["ended"]
-            error = terminated_early(end["at"], end["why"])
+            error = terminated_early(end["at"], end["why"], end.get("traceback"))
             error.record, error.last_second = flight.record, flight.last_second
             raise error
         return flight.record
@@ -145,7 +156,7 @@ def flown(
         if end is not None:
             provenance["ended"] = end.to_dict()
             if trajectory.time[-1] * recorder.rate_hz < _FEWEST_SAMPLES:
-                raise terminated_early(end.at, end.why)
+                raise terminated_early(end.at, end.why, end.traceback)
         record = recorder.record(trajectory, generator(seed, number, "sensors"), provenance)
         for n, fault in enumerate(plan.faults):
             if isinstance(fault, RecorderFault):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from helisim.errors import DivergedError, InputError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
+from helisim.physics.own_laws import Failure
 from helisim.sim.envelope import FlightEnvelope, terminated_early
 from helisim.sim.faults import write_faults
 from helisim.sim.injection import injection
@@ -47,7 +48,7 @@ def simulate(
     def kept(trajectory: Trajectory) -> Trajectory:
         end = trajectory.end
         if end is not None and not keep_ended:
-            raise terminated_early(end.at, end.why)
+            raise terminated_early(end.at, end.why, end.traceback)
         return trajectory
 
     return (kept(one) for one in trajectories)
@@ -95,8 +96,10 @@ def simulated(
     def flown(number: int, buffer: NDArray[np.float64]) -> Result:
         model = prepare(vehicle, plan, seed=seed, number=number)
         start = _start(vehicle, plan.weather, seed=seed, number=number)
-        sensordata = _run(model, start, buffer, added)
-        flight = until_end(vehicle, plan.envelope, model, start, sensordata, added)
+        with vehicle.controller.flying(model) as flying:
+            sensordata = _run(model, start, buffer, added)
+            failure = flying.failure()
+        flight = until_end(vehicle, plan.envelope, model, start, sensordata, added, failure)
         return then(number, flight.injected(added, plan.excitation.places))
 
     def batches() -> Iterator[Result]:
@@ -171,6 +174,9 @@ def prepare(vehicle: Vehicle, plan: Flyable, *, seed: int, number: int) -> mujoc
     plan.excitation.on(vehicle.parameters).write(par)
     plan.weather.write(par, vehicle, seed=air_seed)
     write_faults(par, plan.flight_faults)
+    trim = vehicle.trim
+    held = (*vehicle.swashplate.mix(trim.col, trim.lon, trim.lat), trim.ped)
+    vehicle.controller.plan_for(par, held)
     return model
 
 
@@ -180,7 +186,7 @@ def _start(vehicle: Vehicle, weather: Weather, *, seed: int, number: int) -> NDA
     place(vehicle.model, data, vehicle.trim, height=weather.height)
     first = addresses(vehicle.model).state
     rough = weather.start(vehicle, generator(seed, number, "first air"))
-    data.act[first + STATE.air_u : first + STATE.felt_x] = rough
+    data.act[first + STATE.air_u : first + STATE.feels_x] = rough
     state = np.empty(mujoco.mj_stateSize(vehicle.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
     mujoco.mj_getState(vehicle.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     return state
@@ -198,6 +204,7 @@ def until_end(
     start: NDArray[np.float64],
     sensordata: NDArray[np.float64],
     added: NDArray[np.float64] | None = None,
+    failure: Failure | None = None,
 ) -> Trajectory:
     """Return the trajectory of a flight, cut where it leaves the envelope or its states break.
 
@@ -208,13 +215,16 @@ def until_end(
         start: (n_state,) full physics state.
         sensordata: (n_step, nsensordata), of the time before each step.
         added: (n_step, n_injection) `injection` of the excitation.
+        failure: of the controller, None if it didn't fail.
 
     Raises:
         DivergedError: not one sample is within the envelope.
     """
     count, why = sound_samples(model, sensordata)
+    if failure is not None:
+        why = f"controller {vehicle.controller.name!r} {failure.why}"
     if count == 0:
-        raise DivergedError(why)
+        raise terminated_early(0.0, why, failure.traceback) if failure else DivergedError(why)
     trajectory = read_trajectory(vehicle, sensordata[:count])
     found = envelope.end(vehicle, trajectory)
     if found is None and count == len(sensordata):
@@ -225,13 +235,16 @@ def until_end(
         at = float(trajectory.time[count])
     if count == 0:
         raise terminated_early(at, why)
-    state, warnings = _flown_again(model, start, count, added)
-    if found is None and warnings:
-        why = f"MuJoCo warned of {', '.join(warnings)}"
-    return trajectory.until(count, End(at, why, state))
+    state, warnings = _flown_again(vehicle, model, start, count, added)
+    if found is not None or failure is None:
+        failure = None
+        if found is None and warnings:
+            why = f"MuJoCo warned of {', '.join(warnings)}"
+    return trajectory.until(count, End(at, why, state, failure.traceback if failure else None))
 
 
 def _flown_again(
+    vehicle: Vehicle,
     model: mujoco.MjModel,
     start: NDArray[np.float64],
     samples: int,
@@ -242,7 +255,7 @@ def _flown_again(
     A batch keeps no states, and doesn't say which of its flights a warning was in.
     """
     data = mujoco.MjData(model)
-    with installed():
+    with vehicle.controller.flying(model), installed():
         states, _ = rollout.rollout(
             model,
             data,

@@ -13,7 +13,6 @@ from helisim.errors import DivergedError
 from helisim.physics.frames import flip
 from helisim.physics.layout import INJECTION
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import root_body
 from helisim.vehicle.swashplate import Swashplate
 
 _INJECTED = {
@@ -33,18 +32,21 @@ class End:
         at: s.
         why: in words.
         state: MuJoCo's full physics state at the last sample that was kept.
+        traceback: of a controller that failed, "" if it didn't raise. None: it didn't fail.
     """
 
     at: float
     why: str
     state: NDArray[np.float64]
+    traceback: str | None = None
 
     def __str__(self) -> str:
         return f"{self.why} at {self.at:.2f} s"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, for provenance."""
-        return {"at": self.at, "why": self.why, "state": self.state.tolist()}
+        failed = {} if self.traceback is None else {"traceback": self.traceback}
+        return {"at": self.at, "why": self.why, "state": self.state.tolist(), **failed}
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,13 +189,7 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
 
 def imu_offset(vehicle: Vehicle) -> NDArray[np.float64]:
     """Return the IMU's place from the centre of gravity, m, body axes (FRD), (3,)."""
-    model = vehicle.model
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    body = root_body(model)
-    arm = data.site(vehicle.roles.site("imu")).xpos - data.subtree_com[body]
-    return np.array(flip(*(data.xmat[body].reshape(3, 3).T @ arm)))
+    return np.array(vehicle.imu_offset)
 
 
 def _halfway(columns: NDArray[np.float64]) -> NDArray[np.float64]:

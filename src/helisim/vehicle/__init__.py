@@ -2,12 +2,15 @@
 
 from helisim.vehicle.atmosphere import isa_density
 from helisim.vehicle.calibrate import calibrate
+from helisim.vehicle.controller import Controller, ControllerLike, set_controller
 from helisim.vehicle.linearize import Linearization, linearize
 from helisim.vehicle.parameters import GyroSettings, Parameters, PhysicalParameter, read_parameters
 from helisim.vehicle.trim import Trim, find_trim
 from helisim.vehicle.vehicle import Vehicle, load, standard_parameters
 
 __all__ = [
+    "Controller",
+    "ControllerLike",
     "GyroSettings",
     "Linearization",
     "Parameters",
@@ -20,5 +23,6 @@ __all__ = [
     "linearize",
     "load",
     "read_parameters",
+    "set_controller",
     "standard_parameters",
 ]

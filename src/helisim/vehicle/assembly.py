@@ -18,10 +18,9 @@ from helisim.physics.layout import (
     MAGIC,
     PARAM,
     ROTOR,
+    ROTOR_STATES,
     SENSORS,
-    STATE,
-    SWASH_STATES,
-    TAIL_STATES,
+    rotor_states,
 )
 from helisim.physics.timing import TICK_TOLERANCE
 from helisim.vehicle.folder import (
@@ -41,8 +40,6 @@ _INTEGRATORS = {
     name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }
 
-ROTOR_STATES = len(STATE) + SWASH_STATES + TAIL_STATES - STATE.flap_a
-"""Activations of the rotor, at least: its own, the air's, and those of the gyro's laws."""
 _CLOSED = 1e-13
 """Relative rounding of the parts' sum of inertias."""
 
@@ -59,6 +56,7 @@ def assemble(
     delays: bool = True,
     visual: bool = False,
     rig: str | None = None,
+    states: int = 0,
 ) -> mujoco.MjModel:
     """Compile a vehicle's MJCF with its parameters in place.
 
@@ -74,6 +72,7 @@ def assemble(
         visual: True keeps every part, and adds ground, light and sky: a model to look at.
         rig: that holds the vehicle, one of `rig_names`; none, to fly. A rig's MJCF includes
             the vehicle's and holds it by constraints, so joint and channels stay as they are.
+        states: how many the control laws have, where these are more than the shipped ones'.
 
     Raises:
         InputError: the time step is not a positive number, or there is no such integrator.
@@ -91,6 +90,8 @@ def assemble(
     )
     folder = model_folder(vehicle)
     with _named(_mjcf(folder, read_roles(folder), visual=visual, rig=rig)):
+        rotor = spec.actuator("rotor")
+        rotor.actdim = max(rotor.actdim, rotor_states(states))
         model = spec.compile()
         check_interface(model)
     return model

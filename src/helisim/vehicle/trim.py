@@ -9,7 +9,7 @@ from scipy.optimize import root
 
 from helisim.errors import TrimError
 from helisim.physics import gyro
-from helisim.physics.layout import PARAM, ROTOR, STATE
+from helisim.physics.layout import FIRST_LAW_STATE, PARAM, ROTOR, SHIPPED_LAW, STATE
 from helisim.physics.native import installed
 from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
 from helisim.vehicle.swashplate import Swashplate
@@ -128,6 +128,8 @@ def place(
 ) -> None:
     """Set a vehicle's state and controls to a trim, its gyro settled, all sticks centred.
 
+    A controller of one's own starts anew, from a state of zeros.
+
     Args:
         model: of the vehicle.
         data: written; time and histories are reset.
@@ -140,7 +142,7 @@ def place(
     write_motion(model, data, motion)
     plate = Swashplate.in_block(model.actuator_user[where.rotor])
     swash = plate.mix(trim.col, trim.lon, trim.lat)
-    act = data.act[where.state : where.state + len(STATE)]
+    act = data.act[where.state :]
     act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*swash, trim.ped]
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b
     _settle_gyro(act, model.actuator_user[where.rotor], trim)
@@ -154,8 +156,13 @@ def collective_stick(model: mujoco.MjModel, trim: Trim) -> float:
 
 
 def _settle_gyro(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim) -> None:
-    cosine, sine = par[PARAM.gyro_phase_cosine], par[PARAM.gyro_phase_sine]
-    lat, lon = gyro.rotate(cosine, -sine, trim.lat, trim.lon)
-    act[STATE.gyro_p_integral] = lat / par[PARAM.gyro_ki_lat]
-    act[STATE.gyro_q_integral] = lon / par[PARAM.gyro_ki_lon]
-    act[STATE.gyro_r_integral] = trim.ped / par[PARAM.gyro_k_i]
+    """Give the shipped laws the integrals with which they command a trim; others start at zero."""
+    if par[PARAM.swash_law] == SHIPPED_LAW:
+        cyclic = act[FIRST_LAW_STATE:]
+        cosine, sine = par[PARAM.gyro_phase_cosine], par[PARAM.gyro_phase_sine]
+        lat, lon = gyro.rotate(cosine, -sine, trim.lat, trim.lon)
+        cyclic[gyro.CYCLIC.p_integral] = lat / par[PARAM.gyro_ki_lat]
+        cyclic[gyro.CYCLIC.q_integral] = lon / par[PARAM.gyro_ki_lon]
+    if par[PARAM.tail_law] == SHIPPED_LAW:
+        yaw = act[FIRST_LAW_STATE + int(par[PARAM.swash_states]) :]
+        yaw[gyro.YAW.r_integral] = trim.ped / par[PARAM.gyro_k_i]

@@ -13,23 +13,32 @@ from typing import Any, Literal
 import control
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError
 from helisim.physics.frames import flip
-from helisim.physics.gyro import Seen, gyro_law
-from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR, SENSOR, STATE
+from helisim.physics.gyro import Seen
+from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR, SENSOR
 from helisim.physics.native import installed
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
 from helisim.records.display import Displayed
 from helisim.records.value import Value
 from helisim.vehicle.assembly import Integrator, assemble
+from helisim.vehicle.controller import (
+    DIRECT,
+    GYRO,
+    Controller,
+    ControllerLike,
+    as_controller,
+    law_room,
+)
 from helisim.vehicle.folder import PARAMETER_FILES, is_shipped, model_folder, read_roles
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.glossary import glossary
-from helisim.vehicle.law import linearize_law
+from helisim.vehicle.law import Law, linearize_law, settled
 from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.motion import addresses, root_body, rotation_matrix
 from helisim.vehicle.parameters import (
     GyroSettings,
     Parameters,
@@ -57,17 +66,19 @@ class Vehicle(Value, Displayed):
         parameters: every physical parameter, with unit and source.
         model: the compiled MuJoCo model, gyro on, pilot off. Copy it before changing it.
         trim: the steady flight that it flies, and is linearised about: the hover when loaded.
+        controller: that commands its servos: the gyro that it comes with, when loaded.
     """
 
     folder: Path
     parameters: Parameters
     model: mujoco.MjModel
     trim: Trim
+    controller: Controller = GYRO
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let a vehicle pass between processes, without what can be computed again."""
         where = self.name if is_shipped(self.folder) else self.folder
-        return _passed, (where, self.parameters, self.model, self.trim)
+        return _passed, (where, self.parameters, self.model, self.trim, self.controller)
 
     @property
     def name(self) -> str:
@@ -85,7 +96,7 @@ class Vehicle(Value, Displayed):
         return f"Vehicle({self.name!r}, {mass:.4g} kg, {flight}, {len(self.parameters)} parameters)"
 
     def _compared(self) -> tuple[Any, ...]:
-        return self.name, self.parameters, self.trim, self.digest
+        return self.name, self.parameters, self.trim, self.digest, self.controller
 
     def trimmed(
         self,
@@ -113,9 +124,22 @@ class Vehicle(Value, Displayed):
         model = copy.copy(self.model)
         model.opt.wind[:] = flip(*wind)
         trim = find_trim(model, speed=speed, height=height, near=self.trim)
-        changed = Vehicle(self.folder, self.parameters, model, trim)
+        if not self.controller.is_shipped:
+            self.controller.put_into(model)
+        changed = Vehicle(self.folder, self.parameters, model, trim, self.controller)
         changed.__dict__.update(_unsampled=self._unsampled)
         return changed
+
+    @cached_property
+    def imu_offset(self) -> tuple[float, float, float]:
+        """The IMU's place from the centre of gravity, m, body axes (FRD)."""
+        data = mujoco.MjData(self.model)
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        body = root_body(self.model)
+        arm = data.site(self.roles.site("imu")).xpos - data.subtree_com[body]
+        x, y, z = flip(*(data.xmat[body].reshape(3, 3).T @ arm))
+        return float(x), float(y), float(z)
 
     @property
     def power(self) -> float:
@@ -152,19 +176,27 @@ class Vehicle(Value, Displayed):
 
     @cached_property
     def digest(self) -> str:
-        """A digest of the compiled model: of its MJCF, parameters, time step and MuJoCo."""
-        data = np.empty(mujoco.mj_sizeModel(self.model), dtype=np.uint8)
-        mujoco.mj_saveModel(self.model, None, data)
+        """A digest of the compiled model: of its MJCF, parameters, time step and MuJoCo.
+
+        Of the controller it says nothing.
+        """
+        model = copy.copy(self.model)
+        if not self.controller.is_shipped:  # which has a digest of its own, and handles here
+            GYRO.put_into(model)
+        data = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
+        mujoco.mj_saveModel(model, None, data)
         return hashlib.blake2b(data.tobytes(), digest_size=16).hexdigest()
 
     @property
     def provenance(self) -> dict[str, Any]:
         """What flies, as plain data: enough to load it again, and to see whether it changed."""
+        own = {} if self.controller.is_shipped else {"controller": self.controller.to_dict()}
         return {
             "vehicle": self.name,
             "model_digest": self.digest,
             "parameters": dict(self.parameters),
             "timestep_s": float(self.model.opt.timestep),
+            **own,
         }
 
     @property
@@ -174,25 +206,48 @@ class Vehicle(Value, Displayed):
 
     @cached_property
     def gyro(self) -> SampledGyro:
-        """The gyro's linear law at its ticks."""
-        period, latency = self.parameters["gyro.period"], self.parameters["gyro.latency"]
-        data, where = self.hovering(), addresses(self.model)
-        settings = self.model.actuator_user[where.rotor]
-        first = where.state + FIRST_LAW_STATE
-        state = data.act[first : where.state + len(STATE)].copy()
-        ctrl = data.ctrl[where.control : where.control + ROTOR]
-        servos, sticks = ctrl[CONTROL.servo_front :], ctrl[: CONTROL.servo_front]
-        attitude = (self.trim.phi, self.trim.theta, 0.0)
-        seen = Seen(0.0, 0.0, 0.0, 0.0, *attitude, 0.0, 0.0, 0.0, *servos, *sticks)
-        return linearize_law(
-            lambda seen, state: gyro_law(seen, state, settings),
+        """The controller's linear law at its ticks: of the gyro, or of whatever commands instead.
+
+        Raises:
+            InputError: no law moves any servo.
+            ModelError: the law can't hold the steady flight.
+        """
+        if self.controller == DIRECT:
+            raise InputError("no controller moves the servos: linearize('IN1') is all there is")
+        law, seen, state = self._settled_law()
+        period = self.parameters["gyro.period"]
+        system = linearize_law(
+            law,
             seen,
             state,
-            list(STATE._fields[FIRST_LAW_STATE:]),
+            self.controller.state_names,
             swashplate=self.swashplate,
             period=period,
-            latency=latency,
         )
+        return SampledGyro(
+            system,
+            period,
+            self.parameters["gyro.latency"],
+            float(self.model.opt.timestep),
+            self.imu_offset,
+        )
+
+    def _settled_law(self) -> tuple[Law, Seen, NDArray[np.float64]]:
+        """Return the law, what it sees in the trim, and its state there, (n_state,)."""
+        data, where = self.hovering(), addresses(self.model)
+        ctrl = data.ctrl[where.control : where.control + ROTOR]
+        servos, sticks = ctrl[CONTROL.servo_front :], ctrl[: CONTROL.servo_front]
+        first = where.state + FIRST_LAW_STATE
+        state = data.act[first : first + sum(self.controller.state_counts)].copy()
+        law = self.controller.stepper(self.model.actuator_user[where.rotor], servos)
+        motion = self.trim.motion
+        level = rotation_matrix(motion.phi, motion.theta, 0.0)
+        felt = level.T @ -np.array(flip(*self.model.opt.gravity))
+        angles = (motion.phi, motion.theta, 0.0)
+        seen = Seen(0.0, 0.0, 0.0, 0.0, *angles, *felt.tolist(), *servos, *sticks)
+        if self.controller.is_shipped:
+            return law, seen, state
+        return law, *settled(law, seen, state, servos, str(self.controller.name))
 
     def loop(self, axis: str) -> control.StateSpace:
         """Return what comes back at a servo command when the gyro's loop is cut there.
@@ -229,9 +284,45 @@ class Vehicle(Value, Displayed):
             )
         model = copy.copy(self.model)
         model.actuator_user[addresses(model).rotor, : len(PARAM)] = force_law_block(parameters)
-        changed = Vehicle(self.folder, parameters, model, self.trim)
+        if not self.controller.is_shipped:
+            self.controller.put_into(model)
+        changed = Vehicle(self.folder, parameters, model, self.trim, self.controller)
         changed.__dict__.update(_base=self._base, _unsampled=self._unsampled)
         return changed
+
+    def with_controller(self, controller: ControllerLike) -> "Vehicle":
+        """Return the same vehicle with another controller of its servos.
+
+        Nothing is trimmed again: a controller doesn't change what flies. To step a copy of its
+        model after the vehicle is gone, give that the controller with `set_controller`.
+
+        Args:
+            controller: a law of (seen, state, settings), a `Controller`, or None: then nothing
+                commands the servos but their `ctrl`.
+
+        Raises:
+            InputError: it is no law, or numba can't compile it.
+        """
+        chosen = as_controller(controller)
+        model = copy.copy(self.model)
+        if sum(chosen.state_counts) > law_room(model):
+            model = self._with_room(sum(chosen.state_counts))
+        chosen.put_into(model)
+        changed = Vehicle(self.folder, self.parameters, model, self.trim, chosen)
+        changed.__dict__.update(_base=self._base, _unsampled=self._unsampled)
+        return changed
+
+    def _with_room(self, states: int) -> mujoco.MjModel:
+        """Return its model with room for more states of control laws."""
+        model = assemble(self.folder, self.parameters, states=states)
+        where = addresses(model).rotor
+        model.actuator_user[where] = self.model.actuator_user[addresses(self.model).rotor]
+        model.opt.timestep, model.opt.integrator = (
+            self.model.opt.timestep,
+            self.model.opt.integrator,
+        )
+        model.opt.wind[:] = self.model.opt.wind
+        return model
 
     @cached_property
     def _base(self) -> Linearization:
@@ -247,7 +338,11 @@ class Vehicle(Value, Displayed):
 
     def visual_model(self) -> mujoco.MjModel:
         """Return the same vehicle with all its parts and the scene around it, to look at."""
-        return assemble(self.folder, self.parameters, visual=True)
+        states = sum(self.controller.state_counts)
+        model = assemble(self.folder, self.parameters, visual=True, states=states)
+        if not self.controller.is_shipped:
+            self.controller.put_into(model)
+        return model
 
     @cached_property
     def derivatives(self) -> dict[str, float]:
@@ -269,11 +364,17 @@ class Vehicle(Value, Displayed):
 
 
 def _passed(
-    where: str | Path, parameters: Parameters, model: mujoco.MjModel, trim: Trim
+    where: str | Path,
+    parameters: Parameters,
+    model: mujoco.MjModel,
+    trim: Trim,
+    controller: Controller,
 ) -> Vehicle:
     """Return a vehicle that came from another process, where helisim may be elsewhere."""
     folder = model_folder(where) if isinstance(where, str) else where
-    return Vehicle(folder, parameters, model, trim)
+    if not controller.is_shipped:  # the laws of that process are not those of this one
+        controller.put_into(model)
+    return Vehicle(folder, parameters, model, trim, controller)
 
 
 def load(

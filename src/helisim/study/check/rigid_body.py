@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import HelisimError
-from helisim.physics.layout import ACTUATORS, ROTOR
+from helisim.physics.layout import ACTUATORS, ROTOR, ROTOR_STATES
 from helisim.physics.timing import TICK_TOLERANCE
 from helisim.study.check.figures import at_a_glance, implausible
 from helisim.study.check.parameter_files import ParameterFiles
 from helisim.study.check.problem import Problem, sentence
-from helisim.vehicle.assembly import ROTOR_STATES, total_inertia
+from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.mjcf import Element, Mjcf
 from helisim.vehicle.motion import root_body
 from helisim.vehicle.roles import Roles

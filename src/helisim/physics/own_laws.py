@@ -1,0 +1,463 @@
+"""Functions of the user as control laws that the callbacks can call.
+
+A Python function is called through ctypes, which takes the interpreter's lock by itself in
+whatever thread MuJoCo steps. One that numba has compiled is called natively: `numba.njit` of the
+same function, or a `numba.cfunc` with the signature in `laws`.
+"""
+
+import _thread
+import copy
+import ctypes
+import inspect
+import linecache
+import struct
+import threading
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, NamedTuple
+
+import numba
+import numpy as np
+from numba import carray, types
+from numba.core.ccallback import CFunc
+from numba.core.dispatcher import Dispatcher
+from numba.core.errors import NumbaError
+from numpy.typing import NDArray
+
+from helisim.errors import InputError
+from helisim.physics.gyro import Seen
+from helisim.physics.laws import COMMANDS, SEEN, Row
+
+Place = Literal["all", "swash", "tail"]
+PLACES: dict[Place, tuple[str, ...]] = {
+    "all": ("front", "left", "right", "tail"),
+    "swash": ("front", "left", "right"),
+    "tail": ("tail",),
+}
+"""What a law in each place commands, in the order in which it returns it."""
+
+_POINTER = types.CPointer(types.float64)
+_SIGNATURE = types.void(_POINTER, _POINTER, _POINTER, _POINTER)
+_PROTOTYPE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
+_seen_of = partial(tuple.__new__, Seen)
+_unpack_seen = struct.Struct(f"{SEEN}d").unpack_from
+_SEEN_BYTES = 8 * (SEEN + 1)
+_START = 8 * SEEN
+_compiled: "weakref.WeakKeyDictionary[Any, dict[Any, Any]]" = weakref.WeakKeyDictionary()
+_compiling = threading.Lock()
+_lasting: "dict[Any, Registered]" = {}
+_watched: "weakref.WeakSet[Registered]" = weakref.WeakSet()
+_watching = threading.Lock()
+
+
+class Unfit(ValueError):
+    """What a law returned is not what its servos need."""
+
+
+class Failure(NamedTuple):
+    """How a law failed.
+
+    Attributes:
+        why: in a sentence's end, such as "raised ZeroDivisionError: division by zero".
+        traceback: its text, with names of files and no folders; "" if there is none.
+    """
+
+    why: str
+    traceback: str
+
+
+@dataclass(frozen=True, eq=False)
+class OwnLaw:
+    """A function of the user in its place.
+
+    Attributes:
+        function: called at each tick with what is seen, the state and the settings, or the first
+            one or two of these; of Python, or compiled by numba.
+        place: which servos it moves.
+        states: how many numbers it keeps from tick to tick.
+        settings: (n_settings,), which it only reads.
+        reset: called like `function` where the law starts, None for nothing.
+        name: for messages.
+    """
+
+    function: Any
+    place: Place
+    states: int
+    settings: NDArray[np.float64]
+    reset: Any
+    name: str
+
+    def registered(self) -> "Registered":
+        """Return the law where the callbacks can call it, a copy of it if it is an object.
+
+        Raises:
+            InputError: numba can't compile it, or it can't be copied.
+        """
+        return Registered(self)
+
+    def watched(self) -> "Registered":
+        """Return the law likewise; how it fails is said where a block of `installed` ends."""
+        one = Registered(self)
+        with _watching:
+            _watched.add(one)
+        return one
+
+    def lasting(self) -> "Registered":
+        """Return the law likewise, until the process ends; of a function always the same."""
+        one = self.function
+        shared = inspect.isroutine(one) or is_compiled(one) or is_native(one)
+        of = (id(one), id(self.reset)) if shared else (id(object()), len(_lasting))
+        key = (of, self.place, self.states, self.settings.tobytes())
+        if key not in _lasting:
+            _lasting.setdefault(key, self.watched())
+        return _lasting[key]
+
+    def stepped(self, function: Any, seen: Seen, state: NDArray[np.float64]) -> tuple[float, ...]:
+        """Return what the law commands, called from Python; the state, (n_state,), moves on.
+
+        Args:
+            function: of the law, or a copy.
+            seen: what it sees.
+            state: (n_state,).
+        """
+        if is_native(function):
+            numbers = np.array([*seen, 0.0])
+            commands = np.full(COMMANDS, np.nan)
+            settings = self.settings if self.settings.size else np.zeros(1)
+            function.ctypes(*map(_pointer_to, (numbers, state, settings, commands)))
+            first = 3 if self.place == "tail" else 0
+            return tuple(commands[first : first + len(PLACES[self.place])].tolist())
+        given = (seen, state, self.settings)[: arity(function)]
+        return checked(function(*given), self.place)
+
+
+def watched_failures() -> list[str]:
+    """Return how laws failed that stay in models, each in one text; then they count as said."""
+    with _watching:
+        kept = list(_watched)
+    said = []
+    for one in kept:
+        failure = one.failure()
+        if failure is not None:
+            said.append(f"controller {one.law.name!r} {failure.why}\n{failure.traceback}".rstrip())
+    return said
+
+
+def _pointer_to(array: NDArray[np.float64]) -> Any:
+    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+def is_native(function: Any) -> bool:
+    """Return whether a function is a numba.cfunc."""
+    return isinstance(function, CFunc)
+
+
+def is_compiled(function: Any) -> bool:
+    """Return whether a function is compiled by numba.njit."""
+    return isinstance(function, Dispatcher)
+
+
+def checked(commands: Any, place: Place) -> tuple[float, ...]:
+    """Return a law's commands as a tuple of numbers. Raises Unfit."""
+    if place == "tail" and not isinstance(commands, tuple | list | np.ndarray):
+        commands = (commands,)
+    try:
+        numbers = tuple(map(float, commands))
+    except (TypeError, ValueError):
+        numbers = ()
+    wanted = PLACES[place]
+    if len(numbers) != len(wanted):
+        raise Unfit(f"returned {commands!r:.80} where numbers for {', '.join(wanted)} are wanted")
+    return numbers
+
+
+def arity(function: Any) -> int:
+    """Return how many of what is seen, the state and the settings a function takes, 0 to 3.
+
+    Raises:
+        InputError: it takes other arguments, or doesn't say which.
+    """
+    described = function.py_func if is_compiled(function) else function
+    name = getattr(described, "__name__", type(described).__name__)
+    try:
+        signature = inspect.signature(described)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"controller {name!r} doesn't say which arguments it takes; write a function of "
+            "(seen), (seen, state) or (seen, state, settings)"
+        ) from None
+    for count in (3, 2, 1, 0):
+        try:
+            signature.bind(*range(count))
+        except TypeError:
+            continue
+        return count
+    raise InputError(
+        f"controller {name!r} takes {signature}; it must take (seen), (seen, state) or "
+        "(seen, state, settings)"
+    )
+
+
+class Registered:
+    """A law in the table of the process, until `release`.
+
+    Attributes:
+        handle: by which a vehicle's numbers name it.
+        law: what it is.
+    """
+
+    def __init__(self, law: OwnLaw) -> None:
+        self.law = law
+        self.function, self.reset = copied(law)
+        self._raised: list[Failure] = []
+        if is_native(law.function):
+            self._code: Any = law.function
+            address = law.function.address
+        elif is_compiled(law.function):
+            self._code = compiled(law)
+            address = self._code.address
+        else:
+            self._code = _PROTOTYPE(self._thunk())
+            address = ctypes.cast(self._code, ctypes.c_void_p).value or 0
+        self._row = Row(address, law.settings, law.states)
+        self.handle = self._row.handle
+
+    def release(self) -> None:
+        """Take the law out of the table."""
+        self._row.release()
+
+    def failure(self) -> Failure | None:
+        """Return how the law failed since this was last asked; None if it didn't."""
+        failed = self._row.failed()
+        if self._raised:
+            first = self._raised[0]
+            self._raised.clear()
+            return first
+        if failed is None:
+            return None
+        seen, state, commands = failed
+        if is_compiled(self.function):
+            again = self._again(seen, state)
+            if again is not None:
+                return again
+        wrong = [
+            f"{name} = {value:g}"
+            for name, value in zip(PLACES["all"], commands)
+            if name in PLACES[self.law.place] and not np.isfinite(value)
+        ]
+        why = f"returned {', '.join(wrong)}" if wrong else "left a state that is not finite"
+        return Failure(why, "")
+
+    def _again(self, seen: Seen, state: NDArray[np.float64]) -> Failure | None:
+        """Return what the law raises where it failed, by calling it as Python."""
+        given = (seen, state, self.law.settings)[: arity(self.function)]
+        try:
+            self.function.py_func(*given)
+        except Exception as error:  # whatever the user's function raises
+            return raised(error)
+        return None
+
+    def _thunk(self) -> Callable[[int, int, int, int], None]:
+        law, function, reset = self.law, self.function, self.reset
+        takes = arity(function)
+        starts_with = None if reset is None else arity(reset)
+        state = np.zeros(law.states)
+        settings = law.settings
+        room, here = 8 * law.states, state.ctypes.data
+        lock = threading.RLock()
+        pack = struct.Struct(f"{len(PLACES[law.place])}d").pack
+        size = 8 * len(PLACES[law.place])
+        offset = 24 if law.place == "tail" else 0
+        string_at, memmove = ctypes.string_at, ctypes.memmove
+        tail = law.place == "tail"
+
+        def called(seen_at: int, state_at: int, _settings: int, commands_at: int) -> None:
+            try:
+                numbers = string_at(seen_at, _SEEN_BYTES)
+                seen = _seen_of(_unpack_seen(numbers))
+                with lock:
+                    memmove(here, state_at, room)
+                    if starts_with is not None and numbers[_START:] != _ZERO:
+                        reset(*(seen, state, settings)[:starts_with])
+                    if takes == 2:
+                        commands = function(seen, state)
+                    elif takes == 1:
+                        commands = function(seen)
+                    else:
+                        commands = function(seen, state, settings)
+                    memmove(state_at, here, room)
+                try:
+                    packed = pack(commands) if tail else pack(*commands)
+                except (TypeError, struct.error):
+                    packed = pack(*checked(commands, law.place))
+                memmove(commands_at + offset, packed, size)
+            except BaseException as error:  # nothing may be raised into MuJoCo
+                self._raised.append(raised(error))
+                if isinstance(error, KeyboardInterrupt):
+                    _thread.interrupt_main()
+
+        return called
+
+
+_ZERO = struct.pack("d", 0.0)
+
+
+def raised(error: BaseException) -> Failure:
+    """Return what a law raised: the kind, its text, and where, from the law's own lines on."""
+    if isinstance(error, Unfit):
+        return Failure(str(error), "")
+    trace: TracebackType | None = error.__traceback__
+    here = __file__
+    lines = ["Traceback (most recent call last):"]
+    while trace is not None:
+        code, number = trace.tb_frame.f_code, trace.tb_lineno
+        if code.co_filename != here:
+            lines.append(
+                f'  File "{Path(code.co_filename).name}", line {number}, in {code.co_name}'
+            )
+            text = linecache.getline(code.co_filename, number).strip()
+            lines += [f"    {text}"] if text else []
+        trace = trace.tb_next
+    words = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return Failure(f"raised {words}", "\n".join([*lines, words]))
+
+
+def copied(law: OwnLaw) -> tuple[Any, Any]:
+    """Return function and reset of a law, of an object's own copy if it is one.
+
+    Raises:
+        InputError: the object can't be copied.
+    """
+    function, reset = law.function, law.reset
+    if is_native(function) or is_compiled(function) or inspect.isroutine(function):
+        return function, reset
+    try:
+        one = copy.deepcopy(function)
+    except Exception as error:  # whatever the user's object raises
+        raise InputError(
+            f"controller {law.name!r} can't be copied, and each flight has a copy of its own: "
+            f"{type(error).__name__}: {error}"
+        ) from None
+    if reset is not None and getattr(reset, "__self__", None) is function:
+        reset = getattr(one, reset.__name__)
+    return one, reset
+
+
+def compiled(law: OwnLaw) -> Any:
+    """Return a law of numba.njit as a native function, compiled once for its kind.
+
+    Raises:
+        InputError: numba can't compile it; the message has numba's reason.
+    """
+    key = (law.place, law.states, law.settings.size, law.reset)
+    with _compiling:
+        known = _compiled.setdefault(law.function, {})
+        if key not in known:
+            try:
+                known[key] = _compile(law)
+            except NumbaError as error:
+                raise InputError(
+                    f"numba can't compile controller {law.name!r} to a law that returns numbers "
+                    f"for {', '.join(PLACES[law.place])}: {_reason(error)}"
+                ) from error
+        return known[key]
+
+
+def _reason(error: NumbaError) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
+    return (telling or lines)[0].removeprefix("('").removesuffix("')").replace("', '", "")
+
+
+def _compile(law: OwnLaw) -> Any:
+    states, count = law.states, max(1, law.settings.size)
+    numbers = law.settings.size
+    call = _with_three(law.function)
+    start = None
+    if law.reset is not None:
+        start = _with_three(law.reset if is_compiled(law.reset) else numba.njit(law.reset))
+    store = {"all": _store_all, "swash": _store_swash, "tail": _store_tail}[law.place]
+    begin = _nothing if start is None else start
+    at_tail = law.place == "tail"
+
+    @numba.cfunc(_SIGNATURE)
+    def native(seen_at, state_at, settings_at, commands):
+        seen = Seen(
+            seen_at[0],
+            seen_at[1],
+            seen_at[2],
+            seen_at[3],
+            seen_at[4],
+            seen_at[5],
+            seen_at[6],
+            seen_at[7],
+            seen_at[8],
+            seen_at[9],
+            seen_at[10],
+            seen_at[11],
+            seen_at[12],
+            seen_at[13],
+            seen_at[14],
+            seen_at[15],
+            seen_at[16],
+            seen_at[17],
+        )
+        state = carray(state_at, (states,))
+        settings = carray(settings_at, (count,))[:numbers]
+        try:
+            if seen_at[18] != 0.0:
+                begin(seen, state, settings)
+            store(commands, call(seen, state, settings))
+        except Exception:  # a command that isn't one ends the law
+            commands[3 if at_tail else 0] = np.nan
+
+    return native
+
+
+def _with_three(function: Any) -> Any:
+    """Return a compiled function of seen, state and settings that hands on what is wanted."""
+    takes = arity(function)
+
+    @numba.njit
+    def three(seen, state, settings):
+        return function(seen, state, settings)
+
+    @numba.njit
+    def two(seen, state, settings):
+        return function(seen, state)
+
+    @numba.njit
+    def one(seen, state, settings):
+        return function(seen)
+
+    @numba.njit
+    def none(seen, state, settings):
+        return function()
+
+    return (none, one, two, three)[takes]
+
+
+@numba.njit
+def _nothing(seen, state, settings):
+    pass
+
+
+@numba.njit
+def _store_all(commands, given):
+    front, left, right, tail = given
+    commands[0], commands[1], commands[2], commands[3] = front, left, right, tail
+
+
+@numba.njit
+def _store_swash(commands, given):
+    front, left, right = given
+    commands[0], commands[1], commands[2] = front, left, right
+
+
+@numba.njit
+def _store_tail(commands, given):
+    commands[3] = given
