@@ -115,7 +115,7 @@ def _flip_matrix(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def write_motion(model: mujoco.MjModel, data: mujoco.MjData, motion: Motion) -> None:
     """Put a vehicle with a free joint into a motion."""
-    u, v, w, p, q, r, phi, theta, psi, north, east, down = astuple(motion)
+    u, v, w, p, q, r, phi, theta, psi, north, east, down = vars(motion).values()
     earth = rotation_matrix(phi, theta, psi)
     matrix = _flip_matrix(earth)
     quaternion = Rotation.from_matrix(matrix).as_quat(scalar_first=True)
