@@ -16,6 +16,7 @@ from helisim.physics.native import installed
 from helisim.sim import Weather
 from helisim.vehicle import load
 from helisim.vehicle.assembly import total_inertia
+from helisim.vehicle.controller import set_controller
 from helisim.vehicle.motion import Motion, addresses, write_motion
 from helisim.vehicle.trim import place
 
@@ -40,7 +41,7 @@ def test_actions_fly_what_controls_fly_in_mujoco(kind):
     vehicle = load("jr700", integrator="Euler")
     model, where = copy.copy(vehicle.model), addresses(vehicle.model)
     if kind == "servos":
-        model.actuator_user[where.rotor, PARAM.gyro_on] = 0.0
+        set_controller(model, None)
     data = mujoco.MjData(model)
     place(model, data, vehicle.trim, height=20.0)
     first = where.control + (CONTROL.col if kind == "sticks" else CONTROL.servo_front)
@@ -254,3 +255,42 @@ def test_steady_weather_is_trimmed_for():
     for _ in range(25):
         seen, *_ = env.step(np.zeros(4))
     assert np.all(np.abs(seen[:3]) < 0.01)
+
+
+class Counting:
+    """A law with a memory: it turns the nose, the faster the longer it flies."""
+
+    states = 0
+
+    def __init__(self):
+        self.ticks = 0
+
+    def reset(self):
+        self.ticks = 0
+
+    def __call__(self, seen):
+        self.ticks += 1
+        if seen.lat > 0.4:
+            raise RuntimeError("too far to the right")
+        return seen.col, seen.col, seen.col, 1e-3 * self.ticks
+
+
+def test_a_controller_of_ones_own_flies_each_helicopter():
+    """Each has a copy with a memory of its own; one that raises ends its own episode alone."""
+    vehicle = load("jr700", integrator="Euler").with_controller(Counting())
+    settings = {"vehicle": vehicle, "weather": Weather()}
+    env = gymnasium.make_vec(
+        "helisim/Hover-v0", 3, vectorization_mode="vector_entry_point", threads=2, **settings
+    )
+    env.reset(seed=0, options=CALM)
+    actions = np.zeros((3, 4))
+    for _ in range(20):
+        seen, _, terminated, *_ = env.step(actions)
+    assert not terminated.any()
+    assert abs(seen[0, 12]) > 0.01
+    assert np.array_equal(seen[0], seen[1])
+    actions[1, 2] = 1.0
+    _, _, terminated, _, infos = env.step(actions)
+    assert terminated.tolist() == [False, True, False]
+    assert infos["ended"][1] == "controller"
+    env.close()

@@ -35,7 +35,8 @@ class Agent:
     """How actions reach the vehicle.
 
     Sticks travel through `mjData.userdata`, as a manoeuvre's do, and a pilot that holds nothing
-    moves them at the gyro's ticks. Servo commands are the servos' controls, and the gyro is off.
+    moves them at the gyro's ticks; servos that the controller leaves alone stay in the trim. Servo
+    commands are the servos' controls.
 
     Attributes:
         actions: what each of the four numbers of an action moves.
@@ -49,6 +50,9 @@ class Agent:
         where = addresses(model)
         self._rotor = where.rotor
         resting = data.ctrl if not self._sticks else np.zeros(model.nuserdata)
+        self._controller = vehicle.controller
+        servos = where.control + CONTROL.servo_front
+        self._servos = data.ctrl[servos : servos + 4].tolist()
         first = where.control + (CONTROL.col if self._sticks else CONTROL.servo_front)
         limit = _STICK_LIMIT if self._sticks else vehicle.parameters["servo.travel"]
         trim = data.ctrl[first : first + 4].tolist()
@@ -68,8 +72,8 @@ class Agent:
         """Let the agent fly a model of the vehicle."""
         par = model.actuator_user[self._rotor]
         if not self._sticks:
-            par[PARAM.gyro_on] = 0.0
             return
+        self._controller.plan_for(par, self._servos)
         par[PARAM.pilot_on], par[PARAM.excitation] = 1.0, HISTORY
         par[PARAM.pilot_col : PARAM.pilot_k_heading + 1] = 0.0  # holds nothing, from no trim
 

@@ -3,6 +3,7 @@
 import copy
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from typing import Any, NamedTuple
 
 import mujoco
@@ -21,6 +22,8 @@ from helisim.gym.task import BOUND, Situation
 from helisim.physics.layout import SENSOR
 from helisim.physics.native import installed
 from helisim.sim.simulation import thread_count
+from helisim.vehicle.controller import Flying
+from helisim.vehicle.motion import addresses
 
 _EARLY = 1e-9
 """s by which a new command may come early: times are rounded."""
@@ -66,9 +69,21 @@ class Flights:
         self._reader = StateReader(model)
         self._scale = 1.0 / np.array([[one.scale] for one in self.task.observations])
         self._models = [copy.copy(model) for _ in range(count)]
+        self._controllers = ExitStack()
+        self._laws = self._own_laws()
+        self._rotor = addresses(model).rotor
+        self._users = [one.actuator_user[self._rotor].copy() for one in self._models]
         self._data, self._pool = _workers(model, min(count, threads or thread_count(setup.threads)))
         self._chunk = max(1, count // (_CHUNKS * len(self._data)))
         self._allocate(model)
+
+    def _own_laws(self) -> list[Flying]:
+        """Give each helicopter its copy of the controller's laws that aren't shipped."""
+        controller = self.vehicle.controller
+        if not controller.laws:
+            return []
+        flying = self._controllers.enter_context
+        return [flying(controller.flying(model)) for model in self._models]
 
     def _allocate(self, model: mujoco.MjModel) -> None:
         size, steps = self._start.state.size, self.setup.frame_skip
@@ -92,8 +107,9 @@ class Flights:
         return self.setup.frame_skip * float(self.vehicle.model.opt.timestep)
 
     def close(self) -> None:
-        """Stop the threads."""
+        """Stop the threads, and let go of the controller's laws."""
         self._pool.close()
+        self._controllers.close()
 
     def reset(
         self,
@@ -130,6 +146,7 @@ class Flights:
         model, start = self._models[row], self._start
         offsets, weather, seed = start.draw(random)
         factors = self.spread.draw(random)
+        model.actuator_user[self._rotor] = self._users[row]
         self.spread.write(model, factors)
         self.agent.write(model)
         start.write_weather(model, weather, seed)
@@ -203,6 +220,9 @@ class Flights:
         finite = np.isfinite(seen)
         if not finite.all():
             beyond["finite state"] = np.logical_not(finite.all(axis=0))
+        if self._laws:
+            failed = [one.failure() is not None for one in self._laws]
+            beyond["controller"] = np.array(failed, dtype=np.bool_)
         terminated: NDArray[np.bool_] = np.zeros(self.count, dtype=np.bool_)
         for rows in beyond.values():
             terminated |= rows

@@ -51,8 +51,9 @@ class Setup:
     Attributes:
         task: "hover", "track", or a `Task` of your own.
         vehicle: a name, the path of a folder, or a `Vehicle` that is loaded.
-        action: "sticks" moves COL, LON, LAT, PED, and the gyro flies the servos; "servos" moves
-            the front, left, right and tail servo, and there is no gyro.
+        action: "sticks" moves COL, LON, LAT, PED, and the vehicle's controller, its
+            gyro say, flies the servos; "servos" moves these: front, left, right and tail, and
+            there is no controller.
         authority: by how much an action of 1 moves a stick or servo from its trim, unitised.
         frame_skip: time steps from one action to the next, 20 ms by default.
         integrator: "Euler", staggered to second order and the default here, or "RK4", three times
@@ -122,6 +123,8 @@ class Setup:
     def loaded(self) -> Vehicle:
         """Return the vehicle, trimmed for the weather where that is always the same.
 
+        Where the agent moves the servos, it has no controller.
+
         Raises:
             UnknownNameError: no such vehicle.
             InputError: an integrator or time step for a vehicle that has its own, or a frame
@@ -139,6 +142,8 @@ class Setup:
         else:
             vehicle = self.vehicle
         self._check_frame(vehicle)
+        if self.action == "servos":
+            vehicle = vehicle.with_controller(None)
         return self.weather.trimmed(vehicle) if isinstance(self.weather, Weather) else vehicle
 
     def _check_frame(self, vehicle: Vehicle) -> None:

@@ -60,7 +60,6 @@ class Spread:
         self._widths = np.array([float(relative[name]) for name in self.names])
         model = vehicle.model
         self._rotor = addresses(model).rotor
-        self._user = model.actuator_user[self._rotor].copy()
         self._body = root_body(model)
         self._mass = model.body_mass.copy()
         self._frame = np.empty(9)
@@ -75,11 +74,10 @@ class Spread:
         return 1.0 + self._widths * random.uniform(-1.0, 1.0, len(self.names))
 
     def write(self, model: mujoco.MjModel, factors: NDArray[np.float64]) -> None:
-        """Put factors (n_names,) into a copy of the vehicle's model; all else is as loaded."""
+        """Put factors, (n_names,), into a copy of the vehicle's model that is as it was loaded."""
         factor = dict(zip(self.names, factors.tolist()))
-        user = model.actuator_user[self._rotor]
-        user[:] = self._user
         if self._in_block:
+            user = model.actuator_user[self._rotor]
             changed = {name: self._own[name] * factor[name] for name in self._in_block}
             block = force_law_block(self._own.replace(changed))
             differs = np.flatnonzero(block != self._own_block)
