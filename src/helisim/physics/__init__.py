@@ -4,6 +4,7 @@ layout, fields          where a vehicle's numbers and MuJoCo's fields are
 kernel, memory          how functions are compiled; how they read mjModel and mjData
 callbacks, native       what MuJoCo calls, and how it is lent to it
 examination, notes      what a model lacks, and how a callback says so
+commands                whether somebody else sets the servos that the gyro flies
 frames, body, timing    axes, motion and wrenches; the gyro's ticks and the integrators' steps
 rotor, loads, flapping  thrust and power, forces and moments, the tip-path plane
 air                     wind, gust, turbulence and the ground's nearness

@@ -11,6 +11,7 @@ import mujoco
 from helisim.physics import controller, faults
 from helisim.physics.air import write_turbulence_rates
 from helisim.physics.body import apply_wrench
+from helisim.physics.commands import notice_others, remember
 from helisim.physics.examination import examine
 from helisim.physics.flapping import tilt_rates
 from helisim.physics.injection import at_actuators
@@ -55,7 +56,9 @@ def control(m, d, offsets):
         if view.par[PARAM.pilot_on] != 0.0:
             fly(view)
         if view.par[PARAM.gyro_on] != 0.0:
+            notice_others(view)
             controller.command_servos(view)
+            remember(view)
 
 
 @kernel()

@@ -62,7 +62,8 @@ _WHOLE = 1e-6
     HISTORY,
     NOT_OURS,
     STRANGE_LAW,
-) = range(14)
+    OVERRULED,
+) = range(15)
 
 
 class Finding(NamedTuple):
@@ -235,6 +236,12 @@ def _said(code: int, it: str, found: float, wanted: float) -> str:
             f'actuator {it} has dyntype="user" and is of no helicopter of helisim; while '
             "helisim's callbacks are installed nobody computes its activations, which stay as "
             "they are. Give it another dyntype, or step this model outside of installed()"
+        )
+    if code == OVERRULED:
+        return (
+            f"somebody set ctrl of actuator {it} to {found:.6g} while the gyro flies, which sets "
+            "it at each of its ticks: what was set is lost. Fly with the sticks COL, LON, LAT and "
+            "PED, or take the gyro off the servos with helisim.set_controller(model, None)"
         )
     if code == NO_NUMBERS:
         return f"actuator {it} has no user numbers, which the force laws need; {_BUILD}"

@@ -27,8 +27,13 @@ _NOTE = _ELEMENT + _NAME
 _NOTES = 3 * _NOTE
 _KNOWN = 256
 """Models that are remembered as met or examined, by a number of their own."""
+_GOLDEN = 0x9E3779B1
+"""Odd, 2^32 over the golden mean (Knuth's multiplicative hash)."""
+_SLOTS, _SLOT = 256, 128
+"""Vehicles in flight of which something is kept from tick to tick, and the bytes of each."""
+_FIRST_SLOT = _NOTES + 8 * _KNOWN
 
-_memory = globals().get("_memory") or (ctypes.c_int64 * (_NOTES // 8 + _KNOWN))()
+_memory = globals().get("_memory") or (ctypes.c_int64 * ((_FIRST_SLOT + _SLOTS * _SLOT) // 8))()
 """A module that is loaded again finds the notes of the code that is running."""
 _SYMBOL = "helisim_notes"
 llvmlite.binding.add_symbol(_SYMBOL, ctypes.addressof(_memory))
@@ -111,7 +116,7 @@ def is_due(number, time, step):
         time: s.
         step: length of a step, s.
     """
-    place = longs_at(_address() + _NOTES + 8 * ((number >> 1) % _KNOWN))
+    place = longs_at(_address() + _NOTES + 8 * _spread(number >> 1))
     if place[0] == number:
         return False
     if time <= step:
@@ -123,6 +128,18 @@ def is_due(number, time, step):
             return False
     place[0] = number
     return True
+
+
+@kernel()
+def slot(number):
+    """Return the address of the 128 bytes that things of this number share."""
+    return _address() + _FIRST_SLOT + _SLOT * _spread(number)
+
+
+@kernel()
+def _spread(number):
+    """Return 0 to 255, by all digits of a number: addresses of two threads end alike."""
+    return ((number ^ (number >> 32)) * _GOLDEN >> 24) & 0xFF
 
 
 @dataclass(frozen=True)
