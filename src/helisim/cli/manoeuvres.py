@@ -198,10 +198,10 @@ def _settings(option: str, items: Sequence[str]) -> dict[str, Any]:
 
 def _value(text: str) -> Any:
     try:
-        numbers = tuple(float(one) for one in text.split(":"))
+        numbers = [float(one) for one in text.split(":")]
     except ValueError:
         return text
-    return numbers if len(numbers) > 1 else numbers[0]
+    return numbers[0] if len(numbers) == 1 else tuple(numbers)
 
 
 class _Kinds(argparse.Action):

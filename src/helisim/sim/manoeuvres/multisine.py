@@ -3,8 +3,10 @@
 Each axis has harmonics of one period of its own, dealt out in turn, so the inputs are orthogonal
 over every whole period (Morelli, Flight Test Maneuvers for Efficient Aerodynamic Modeling,
 Journal of Aircraft 49, 2012). The phases are Schroeder's (IEEE Transactions on Information Theory
-16, 1970), or start there and are moved by clipping in turns (Van der Ouderaa, Schoukens and
-Renneboog, IEEE Transactions on Instrumentation and Measurement 37, 1988).
+16, 1970), which make something like a linear sweep of each axis; or scattered ones, moved by
+clipping in turns until the peak is low (Van der Ouderaa, Schoukens and Renneboog, IEEE
+Transactions on Instrumentation and Measurement 37, 1988). Those excite all frequencies all the
+time, so that every window of an estimate sees the axes move independently.
 """
 
 import math
@@ -58,7 +60,7 @@ class Multisine(Excitation):
         period: s; a whole number of the gyro's periods. An axis has every n-th harmonic of it,
             n the number of axes.
         slope: of the power over frequency: 0 is flat, 1 the same in each octave.
-        phases: "low_peak", or "schroeder", which costs nothing to compute.
+        phases: "low_peak", or "schroeder".
         trim_time: s of trimmed flight before, and again after.
         at: "sticks", "servos", "actuators" or "sensors".
     """
@@ -67,7 +69,7 @@ class Multisine(Excitation):
     duration: float = 66.0
     amplitude: float | tuple[float, ...] | None = None
     band: tuple[float, ...] | None = None
-    period: float = 20.0
+    period: float = 60.0
     slope: float = 0.0
     phases: Phases = "low_peak"
     trim_time: float = 3.0
@@ -214,7 +216,8 @@ def design(numbers: tuple[int, ...], slope: float, phases: Phases) -> Design:
     height /= np.sqrt(0.5 * np.sum(height**2))
     phase = schroeder_phases(height**2)
     if phases == "low_peak" and k.size > 2:
-        phase = _clipped(k, height, phase)
+        scattered = np.random.default_rng(k).uniform(0.0, 2.0 * np.pi, k.size)
+        phase = _clipped(k, height, scattered)
     phase = np.round(_from_zero(k, height, phase), _DIGITS)
     signal = _signal(k, height, phase)
     high, low = _summit(signal), -_summit(-signal)
