@@ -270,9 +270,9 @@ class Counting:
 
     def __call__(self, seen):
         self.ticks += 1
-        if seen.lat > 0.4:
+        if seen.LAT > 0.4:
             raise RuntimeError("too far to the right")
-        return seen.col, seen.col, seen.col, 1e-3 * self.ticks
+        return seen.COL, seen.COL, seen.COL, 1e-4 * self.ticks
 
 
 def test_a_controller_of_ones_own_flies_each_helicopter():
@@ -286,11 +286,11 @@ def test_a_controller_of_ones_own_flies_each_helicopter():
     actions = np.zeros((3, 4))
     for _ in range(20):
         seen, _, terminated, *_ = env.step(actions)
-    assert not terminated.any()
+        assert not terminated.any()
     assert abs(seen[0, 12]) > 0.01
     assert np.array_equal(seen[0], seen[1])
     actions[1, 2] = 1.0
     _, _, terminated, _, infos = env.step(actions)
     assert terminated.tolist() == [False, True, False]
-    assert infos["ended"][1] == "controller"
+    assert infos["ended"][1] == "controller 'Counting' raised RuntimeError: too far to the right"
     env.close()

@@ -2,6 +2,7 @@
 
 import copy
 import math
+import weakref
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any, NamedTuple
@@ -39,7 +40,7 @@ class Stepped(NamedTuple):
         seen: (n, n_observation) float32, scaled.
         reward: (n,) float64.
         terminated: (n,) bool.
-        why: row -> name of the limit, of those that are terminated.
+        why: row -> name of the limit, or how the controller failed, of those that are terminated.
     """
 
     seen: NDArray[np.float32]
@@ -70,6 +71,7 @@ class Flights:
         self._scale = 1.0 / np.array([[one.scale] for one in self.task.observations])
         self._models = [copy.copy(model) for _ in range(count)]
         self._controllers = ExitStack()
+        weakref.finalize(self, self._controllers.close)
         self._laws = self._own_laws()
         self._rotor = addresses(model).rotor
         self._users = [one.actuator_user[self._rotor].copy() for one in self._models]
@@ -220,9 +222,9 @@ class Flights:
         finite = np.isfinite(seen)
         if not finite.all():
             beyond["finite state"] = np.logical_not(finite.all(axis=0))
-        if self._laws:
-            failed = [one.failure() is not None for one in self._laws]
-            beyond["controller"] = np.array(failed, dtype=np.bool_)
+        failed = self._failures()
+        if failed:
+            beyond["controller"] = np.isin(np.arange(self.count), list(failed))
         terminated: NDArray[np.bool_] = np.zeros(self.count, dtype=np.bool_)
         for rows in beyond.values():
             terminated |= rows
@@ -232,11 +234,18 @@ class Flights:
             int(row): next(name for name, rows in beyond.items() if rows[row])
             for row in np.flatnonzero(terminated)
         }
+        why.update({row: text for row, text in failed.items() if row in why})
         if self._commanded(randoms, started):
             seen = self.task.observe(situation)
         if "finite state" in beyond:
             seen, reward = np.nan_to_num(seen), np.nan_to_num(reward)
         return Stepped(self._scaled(seen), reward, terminated, why)
+
+    def _failures(self) -> dict[int, str]:
+        """Return how a law of the controller failed since it was last asked, by row."""
+        found = {row: one.failure() for row, one in enumerate(self._laws)}
+        name = self.vehicle.controller.name
+        return {row: f"controller {name!r} {one.why}" for row, one in found.items() if one}
 
     def look(self) -> NDArray[np.float32]:
         """Return what each agent sees now, (n, n_observation)."""
