@@ -11,6 +11,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from helisim.vehicle.build import write_numbers
+
 
 class Balance:
     """The parts of one vehicle and their totals. SI, in the vehicle's axes.
@@ -61,12 +63,13 @@ class Balance:
         )
 
     def close(self):
-        """Rewrite the first inertial element inside the body named fuselage."""
+        """Rewrite the first inertial element inside the body named fuselage, with all digits."""
         element = inertial_element(*self.closing_fuselage())
         before, found, after = self.mjcf.read_text().partition('<body name="fuselage">')
         if not found:
             sys.exit(f"{self.mjcf}: no body named fuselage")
         self.mjcf.write_text(before + found + re.sub(r"<inertial .*?/>", element, after, count=1))
+        write_numbers(self.folder)
         print(element)
 
     def print_parts(self):

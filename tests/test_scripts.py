@@ -35,6 +35,7 @@ def test_a_few_scripts_are_for_users():
         "own_structure.py",
         "own_vehicle.py",
         "run_campaign.py",
+        "stock_mujoco.py",
         "write_report.py",
     ]
 
@@ -164,3 +165,16 @@ def test_four_axes_at_once_take_a_fifth_of_the_time(run):
     ).groups()
     assert float(ratio) < 1.05
     assert beyond == "0"
+
+
+@pytest.mark.parametrize("vehicle", ["jr700", "blade360"])
+def test_stock_mujoco_flies_the_shipped_models(run, vehicle):
+    """It hovers, it rolls, and of three in a scene the one climbs that is told to."""
+    printed = run("stock_mujoco.py", vehicle)
+    off = re.search(rf"{vehicle}: (\S+) m off after 10 s of hover", printed)
+    assert float(off[1]) < 1e-7  # as in tests/models/test_stock_flight.py
+    assert float(re.search(r"rolls with (\S+) rad/s", printed)[1]) > 0.2
+    assert f"a/{vehicle}, b/{vehicle}, c/{vehicle}" in printed
+    one, two, three = map(float, printed.splitlines()[-1].split(":")[1].split(","))
+    assert one == three == 0.0
+    assert two > 0.5

@@ -60,6 +60,7 @@ from helisim.vehicle import GyroSettings as GyroSettings
 from helisim.vehicle import Vehicle as Vehicle
 from helisim.vehicle import load as load
 from helisim.vehicle import set_controller as set_controller
+from helisim.vehicle.folder import model_folder as model_folder
 
 __version__: str
 SHOWN_BY: str
