@@ -18,7 +18,7 @@ from helisim.physics.layout import (
     SHIPPED_LAW,
     STATE,
 )
-from helisim.physics.memory import buffer, double, from_element, sensor_numbers
+from helisim.physics.memory import buffer, double, from_element, sensor_numbers, states_end
 from helisim.physics.notes import REFUSED, note
 from helisim.physics.timing import delayed_control, last_tick, tick_number
 
@@ -31,7 +31,10 @@ _NUMBERS = SEEN + 1
 
 @kernel()
 def command_servos(view):
-    """Write the laws' commands to the four servos; a gyro that restarts has none of its own."""
+    """Write the laws' commands to the four servos; a gyro that restarts has none of its own.
+
+    Nor has a law that failed, or one for whose states there is no room.
+    """
     par, controls = view.par, view.controls
     if par[PARAM.planned] == 0.0 and par[PARAM.swash_law] == par[PARAM.tail_law] == NO_LAW:
         return
@@ -41,7 +44,7 @@ def command_servos(view):
             for k in range(CONTROL.servo_front, CONTROL.servo_tail + 1):
                 controls[k] = 0.0
         return
-    if has_failed(view):
+    if has_failed(view) or FIRST_LAW_STATE + 2 * law_states(view) > states_end(view):
         return
     if par[PARAM.planned] != 0.0:
         command_by_plan(view)
@@ -126,15 +129,14 @@ def command_by(view, handle, numbers, commands, first, last):
         last: servo.
     """
     par = view.par
-    row = row_of(handle, par[PARAM.law_token])
+    start, states = FIRST_LAW_STATE, int(par[PARAM.swash_states])
+    if first == 3:
+        start, states = start + states, int(par[PARAM.tail_states])
+    row = row_of(handle, par[PARAM.law_token], states)
     if row == 0:
         m, offsets = view.m, view.offsets
         note(REFUSED, STRANGE_LAW, m, offsets, offsets.name_actuatoradr, view.rotor, handle, 0.0)
         return True
-    swash_states = int(par[PARAM.swash_states])
-    start, states = FIRST_LAW_STATE, swash_states
-    if first == 3:
-        start, states = FIRST_LAW_STATE + swash_states, int(par[PARAM.tail_states])
     works = ask(row, numbers, from_element(view.act, start), states, commands, first, last)
     if works:
         for k in range(first, last + 1):

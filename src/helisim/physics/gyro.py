@@ -31,7 +31,8 @@ class Seen(NamedTuple):
         phi: roll angle now, rad.
         theta: pitch angle.
         psi: heading, in (-pi, pi].
-        ax: specific force at the IMU one time step ago, m/s^2; 0 at the very first tick.
+        ax: specific force at the IMU one time step ago, m/s^2; where a flight starts, that of
+            steady flight.
         ay: to the right.
         az: down; about -9.8 in the hover.
         front: position of the front servo now, unitised.

@@ -31,8 +31,8 @@ SEEN = len(Seen._fields)
 COMMANDS = 4
 _ROWS = 1 << 20
 _WIDTH = 8
-_HANDLE, _FUNCTION, _SETTINGS, _FAILED, _KEPT = range(5)
-"""What a row holds: handle, addresses of law and settings, whether it failed, where that is kept.
+_HANDLE, _FUNCTION, _SETTINGS, _STATES, _FAILED, _KEPT = range(6)
+"""What a row holds: handle, addresses of law and settings, states, whether and where it failed.
 
 Row 0 holds the token in place of a handle.
 """
@@ -75,12 +75,13 @@ def _call(typingctx, function, seen, state, settings, commands):
 
 
 @kernel()
-def row_of(handle, token):
-    """Return the address of a law's row; 0 for a handle of nothing, or of another process."""
+def row_of(handle, token, states):
+    """Return the address of a law's row; 0 for none, or one of another process, or other states."""
     table = _address()
     row = table + 8 * _WIDTH * (np.int64(handle) % _ROWS)
     known = token == longs_at(table)[_HANDLE] and row != table
-    if known and handle == longs_at(row)[_HANDLE]:
+    known = known and handle == longs_at(row)[_HANDLE]
+    if known and states == longs_at(row)[_STATES]:
         return row
     return 0
 
@@ -153,7 +154,7 @@ class Row:
             self.handle = _used[0] * _ROWS + self._index
             row = _table[self._index]
             row[_FUNCTION], row[_SETTINGS] = function, self._settings.ctypes.data
-            row[_FAILED], row[_KEPT] = 0, self._kept.ctypes.data
+            row[_STATES], row[_FAILED], row[_KEPT] = states, 0, self._kept.ctypes.data
             row[_HANDLE] = self.handle
 
     def failed(self) -> tuple[Seen, NDArray[np.float64], NDArray[np.float64]] | None:

@@ -9,6 +9,7 @@ from scipy.optimize import root
 
 from helisim.errors import TrimError
 from helisim.physics import gyro
+from helisim.physics.frames import flip
 from helisim.physics.layout import FIRST_LAW_STATE, PARAM, ROTOR, SHIPPED_LAW, STATE
 from helisim.physics.native import installed
 from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
@@ -145,9 +146,16 @@ def place(
     act = data.act[where.state :]
     act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*swash, trim.ped]
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b
+    act[STATE.feels_x : STATE.feels_z + 1] = steady_force(model, trim)
     _settle_gyro(act, model.actuator_user[where.rotor], trim)
     control = data.ctrl[where.control : where.control + ROTOR + 1]
     control[:] = [collective_stick(model, trim), 0.0, 0.0, 0.0, *swash, trim.ped, 1.0]
+
+
+def steady_force(model: mujoco.MjModel, trim: Trim) -> NDArray[np.float64]:
+    """Return the specific force in a steady flight, m/s^2, body axes (FRD), (3,)."""
+    level = rotation_matrix(trim.phi, trim.theta, 0.0)
+    return level.T @ -np.array(flip(*model.opt.gravity))
 
 
 def collective_stick(model: mujoco.MjModel, trim: Trim) -> float:

@@ -38,7 +38,7 @@ from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.glossary import glossary
 from helisim.vehicle.law import Law, linearize_law, settled
 from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
-from helisim.vehicle.motion import addresses, root_body, rotation_matrix
+from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.parameters import (
     GyroSettings,
     Parameters,
@@ -49,7 +49,7 @@ from helisim.vehicle.parameters import (
 from helisim.vehicle.roles import Roles
 from helisim.vehicle.sampled import SampledGyro, close
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
+from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place, steady_force
 
 Inputs = Literal["IN1", "IN2"]
 
@@ -240,10 +240,8 @@ class Vehicle(Value, Displayed):
         first = where.state + FIRST_LAW_STATE
         state = data.act[first : first + sum(self.controller.state_counts)].copy()
         law = self.controller.stepper(self.model.actuator_user[where.rotor], servos)
-        motion = self.trim.motion
-        level = rotation_matrix(motion.phi, motion.theta, 0.0)
-        felt = level.T @ -np.array(flip(*self.model.opt.gravity))
-        angles = (motion.phi, motion.theta, 0.0)
+        felt = steady_force(self.model, self.trim)
+        angles = (self.trim.phi, self.trim.theta, 0.0)
         seen = Seen(0.0, 0.0, 0.0, 0.0, *angles, *felt.tolist(), *servos, *sticks)
         if self.controller.is_shipped:
             return law, seen, state
