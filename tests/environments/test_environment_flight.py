@@ -83,7 +83,7 @@ def test_motions_are_read_as_they_were_written(jr700):
     expected = np.array([list(vars(motion).values()) for motion in motions]).T
     np.testing.assert_allclose(found.body_velocity, expected[0:3], atol=1e-12)
     np.testing.assert_allclose(found.rates, expected[3:6], atol=1e-12)
-    np.testing.assert_allclose([*found.tilt, found.psi], expected[6:9], atol=1e-12)
+    np.testing.assert_allclose(found.attitude, expected[6:9], atol=1e-12)
     np.testing.assert_allclose(found.position, expected[9:12], atol=1e-12)
     earth = [motion_to_earth(motion) for motion in motions]
     np.testing.assert_allclose(found.velocity.T, earth, atol=1e-12)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from helisim.gym.motions import Columns, Motions
 from helisim.sim.clearance import outline
@@ -34,7 +35,7 @@ class Limits:
         """
         limit = self._envelope
         if limit.tilt is not None:
-            tilt = np.abs(motions.tilt)
+            tilt = np.abs(motions.attitude[:2])
             yield "tilt", np.maximum(tilt[0], tilt[1]) > limit.tilt
         if limit.rate is not None:
             rate = np.abs(motions.rates)
@@ -57,8 +58,8 @@ class Limits:
     def _near(self, motions: Motions, least: float) -> NDArray[np.bool_]:
         near = -motions.position[2] < least + self._reach
         if near.any():
-            axes, (x, y, z) = motions.axes[:, :, near], self._imu
-            imu = motions.position[:, near] + (axes[:, 0] * x + axes[:, 1] * y + axes[:, 2] * z)
-            attitude = np.vstack([motions.tilt, motions.psi])[:, near]
-            near[near] = self._outline.closer_than(least, imu.T, attitude.T)
+            attitudes = motions.attitude[:, near].T
+            turns = Rotation.from_euler("ZYX", attitudes[:, ::-1])
+            imu = motions.position[:, near].T + turns.apply(self._imu)
+            near[near] = self._outline.closer_than(least, imu, attitudes)
         return near

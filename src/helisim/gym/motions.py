@@ -1,65 +1,45 @@
 """Where helicopters are and how they move, a column each: what tasks observe and reward."""
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from helisim.physics import frames
 from helisim.physics.layout import STATE
+from helisim.physics.native import fingerprint
 from helisim.vehicle.motion import addresses
 
 Columns = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Motions:
+class Motions(NamedTuple):
     """The motions of n helicopters, all arrays with a column each. SI, field axes.
-
-    Angles and sums are computed element by element, so that a helicopter's numbers are the same
-    to the bit alone and among others.
 
     Attributes:
         time: (n,) s since the start of the episode.
-        position: (3, n) north, east, down of the centre of gravity, m.
+        position: (3, n) north, east, down of the body's origin, m.
         velocity: (3, n) the same axes, over the ground, m/s.
+        body_velocity: (3, n) u, v, w over the ground, body axes, m/s.
         rates: (3, n) p, q, r, rad/s.
+        attitude: (3, n) phi, theta, psi, rad; psi from -pi to pi.
+        heading: (2, n) cosine and sine of psi.
         flapping: (2, n) rearward and right tilt of the tip-path plane, rad.
-        axes: (3, 3, n): row i holds the north, east or down component of forward, right and down.
     """
 
     time: Columns
     position: Columns
     velocity: Columns
+    body_velocity: Columns
     rates: Columns
+    attitude: Columns
+    heading: Columns
     flapping: Columns
-    axes: Columns
-
-    @cached_property
-    def body_velocity(self) -> Columns:
-        """u, v, w over the ground in body axes, m/s, (3, n)."""
-        north, east, down = self.velocity
-        return self.axes[0] * north + self.axes[1] * east + self.axes[2] * down
-
-    @cached_property
-    def tilt(self) -> Columns:
-        """Roll and pitch angle, phi and theta, rad, (2, n)."""
-        axes, angles = self.axes, np.empty_like(self.flapping)
-        np.arctan2(axes[2, 1], axes[2, 2], out=angles[0])
-        np.arcsin(np.minimum(np.maximum(-axes[2, 0], -1.0), 1.0), out=angles[1])
-        return angles
-
-    @property
-    def psi(self) -> Columns:
-        """The heading from -pi to pi, rad, (n,)."""
-        return np.arctan2(self.axes[1, 0], self.axes[0, 0])
-
-    @cached_property
-    def heading(self) -> Columns:
-        """Cosine and sine of the heading, (2, n)."""
-        ahead = self.axes[:2, 0]
-        return ahead / np.maximum(np.hypot(ahead[0], ahead[1]), 1e-9)
 
     def level(self, vectors: Columns) -> Columns:
         """Return vectors in earth axes, (3, n), as ahead, right and below along the heading."""
@@ -70,42 +50,77 @@ class Motions:
         return turned
 
 
+_ROWS = np.cumsum([0, 1, 3, 3, 3, 3, 3, 2, 2]).tolist()
+"""Where each of the arrays starts in the memory that they share."""
+
+
 class StateReader:
     """Reads `Motions` from MuJoCo's full physics states of one vehicle's model."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        first = 1 + model.nq + model.nv + addresses(model).state
         velocity = 1 + model.nq
-        self._rows = np.array([*range(8), *range(velocity, velocity + 6), first + STATE.flap_a,
-                               first + STATE.flap_b])  # fmt: skip
+        flapping = velocity + model.nv + addresses(model).state + STATE.flap_a
+        self._fill = _compiled(velocity, flapping, fingerprint())
 
     def read(self, states: NDArray[np.float64]) -> Motions:
-        """Return the motions of states, (n, n_state)."""
-        rows = np.ascontiguousarray(states[:, self._rows].T)
-        rows[2:4] *= -1.0  # to north, east, down, as `frames.flip` does
-        rows[9:11] *= -1.0
-        rows[12:14] *= -1.0
-        return Motions(rows[0], rows[1:4], rows[8:11], rows[11:14], rows[14:16], _axes(rows[4:8]))
+        """Return the motions of states, (n, n_state).
+
+        Each is read alone, so that a helicopter's numbers are the same to the bit among others.
+        """
+        rows = np.empty((_ROWS[-1], len(states)))
+        self._fill(states, rows)
+        time, *others = (rows[first:last] for first, last in pairwise(_ROWS))
+        return Motions(time[0], *others)
 
 
-def _axes(quaternions: Columns) -> Columns:
-    """Return the body's axes in the earth's, (3, 3, n), of MuJoCo's quaternions, (4, n).
+@cache
+def _compiled(velocity: int, flapping: int, sources: int) -> Callable[[Columns, Columns], None]:
+    """Return what reads states whose velocities and flapping start at these elements.
 
-    Turning both frames from north-west-up to north-east-down changes the sign of y and z.
+    `sources` is a fingerprint of what it calls: a cache on disk knows a function by it too.
     """
-    doubled = (2.0 * quaternions)[:, None] * quaternions  # of w, x, y, z, (4, 4, n)
-    wx, wy, wz = doubled[0, 1:]
-    xx, xy, xz = doubled[1, 1:]
-    yy, yz = doubled[2, 2:]
-    zz = doubled[3, 3]
-    axes = np.empty((3, 3, quaternions.shape[1]))
-    np.subtract(1.0, yy + zz, out=axes[0, 0])
-    np.subtract(1.0, xx + zz, out=axes[1, 1])
-    np.subtract(1.0, xx + yy, out=axes[2, 2])
-    np.subtract(-wz, xy, out=axes[1, 0])
-    np.subtract(wz, xy, out=axes[0, 1])
-    np.subtract(wy, xz, out=axes[2, 0])
-    np.subtract(-wy, xz, out=axes[0, 2])
-    np.add(wx, yz, out=axes[2, 1])
-    np.subtract(yz, wx, out=axes[1, 2])
-    return axes
+    try:
+        return _compile(velocity, flapping, sources, cached=True)
+    except RuntimeError as error:
+        if "cache" not in str(error):
+            raise
+        return _compile(velocity, flapping, sources, cached=False)
+
+
+def _compile(
+    velocity: int, flapping: int, sources: int, *, cached: bool
+) -> Callable[[Columns, Columns], None]:
+    @njit("void(float64[:, ::1], float64[:, ::1])", cache=cached, error_model="numpy")
+    def fill(states, rows):
+        _ = sources
+        for n in range(states.shape[0]):
+            state = states[n]
+            xmat = _rotation(state[4], state[5], state[6], state[7])
+            x, y, z = state[velocity], state[velocity + 1], state[velocity + 2]
+            rows[0, n] = state[0]
+            rows[1, n], rows[2, n], rows[3, n] = frames.flip(state[1], state[2], state[3])
+            rows[4, n], rows[5, n], rows[6, n] = frames.flip(x, y, z)
+            rows[7, n], rows[8, n], rows[9, n] = frames.to_body(xmat, x, y, z)
+            p, q, r = state[velocity + 3], state[velocity + 4], state[velocity + 5]
+            rows[10, n], rows[11, n], rows[12, n] = frames.flip(p, q, r)
+            rows[13, n], rows[14, n], rows[15, n] = frames.euler_angles(xmat)
+            rows[16, n], rows[17, n] = np.cos(rows[15, n]), np.sin(rows[15, n])
+            rows[18, n], rows[19, n] = state[flapping], state[flapping + 1]
+
+    return fill
+
+
+@njit
+def _rotation(w, x, y, z):
+    """Return MuJoCo's rotation from body to world, row-major, (9,), of a quaternion."""
+    return (
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )

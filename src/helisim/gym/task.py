@@ -229,7 +229,7 @@ def _seen(situation: Situation, wanted: Columns) -> Columns:
     seen[3] = aside * cosine - there * sine
     seen[4] = there * cosine + aside * sine
     seen[5:8] = motions.body_velocity
-    seen[8:10] = motions.tilt
+    seen[8:10] = motions.attitude[:2]
     seen[10:13] = motions.rates
     seen[13:] = situation.actions
     return seen
