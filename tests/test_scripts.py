@@ -28,6 +28,7 @@ def test_a_few_scripts_are_for_users():
     assert sorted(path.name for path in SCRIPTS.glob("*.py")) == [
         "first_look.py",
         "fly_and_identify.py",
+        "fly_by_hand.py",
         "fly_in_gymnasium.py",
         "identify_log.py",
         "learn_to_hover.py",
@@ -178,3 +179,11 @@ def test_stock_mujoco_flies_the_shipped_models(run, vehicle):
     one, two, three = map(float, printed.splitlines()[-1].split(":")[1].split(","))
     assert one == three == 0.0
     assert two > 0.5
+
+
+def test_a_program_flies_by_hand(run, tmp_path):
+    """Its pedals show the yaw; its landing is one."""
+    printed = run("fly_by_hand.py", "hand.parquet")
+    assert "hand.parquet, 90.0 s, flown with a program" in printed
+    assert float(printed.split("r / PED: ")[1].split()[0]) > 0.9
+    assert "landed: upright" in printed

@@ -10,6 +10,7 @@ from helisim.ident import load_fit as load_fit
 from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
 from helisim.ident import verify as verify
+from helisim.output.hand.fly import fly_by_hand as fly_by_hand
 from helisim.physics.gyro import Seen as Seen
 from helisim.physics.native import check_model as check_model
 from helisim.physics.native import installed as installed
@@ -52,6 +53,8 @@ from helisim.sim import fly_each as fly_each
 from helisim.sim import fly_to as fly_to
 from helisim.sim import read_plan as read_plan
 from helisim.sim import write_plan as write_plan
+from helisim.sim.hand import HandFlight as HandFlight
+from helisim.sim.hand import StickFeel as StickFeel
 from helisim.study.check import check_vehicle as check_vehicle
 from helisim.study.new_vehicle import new_vehicle as new_vehicle
 from helisim.study.reproduce import reproduce as reproduce

@@ -29,7 +29,7 @@ examples:
   helisim verify model.json doublet.parquet
 """
 
-_SHARED = {"common", "logs", "manoeuvres", "progress", "responses"}
+_SHARED = {"by_hand", "common", "logs", "manoeuvres", "progress", "responses", "weather"}
 """Modules here that are no commands."""
 
 

@@ -1,10 +1,8 @@
 """`helisim fly`: fly a plan once or many times, and record."""
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,12 +19,13 @@ from helisim.cli.common import (
 from helisim.cli.manoeuvres import EPILOG as MANOEUVRES
 from helisim.cli.manoeuvres import add_manoeuvre, is_asked, manoeuvre
 from helisim.cli.progress import Progress
+from helisim.cli.weather import add_weather, weather
 from helisim.errors import DivergedError, InputError, UnknownNameError
 from helisim.records.channels import AXES
 
 if TYPE_CHECKING:
     from helisim.records.record import FlightRecord
-    from helisim.sim import FlightEnvelope, FlightPlan, Weather
+    from helisim.sim import FlightEnvelope, FlightPlan
     from helisim.vehicle import Vehicle
 
 _EPILOG = """\
@@ -110,7 +109,7 @@ def add(commands: Any) -> None:
         help="record the rotor's true tilt and loads too, which a recording then shows as arrows "
         "and a tilting disc (implied by --rerun)",
     )
-    _add_weather(command)
+    add_weather(command)
     command.add_argument(
         "--envelope",
         action="append",
@@ -121,22 +120,6 @@ def add(commands: Any) -> None:
     add_integrator(command)
     add_common(command)
     command.set_defaults(run=_run)
-
-
-def _add_weather(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--turbulence",
-        metavar="LEVEL|M/S",
-        help="light, moderate or severe (Dryden, MIL-F-8785C), or the wind at 20 ft that makes "
-        "it, m/s (default: calm)",
-    )
-    command.add_argument("--wind", type=float, metavar="M/S", help="steady wind, m/s (default: 0)")
-    command.add_argument(
-        "--wind-from-deg",
-        type=float,
-        metavar="DEG",
-        help="where it comes from; flights head north: 0 is a headwind, 90 from the right",
-    )
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -173,21 +156,9 @@ def _plan(options: argparse.Namespace) -> "FlightPlan":
     return replace(
         plan,
         faults=(*plan.faults, *faults),
-        weather=_weather(options, plan.weather),
+        weather=weather(options, plan.weather),
         envelope=_envelope(options.envelope, plan.envelope),
     )
-
-
-def _weather(options: argparse.Namespace, weather: "Weather") -> "Weather":
-    turbulence: Any = options.turbulence
-    with suppress(TypeError, ValueError):
-        turbulence = float(turbulence)
-    given = {
-        "turbulence": turbulence,
-        "wind": options.wind,
-        "wind_from": None if options.wind_from_deg is None else math.radians(options.wind_from_deg),
-    }
-    return replace(weather, **{name: one for name, one in given.items() if one is not None})
 
 
 def _envelope(items: Sequence[str], envelope: "FlightEnvelope") -> "FlightEnvelope":

@@ -3,6 +3,7 @@
 import argparse
 from typing import Any
 
+from helisim.cli import by_hand
 from helisim.cli.common import add_parameters, add_vehicle, parameters
 from helisim.cli.manoeuvres import EPILOG, add_manoeuvre, is_asked, manoeuvre
 
@@ -11,10 +12,11 @@ def add(commands: Any) -> None:
     """Add the command to the parser."""
     command = commands.add_parser(
         "view",
-        help="watch the helicopter fly in MuJoCo's viewer",
-        description="Fly in MuJoCo's viewer, in real time: a hover, or any manoeuvre. Needs "
-        "a display; without one, record a flight with helisim fly --rerun.",
-        epilog=f"example: helisim view --axis lat\n\n{EPILOG}",
+        help="watch the helicopter fly in MuJoCo's viewer, or fly it by hand",
+        description="Fly in MuJoCo's viewer, in real time: a hover, or any manoeuvre; or by hand, "
+        "with keys or a joystick. Needs a display; without one, record a flight with helisim fly "
+        "--rerun.",
+        epilog=f"example: helisim view --axis lat\n\n{by_hand.EPILOG}\n{EPILOG}",
     )
     add_vehicle(command)
     add_manoeuvre(command, alone=" (default: a hover, until the window is closed)")
@@ -22,6 +24,7 @@ def add(commands: Any) -> None:
         "--seed", type=int, default=1, metavar="S", help="of the pilot (default: 1)"
     )
     add_parameters(command)
+    by_hand.add_by_hand(command)
     command.set_defaults(run=_run)
 
 
@@ -33,6 +36,10 @@ def _run(options: argparse.Namespace) -> int:
     duration = options.duration
     if duration is not None and not 0.0 < duration < float("inf"):
         raise InputError(f"--duration must be a positive number of seconds, got {duration}")
+    if by_hand.is_by_hand(options):
+        if is_asked(options):
+            raise InputError("a hand flies no manoeuvre: leave out --axis, --excitation, --history")
+        return by_hand.fly_by_hand(options)
     flown_on_purpose = manoeuvre(options) if is_asked(options) else None
     check_display()
     vehicle = load(options.vehicle, parameters=parameters(options))

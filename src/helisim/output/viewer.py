@@ -22,20 +22,19 @@ from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim import Pilot
 from helisim.sim.excitation import Excitation, check_excitation
+from helisim.sim.hand.flight import hover_height
 from helisim.sim.injection import injection
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.roles import Roles
 from helisim.vehicle.trim import place
 
-_ROOM = 0.9
-"""m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m."""
 _STAND_OFF = 2.3
 """How many times its height the camera is away, so that the pad below is in the picture."""
 _FRAME = 1.0 / 60.0
 """s between two pictures."""
 _FALLEN_BEHIND = 0.5
-"""s: a computer that is later than this lets the clock go instead of hurrying after it."""
+"""s: a computer that is later than this lets the clock go on; no more is flown at once."""
 _CLOSING = 5.0
 """s that a window may take to close."""
 _ARROW_LENGTH, _ARROW_RADIUS = 0.5, 0.0125
@@ -106,7 +105,7 @@ def prepare_live(
     if seed < 0:
         raise InputError(f"seed must be 0 or more, got {seed}")
     model = vehicle.visual_model()
-    height = _height(model)
+    height = hover_height(model)
     par = model.actuator_user[addresses(model).rotor]
     (pilot or Pilot()).write(par, vehicle, seed=seed, height=height)
     added = None
@@ -122,11 +121,6 @@ def prepare_live(
     return LiveFlight(model, data, added, vehicle.roles)
 
 
-def _height(model: mujoco.MjModel) -> float:
-    """Return how high above its pad a helicopter is watched, m; half its extent hangs below."""
-    return _ROOM + 0.5 * model.stat.extent
-
-
 def aim(camera: mujoco.MjvCamera, model: mujoco.MjModel, body: str | int) -> None:
     """Let a camera follow a body so that it, its shadow and the pad are seen.
 
@@ -137,7 +131,33 @@ def aim(camera: mujoco.MjvCamera, model: mujoco.MjModel, body: str | int) -> Non
     """
     camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
     camera.trackbodyid = model.body(body).id
-    camera.distance, camera.azimuth, camera.elevation = _STAND_OFF * _height(model), -140.0, -25.0
+    camera.distance = _STAND_OFF * hover_height(model)
+    camera.azimuth, camera.elevation = -140.0, -25.0
+
+
+class Pace:
+    """Keeps a flight to the clock, without hurry after a computer that was late."""
+
+    def __init__(
+        self, time: float, clock: Callable[[], float], sleep: Callable[[float], None]
+    ) -> None:
+        self._clock, self._sleep = clock, sleep
+        self.restart(time)
+
+    def restart(self, time: float) -> None:
+        """Go on from a time of the flight, s: it was paused, or begins anew."""
+        self._origin = self._clock() - time
+
+    def due(self, time: float) -> float:
+        """Return the time until which a flight is to be flown that is at a time now, s."""
+        return min(self._clock() - self._origin, time + _FALLEN_BEHIND)
+
+    def rest(self, time: float) -> None:
+        """Wait for the next picture, a flight being at a time, s."""
+        behind = self._clock() - self._origin - time
+        if behind > _FALLEN_BEHIND:
+            self._origin += behind - _FALLEN_BEHIND
+        self._sleep(max(0.0, _FRAME - max(behind, 0.0)))
 
 
 def watch(
@@ -166,10 +186,10 @@ def watch(
     model, data = flight.model, flight.data
     rotors = Rotors(model, flight.roles)
     step, end = model.opt.timestep, np.inf if duration is None else duration
-    origin = clock() - data.time
+    pace = Pace(data.time, clock, sleep)
     with installed():
         while window.is_running() and data.time < end - 0.5 * step:
-            until = min(clock() - origin, end, data.time + _FALLEN_BEHIND)
+            until = min(pace.due(data.time), end)
             with window.lock():
                 while data.time < until - 0.5 * step:
                     flight.step()
@@ -177,10 +197,7 @@ def watch(
             if not np.all(np.isfinite(data.qpos)) or any(w.number for w in data.warning):
                 raise DivergedError(f"the flight has no finite state at {data.time:.2f} s")
             window.sync()
-            behind = clock() - origin - data.time
-            if behind > _FALLEN_BEHIND:
-                origin += behind
-            sleep(max(0.0, _FRAME - max(behind, 0.0)))
+            pace.rest(data.time)
     return float(data.time)
 
 

@@ -125,6 +125,18 @@ def write_motion(model: mujoco.MjModel, data: mujoco.MjData, motion: Motion) -> 
     data.qvel[3:6] = flip(p, q, r)
 
 
+def read_motion(data: mujoco.MjData) -> Motion:
+    """Return the motion of a vehicle with a free joint, as `write_motion` writes it."""
+    matrix = Rotation.from_quat(data.qpos[3:7], scalar_first=True).as_matrix()
+    earth = _flip_matrix(matrix)
+    psi, theta, phi = Rotation.from_matrix(earth).as_euler("ZYX")
+    u, v, w = earth.T @ flip(*data.qvel[:3])
+    north, east, down = flip(*data.qpos[:3])
+    return Motion(
+        *map(float, (u, v, w, *flip(*data.qvel[3:6]), phi, theta, psi, north, east, down))
+    )
+
+
 def motion_rates(data: mujoco.MjData, motion: Motion) -> NDArray[np.float64]:
     """Return the time derivative of each field of `Motion`, (12,), after mj_forward."""
     u, v, w, p, q, r, phi, theta, psi, *_ = astuple(motion)

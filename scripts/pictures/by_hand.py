@@ -1,0 +1,35 @@
+"""Draw the window in which a hand flies, for its page: by_hand.png beside this file.
+
+Run with a display: xvfb-run -a -s "-screen 0 1280x900x24" python scripts/pictures/by_hand.py
+"""
+
+from pathlib import Path
+
+from matplotlib.image import imsave
+
+import helisim as hs
+from helisim.output.hand.cockpit import Cockpit
+from helisim.output.hand.window import GlfwWindow
+from helisim.output.viewer import Rotors
+from helisim.sim.hand import Deflection, HandFlight, KeyboardSticks, Logbook
+
+_HERE = Path(__file__).parent
+
+
+def main() -> None:
+    """Fly forward and to the right for a while, and draw that."""
+    flight = HandFlight(hs.load("jr700"))
+    cockpit = Cockpit(flight, KeyboardSticks(), Logbook(_HERE / "by_hand.parquet"))
+    flight.start_recording()
+    flight.fly(2.6, lon=-0.6, lat=0.3)
+    flight.deflection = Deflection(lon=-0.6, lat=0.3, ped=0.25)
+    flight.fly(0.4)
+    with GlfwWindow(flight, size=(960, 640)) as window:
+        window.panel = cockpit.panel
+        Rotors(flight.model, flight.vehicle.roles).draw(flight.data, window.user_scn)
+        window.sync()
+        imsave(_HERE / "by_hand.png", window.picture())
+
+
+if __name__ == "__main__":
+    main()
