@@ -63,6 +63,37 @@ def no_air(spec):
     spec.delete(spec.sensor("air"))
 
 
+def no_velocity(spec):
+    spec.delete(spec.sensor("imu_velocity"))
+
+
+def no_gyro(spec):
+    spec.delete(spec.sensor("imu_gyro"))
+
+
+def actuation_off(spec):
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+
+
+def actuation_and_springs_off(spec):
+    off = mujoco.mjtDisableBit
+    spec.option.disableflags |= off.mjDSBL_ACTUATION | off.mjDSBL_SPRING | off.mjDSBL_DAMPER
+
+
+def springs_and_dampers_off(spec):
+    off = mujoco.mjtDisableBit
+    spec.option.disableflags |= off.mjDSBL_SPRING | off.mjDSBL_DAMPER
+
+
+def sensors_off(spec):
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+
+
+def group_off(spec):
+    spec.actuator("servo_left").group = 3
+    spec.option.disableactuator = 1 << 3
+
+
 def no_clock(spec):
     spec.delete(spec.sensor("clock"))
 
@@ -94,7 +125,14 @@ LACKING = {
     two_exchanged: "'LON' has not the .* vehicle's LON.*COL, LON, LAT.*helisim vehicle build",
     no_stick: "sensor 'flapping' is not 'servo_position'.*imu_position, gyro_rate, stick",
     no_air: "sensor 'clock' is not 'air', which should be in its place; .*rotor, air, clock",
-    no_clock: "sensor 'stick' is not 'clock'",
+    no_clock: "behind sensor 'air' there is no 'clock'; .*rotor, air, clock",
+    no_velocity: "sensor 'imu_accelerometer' is not 'imu_velocity', which should be in its place",
+    no_gyro: "before sensor 'imu_accelerometer' there is no 'imu_gyro'; .*rotor, air, clock",
+    actuation_off: "'rotor' and the servos stand still, .*<flag actuation=\"disable\"/> out",
+    actuation_and_springs_off: "'rotor' and the servos stand still",
+    springs_and_dampers_off: "with actuator 'rotor' give no force, .*spring=\"disable\"",
+    sensors_off: "gyro and the recorder of .*'rotor' see nothing, .*<flag sensor=\"disable\"/>",
+    group_off: "'servo_left' is in group 3, which is switched off; .*actuatorgroupdisable",
     one_state: "'servo_left' has 1 activations where 2 are needed; .*actdim=\"2\"",
     long_steps: "'gyro_rate' is what the gyro reads each 0.002 s.*0.005 s.*timestep=\"0.002\"",
     short_steps: "actuator 'PED' keeps 16 samples, and its delay needs 51",

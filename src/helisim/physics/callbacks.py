@@ -12,7 +12,7 @@ from helisim.physics import controller, faults
 from helisim.physics.air import write_turbulence_rates
 from helisim.physics.body import apply_wrench
 from helisim.physics.commands import notice_others, remember
-from helisim.physics.examination import examine
+from helisim.physics.examination import examine, examine_idle, examine_idler
 from helisim.physics.flapping import tilt_rates
 from helisim.physics.injection import at_actuators
 from helisim.physics.kernel import kernel
@@ -31,6 +31,7 @@ _DRIVEN = STATE.tail_rate + 1
 @kernel()
 def passive(m, d, offsets):
     """Add the aerodynamic forces of every vehicle: what mjcb_passive does."""
+    examine_idle(m, d, offsets)
     for view in vehicles(m, d, offsets):
         step = held_for(view)
         past = flow(view, 0.5 * step)
@@ -134,6 +135,7 @@ def sensor(m, d, offsets, stage):
     """Write what the recorder needs beside MuJoCo's own sensors. What mjcb_sensor does."""
     if stage != _ACCELERATION_STAGE:
         return
+    examine_idler(m, d, offsets)
     for view in vehicles(m, d, offsets):
         if view.sensors >= 0:
             report(view)

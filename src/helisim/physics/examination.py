@@ -25,7 +25,15 @@ from helisim.physics.layout import (
     SENSORS,
     STATE,
 )
-from helisim.physics.memory import double, doubles, ints, long, stick_sensor, user_numbers
+from helisim.physics.memory import (
+    double,
+    doubles,
+    integer,
+    ints,
+    long,
+    stick_sensor,
+    user_numbers,
+)
 from helisim.physics.notes import FOREIGN, REFUSED, Note, is_due, note
 
 _USER = int(mujoco.mjtDyn.mjDYN_USER)
@@ -44,6 +52,12 @@ _TYPES = tuple(
     + ("CLOCK",)
 )
 _GYRO_RATE = list(SENSORS).index("gyro_rate")
+_ACTUATION_OFF = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+_PASSIVE_OFF = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
+"""With both MuJoCo leaves all passive forces out, and ours are among them."""
+_SENSING_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+_GROUPS = 31
+"""How many groups of actuators MuJoCo can switch off."""
 _WHOLE = 1e-6
 """Relative rounding of a number of steps."""
 
@@ -63,7 +77,12 @@ _WHOLE = 1e-6
     NOT_OURS,
     STRANGE_LAW,
     OVERRULED,
-) = range(15)
+    NO_NEIGHBOUR,
+    NO_ACTUATION,
+    NO_PASSIVE,
+    NO_SENSING,
+    NO_GROUP,
+) = range(20)
 
 
 class Finding(NamedTuple):
@@ -89,6 +108,21 @@ def examine(m, d, offsets):
     """Note what a model lacks, once in a block."""
     if is_due(_number(m, offsets), double(d, offsets.time), double(m, offsets.timestep)):
         _examine(m, offsets)
+
+
+@kernel()
+def examine_idle(m, d, offsets):
+    """Do so where actuation is switched off: MuJoCo asks for forces, and for no controls."""
+    if integer(m, offsets.disableflags) & _ACTUATION_OFF:
+        examine(m, d, offsets)
+
+
+@kernel()
+def examine_idler(m, d, offsets):
+    """Do so where passive forces are switched off too, and MuJoCo asks for sensors alone."""
+    off = _ACTUATION_OFF | _PASSIVE_OFF
+    if integer(m, offsets.disableflags) & off == off:
+        examine(m, d, offsets)
 
 
 @kernel(forceinline=False)
@@ -169,6 +203,9 @@ def _of_vehicle(m, offsets, rotor):
         return Finding(TOO_FEW, names, rotor, float(room), float(_NUMBERS))
     if par[PARAM.layout] != LAYOUT:
         return Finding(OTHER_LAYOUT, names, rotor, par[PARAM.layout], LAYOUT)
+    switched_off = _of_switches(m, offsets, rotor)
+    if switched_off.code != WELL:
+        return switched_off
     joint = ints(m, offsets.actuator_trnid)[2 * rotor]
     moves = ints(m, offsets.actuator_trntype)[rotor] == _JOINT
     if not moves or ints(m, offsets.jnt_type)[joint] != _FREE:
@@ -184,15 +221,34 @@ def _of_vehicle(m, offsets, rotor):
 
 
 @kernel()
+def _of_switches(m, offsets, rotor):
+    """Return what of a vehicle is switched off by the model's options."""
+    names, flags = offsets.name_actuatoradr, integer(m, offsets.disableflags)
+    if flags & _ACTUATION_OFF:
+        return Finding(NO_ACTUATION, names, rotor, 0.0, 0.0)
+    if flags & _PASSIVE_OFF == _PASSIVE_OFF:
+        return Finding(NO_PASSIVE, names, rotor, 0.0, 0.0)
+    if flags & _SENSING_OFF:
+        return Finding(NO_SENSING, names, rotor, 0.0, 0.0)
+    groups, off = ints(m, offsets.actuator_group), integer(m, offsets.disableactuator)
+    for actuator in range(rotor - ROTOR + CONTROL.servo_front, rotor + 1):
+        group = groups[actuator]
+        if 0 <= group < _GROUPS and (off >> group) & 1:
+            return Finding(NO_GROUP, names, actuator, float(group), 0.0)
+    return Finding(WELL, names, rotor, 0.0, 0.0)
+
+
+@kernel()
 def _of_sensors(m, offsets, rotor, body):
     """Return what is wrong with the sensors of a vehicle with this rotor and body."""
-    stick = stick_sensor(m, offsets, body)
+    stick, names = stick_sensor(m, offsets, body), offsets.name_sensoradr
     if stick < 0:
         return Finding(NO_SENSORS, offsets.name_bodyadr, body, 0.0, 0.0)
-    for k in range(len(_DIMS)):
-        sensor, names = stick - _AHEAD + k, offsets.name_sensoradr
+    for step in range(len(_DIMS)):
+        k = _AHEAD - step if step <= _AHEAD else step  # outwards: the first that isn't is missing
+        sensor = stick - _AHEAD + k
         if sensor < 0 or sensor >= long(m, offsets.nsensor):
-            return Finding(WRONG_SENSOR, names, stick, 0.0, float(k))
+            return Finding(NO_NEIGHBOUR, names, max(0, sensor - 1), 0.0, float(k))
         same = ints(m, offsets.sensor_type)[sensor] == _TYPES[k]
         if not same or ints(m, offsets.sensor_dim)[sensor] != _DIMS[k]:
             return Finding(WRONG_SENSOR, names, sensor, 0.0, float(k))
@@ -281,6 +337,29 @@ def _said(code: int, it: str, found: float, wanted: float) -> str:
     if code == WRONG_SENSOR:
         name = list(SENSORS)[int(wanted)]
         return f"sensor {it} is not {name!r}, which should be in its place; {_RUN}"
+    if code == NO_NEIGHBOUR:
+        name, side = list(SENSORS)[int(wanted)], "before" if wanted < _AHEAD else "behind"
+        return f"{side} sensor {it} there is no {name!r}; {_RUN}"
+    if code == NO_ACTUATION:
+        return (
+            f"actuator {it} and the servos stand still, as actuation is switched off; take "
+            '<flag actuation="disable"/> out of the scene, or step it outside of installed()'
+        )
+    if code == NO_PASSIVE:
+        return (
+            f"the rotors of the vehicle with actuator {it} give no force, as passive forces are "
+            'switched off; take spring="disable" or damper="disable" out of the scene\'s <flag/>'
+        )
+    if code == NO_SENSING:
+        return (
+            f"the gyro and the recorder of the vehicle with actuator {it} see nothing, as sensors "
+            'are switched off; take <flag sensor="disable"/> out of the scene'
+        )
+    if code == NO_GROUP:
+        return (
+            f"actuator {it} is in group {found:.0f}, which is switched off; take {found:.0f} out "
+            "of the scene's <option actuatorgroupdisable/>, or give the actuator another group"
+        )
     if code == PERIOD:
         return (
             f"sensor {it} is what the gyro reads each {found:g} s, and the time step is longer, "

@@ -44,7 +44,10 @@ class Offsets(NamedTuple):
     timestep: int
     wind: int
     integrator: int
+    disableflags: int
+    disableactuator: int
     actuator_user: int
+    actuator_group: int
     actuator_dyntype: int
     actuator_actnum: int
     actuator_trntype: int
@@ -86,7 +89,8 @@ class Offsets(NamedTuple):
     fingerprint: int = 0
 
 
-_OPTION = ("timestep", "wind", "integrator")
+_OPTION = ("timestep", "wind", "integrator", "disableflags", "disableactuator")
+_INTS = _OPTION[2:]
 _DATA = (
     "time",
     "act",
@@ -168,7 +172,9 @@ def _ctype(node: Any, name: str) -> Any:
 
 _PROBE = """
 <mujoco>
-  <option timestep="0.00137" integrator="RK4" wind="1.25 2.5 3.75"/>
+  <option timestep="0.00137" integrator="RK4" wind="1.25 2.5 3.75" actuatorgroupdisable="2 5">
+    <flag warmstart="disable" sensor="disable"/>
+  </option>
   <size nuser_actuator="3" nuserdata="2"/>
   <worldbody>
     <body name="b">
@@ -214,7 +220,7 @@ def _agrees(address: int, expected: Any, name: str) -> bool:
         return held == (address if by_value else ctypes.c_void_p.from_address(address).value)
     if isinstance(expected, float):
         return ctypes.c_double.from_address(address).value == expected
-    size = ctypes.c_int if name == "integrator" else ctypes.c_int64
+    size = ctypes.c_int if name in _INTS else ctypes.c_int64
     return size.from_address(address).value == int(expected)
 
 
