@@ -139,7 +139,7 @@ def slot(number):
 @kernel()
 def _spread(number):
     """Return 0 to 255, by all digits of a number: addresses of two threads end alike."""
-    return ((number ^ (number >> 32)) * _GOLDEN >> 24) & 0xFF
+    return (((number ^ (number >> 31)) & 0x7FFFFFFF) * _GOLDEN >> 24) & 0xFF
 
 
 @dataclass(frozen=True)
