@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.physics.layout import PARAM
+from helisim.physics.layout import PARAM, STATE
 from helisim.vehicle import standard_parameters
 
 FOLDER = Path(__file__).parents[2] / "models" / "jr700"
@@ -272,7 +272,8 @@ def test_hover_keyframe(model):
     assert not np.any(key.qvel)
     # calibration centres collective and pedals in the hover
     assert key.ctrl == pytest.approx([0] * 8 + [1], abs=1e-9)
-    assert key.act == pytest.approx(0, abs=1e-9)
+    assert key.act[: STATE.feels_x] == pytest.approx(0, abs=1e-9)
+    assert np.linalg.norm(key.act[STATE.feels_x : STATE.felt_x]) == pytest.approx(9.8015, rel=1e-9)
 
 
 def test_only_skids_and_bars_collide_and_never_with_the_vehicle(model):
