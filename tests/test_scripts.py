@@ -33,6 +33,7 @@ def test_a_few_scripts_are_for_users():
         "identify_log.py",
         "learn_to_hover.py",
         "multisine.py",
+        "own_controller.py",
         "own_structure.py",
         "own_vehicle.py",
         "run_campaign.py",
@@ -85,6 +86,15 @@ def test_a_log_is_identified(run, jr700, tmp_path):
     assert "N_ped" in printed
     with pytest.raises(SystemExit, match="usage"):
         run("identify_log.py")
+
+
+def test_a_controller_of_ones_own_flies(run):
+    """A higher gain has a lower peak of sensitivity; Python and compiled code fly the same."""
+    printed = run("own_controller.py", 0.3, 0.5)
+    peaks, errors = zip(*re.findall(r"sensitivity ([\d.]+), rate error ([\d.]+)", printed))
+    assert float(peaks[0]) > float(peaks[1]) > 1.0
+    assert float(errors[0]) > float(errors[1]) > 0.0
+    assert printed.count("the same flight: True") == 2
 
 
 def test_a_structure_of_ones_own_is_identified_and_written(run):

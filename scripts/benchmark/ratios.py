@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import controller
 import helisim as hs
 import identification
 import memory
@@ -67,6 +68,31 @@ def steps() -> Iterator[Row]:
                 cost[name] / ours,
                 ">= 2",
             )
+
+
+def laws() -> Iterator[Row]:
+    """Compare control laws of one's own with the shipped gyro: a step, and whole flights."""
+    for integrator in controller.INTEGRATORS:
+        cost = controller.step_costs(integrator, ROUNDS)
+        for name in ("njit", "cfunc"):
+            ours, theirs = cost[name], cost["shipped"]
+            yield Row(
+                f"{integrator} step, law by {name}",
+                f"{1e6 * theirs:.2f} us",
+                f"{1e6 * ours:.2f} us",
+                ours / theirs,
+                "<= 1.05",
+            )
+    cost = controller.flight_costs(ROUNDS)
+    ticks = controller.FLIGHT.duration / 0.002
+    ours, theirs = ticks / cost["Python"], ticks / cost["shipped"]
+    yield Row(
+        "flown ticks/CPU s, law in Python",
+        f"{1e-3 * theirs:.0f} k/s",
+        f"{1e-3 * ours:.0f} k/s",
+        ours / theirs,
+        "30 k/s",
+    )
 
 
 def threads(vehicle: Vehicle) -> Iterator[Row]:
@@ -146,7 +172,7 @@ def main() -> None:
     print(f"load of the machine {busy:.1f}{note}")
     vehicle = load("jr700")
     print(f"{'helisim beside ...':<42}{'helisim':>10}{'beside':>12}{'ratio':>8}  wanted")
-    for rows in (steps(), threads(vehicle), memories(), identifications()):
+    for rows in (steps(), laws(), threads(vehicle), memories(), identifications()):
         for row in rows:
             ratio = "-" if row.ratio is None else f"{row.ratio:.3g}"
             print(f"{row.what:<42}{row.ours:>10}{row.peer:>12}{ratio:>8}  {row.wanted}", flush=True)

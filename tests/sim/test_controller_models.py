@@ -73,6 +73,27 @@ def test_without_a_controller_a_flight_is_of_the_base_helicopter(jr700):
     assert np.abs(truth.rates[late, 2]).max() > 0.1
 
 
+def test_a_law_starts_from_zeros_where_a_keyframe_has_other_states(jr700):
+    """The keyframe's are those of the shipped gyro."""
+    path = model_folder("jr700") / "jr700.xml"
+    model = mujoco.MjModel.from_xml_path(str(path))
+    started = []
+
+    def law(seen, state):
+        return seen.front, seen.left, seen.right, seen.tail
+
+    def reset(seen, state):
+        started.append(state.copy())
+
+    hs.set_controller(model, Controller(law, reset=reset))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("hover").id)
+    data.act[STATE.gyro_r_integral] = 0.3
+    with hs.installed():
+        mujoco.mj_step(model, data, 3)
+    assert [state.tolist() for state in started] == [[0.0] * 8]
+
+
 def test_helicopters_in_one_scene_have_controllers_of_their_own(jr700):
     """By prefix; each flies as it does alone, and the third by its servos' `ctrl`."""
     path = str(model_folder("jr700") / "jr700.xml")

@@ -1,12 +1,17 @@
 """What several commands share: the parser and options."""
 
 import argparse
+import sys
 import textwrap
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from helisim.errors import InputError, UnknownNameError, similar
+
+if TYPE_CHECKING:
+    from helisim.vehicle import Vehicle
 
 _WIDTH = 80
 
@@ -113,6 +118,48 @@ def add_parameters(command: argparse.ArgumentParser) -> None:
 def parameters(options: argparse.Namespace) -> dict[str, float]:
     """Return what --set gives. Raises InputError."""
     return named_numbers("--set", options.set)
+
+
+def imported(option: str, word: str) -> Any:
+    """Return what MODULE:NAME says, the module looked up in the current folder too.
+
+    Raises:
+        InputError: it isn't of this form, or can't be imported.
+    """
+    module, colon, name = word.partition(":")
+    if not (module and colon and name):
+        raise InputError(f"{option} takes MODULE:NAME, as of module.py in this folder; got {word}")
+    sys.path.insert(0, "")
+    try:
+        return getattr(import_module(module), name)
+    except Exception as error:  # whatever the module raises
+        reason = single_line(str(error)) or type(error).__name__
+        raise InputError(f"{option} {word}: can't import it: {reason}") from None
+    finally:
+        sys.path.remove("")
+
+
+def add_controller(command: argparse.ArgumentParser) -> None:
+    """Add --controller."""
+    command.add_argument(
+        "--controller",
+        metavar="MODULE:NAME",
+        help="fly by this control law in place of the gyro: a function of (seen, state, settings) "
+        "or a helisim.Controller of module.py, here or installed; none: the servos stay at the "
+        "trim",
+    )
+
+
+def controlled(vehicle: "Vehicle", options: argparse.Namespace) -> "Vehicle":
+    """Return a vehicle with the controller that is asked for. Raises InputError."""
+    asked = options.controller
+    if asked is None:
+        return vehicle
+    law = None if asked == "none" else imported("--controller", asked)
+    try:
+        return vehicle.with_controller(law)
+    except InputError as error:
+        raise InputError(f"--controller {asked}: {error}") from None
 
 
 def named_numbers(option: str, items: Sequence[str]) -> dict[str, float]:

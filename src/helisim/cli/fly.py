@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from helisim.cli.common import (
     add_common,
+    add_controller,
     add_integrator,
     add_vehicle,
+    controlled,
     named_numbers,
     parameters,
     print_written,
@@ -36,6 +38,7 @@ examples:
   helisim fly --axis lat --excitation doublet,width=0.5 --out doublet.parquet
   helisim fly --axis lat --turbulence light --print-plan > gusty.toml
   helisim fly --plan gusty.toml --seed 2 --out lat.parquet
+  helisim fly --axis ped --controller my_laws:yaw --out ped.parquet
 
 a plan is a TOML file with all that is flown: excitation, pilot, recorder,
 weather, faults, envelope. Options beside --plan change what it says, but
@@ -109,6 +112,7 @@ def add(commands: Any) -> None:
         help="record the rotor's true tilt and loads too, which a recording then shows as arrows "
         "and a tilting disc (implied by --rerun)",
     )
+    add_controller(command)
     add_weather(command)
     command.add_argument(
         "--envelope",
@@ -129,6 +133,7 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.vehicle import load
 
     vehicle = load(options.vehicle, parameters=parameters(options), integrator=options.integrator)
+    vehicle = controlled(vehicle, options)
     plan = plan.on(vehicle)
     if (options.rotor or options.rerun is not None) and plan.recorder is not None:
         plan = replace(plan, recorder=replace(plan.recorder, rotor=True))
@@ -208,6 +213,8 @@ def _one(options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan") ->
             beside = write_flight(Flight(error.record, error.last_second), options.out)
             print_written(options, f"{options.out}, as far as the flight went, and {beside}")
             _write_recording(options, vehicle, plan, error.record)
+        for traceback in getattr(error, "__notes__", ()):  # of a controller that raised
+            print(traceback, file=sys.stderr)
         raise
     write_record(record, options.out)
     print_written(

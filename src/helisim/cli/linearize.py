@@ -4,7 +4,7 @@ import argparse
 import json
 from typing import Any
 
-from helisim.cli.common import add_parameters, add_vehicle, parameters
+from helisim.cli.common import add_controller, add_parameters, add_vehicle, controlled, parameters
 
 
 def add(commands: Any) -> None:
@@ -23,6 +23,7 @@ def add(commands: Any) -> None:
         help="IN1 (servo commands to motion, default) or IN2 (sticks to motion)",
     )
     command.add_argument("--json", action="store_true", help="matrices and names as JSON")
+    add_controller(command)
     add_parameters(command)
     command.set_defaults(run=_run)
 
@@ -32,7 +33,7 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.records.provenance import made_by
     from helisim.vehicle import load
 
-    vehicle = load(options.vehicle, parameters=parameters(options))
+    vehicle = controlled(load(options.vehicle, parameters=parameters(options)), options)
     linear = vehicle.linearize(options.inputs)
     if options.json:
         provenance = made_by("linearization", **vehicle.provenance)

@@ -1,13 +1,12 @@
 """The options that say what is flown on purpose, of every command that flies."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from dataclasses import MISSING, Field, fields
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from helisim.cli.common import imported
 from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import AXES
 
@@ -167,16 +166,7 @@ def _function(word: str, settings: dict[str, Any]) -> "Excitation":
     from helisim.sim import Manoeuvre
 
     _check_settings("--excitation MODULE:FUNCTION", settings, ("axis", "at", "duration"))
-    module, _, name = word.partition(":")
-    sys.path.insert(0, "")
-    try:
-        function = getattr(import_module(module), name)
-    except Exception as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"--excitation {word}: can't import it: {reason}") from None
-    finally:
-        sys.path.remove("")
-    return Manoeuvre(function, **settings)
+    return Manoeuvre(imported("--excitation", word), **settings)
 
 
 def _check_settings(option: str, settings: dict[str, Any], known: Sequence[str]) -> None:

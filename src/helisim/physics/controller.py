@@ -137,7 +137,11 @@ def command_by(view, handle, numbers, commands, first, last):
         m, offsets = view.m, view.offsets
         note(REFUSED, STRANGE_LAW, m, offsets, offsets.name_actuatoradr, view.rotor, handle, 0.0)
         return True
-    works = ask(row, numbers, from_element(view.act, start), states, commands, first, last)
+    state = from_element(view.act, start)
+    if numbers[SEEN] != 0.0:  # a keyframe may have put the shipped laws' there
+        for k in range(states):
+            state[k] = 0.0
+    works = ask(row, numbers, state, states, commands, first, last)
     if works:
         for k in range(first, last + 1):
             view.controls[CONTROL.servo_front + k] = commands[k]

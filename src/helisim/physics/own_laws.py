@@ -264,7 +264,7 @@ class Registered:
     def _thunk(self) -> Callable[[int, int, int, int], None]:
         law, function, reset = self.law, self.function, self.reset
         takes = arity(function)
-        starts_with = None if reset is None else arity(reset)
+        starts_with = 0 if reset is None else arity(reset)
         state = np.zeros(law.states)
         settings = law.settings
         room, here = 8 * law.states, state.ctypes.data
@@ -281,7 +281,7 @@ class Registered:
                 seen = _seen_of(_unpack_seen(numbers))
                 with lock:
                     memmove(here, state_at, room)
-                    if starts_with is not None and numbers[_START:] != _ZERO:
+                    if reset is not None and numbers[_START:] != _ZERO:
                         reset(*(seen, state, settings)[:starts_with])
                     if takes == 2:
                         commands = function(seen, state)

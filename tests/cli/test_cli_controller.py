@@ -1,0 +1,92 @@
+"""`--controller MODULE:NAME`: a law of the current folder flies, or one line says why not."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import helisim as hs
+from helisim.cli import main
+
+LAWS = """
+import helisim as hs
+
+def yaw(seen, state):
+    error = 2.68 * seen.PED - 0.2941 * seen.r
+    state[0] += 0.002 * error
+    return 0.5 * error + 10.0 * state[0]
+
+tail = hs.Controller(tail=yaw, states=1)
+
+def breaks(seen):
+    if seen.time > 1.0:
+        raise ValueError("no fuel")
+    return seen.front, seen.left, seen.right, seen.tail
+
+number = 3
+"""
+FLY = ["fly", "--axis", "ped", "--duration", "12", "--quiet", "--out", "ped.parquet"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A current folder with laws in a module; no other test imports one of this name."""
+    (tmp_path / "laws_of_the_folder.py").write_text(LAWS)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "laws_of_the_folder", raising=False)
+    return tmp_path
+
+
+def test_a_law_of_the_current_folder_flies(folder):
+    """By its name in a module; the record says which."""
+    assert main([*FLY, "--controller", "laws_of_the_folder:tail"]) == 0
+    record = hs.read_record(folder / "ped.parquet")
+    assert record.provenance["controller"]["tail"]["law"] == "laws_of_the_folder:yaw"
+    assert main(FLY) == 0
+    assert not np.array_equal(hs.read_record(folder / "ped.parquet").values, record.values)
+
+
+def test_none_is_no_controller(folder):
+    """The servos stay at the trim."""
+    assert main([*FLY, "--controller", "none"]) == 0
+    assert np.ptp(hs.read_record(folder / "ped.parquet")["servo_tail"]) < 1e-3  # its resolution
+
+
+def test_a_law_that_raises_is_told_with_its_traceback(folder, capsys):
+    """Exit status 3, the flight as far as it went, and the last line says why."""
+    assert main([*FLY, "--controller", "laws_of_the_folder:breaks"]) == 3
+    said = capsys.readouterr().err.splitlines()
+    assert 'File "laws_of_the_folder.py", line 13, in breaks' in said[1]
+    assert said[-1].startswith("helisim fly: controller 'breaks' raised ValueError: no fuel at 1.0")
+    assert hs.read_record(folder / "ped.parquet").ended
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("laws_of_the_folder", "--controller takes MODULE:NAME"),
+        ("laws_of_the_folder:", "--controller takes MODULE:NAME"),
+        ("nowhere_to_be_found:law", "No module named 'nowhere_to_be_found'"),
+        ("laws_of_the_folder:roll", "has no attribute 'roll'"),
+        ("laws_of_the_folder:number", "must be a function of (seen, state, settings)"),
+    ],
+)
+@pytest.mark.parametrize("command", [FLY, ["linearize"]], ids=["fly", "linearize"])
+def test_what_is_no_law_is_one_line(folder, capsys, command, word, says):
+    """Exit status 2, nothing written."""
+    assert main([*command, "--controller", word]) == 2
+    printed = capsys.readouterr()
+    assert printed.err.count("\n") == 1
+    assert says in printed.err
+    assert printed.out == ""
+    assert not (folder / "ped.parquet").exists()
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_linear_model_is_that_of_the_law(capsys):
+    """Its state is among the model's."""
+    words = ["linearize", "--inputs", "IN2", "--json"]
+    assert main([*words, "--controller", "laws_of_the_folder:tail"]) == 0
+    assert '"law_6"' in capsys.readouterr().out
+    assert main(words) == 0
+    assert '"gyro_r_integral"' in capsys.readouterr().out
