@@ -11,7 +11,8 @@ import pytest
 import helisim
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+README = ROOT / "README.md"
+PAGES = sorted([README, *(ROOT / "docs").rglob("*.md")])
 PAGES = [page for page in PAGES if "_build" not in page.parts]
 BLOCK = re.compile(
     r"(?:<!-- (?P<note>[^\n]*) -->\n)?^```(?P<language>[a-z]+)\n(?P<text>.*?)^```$", re.M | re.S
@@ -66,8 +67,14 @@ def test_what_is_not_run_has_a_reason(page):
         )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("page", [page for page in PAGES if "```sh" in page.read_text()], ids=name)
+def slow_but_the_readme(page):
+    """Return a page as a parameter of a test: the door is tried in every run."""
+    return pytest.param(page, id=name(page), marks=() if page == README else pytest.mark.slow)
+
+
+@pytest.mark.parametrize(
+    "page", [slow_but_the_readme(page) for page in PAGES if "```sh" in page.read_text()]
+)
 def test_every_command_and_snippet_of_a_page_runs(page, tmp_path):
     """From top to bottom in one empty folder, as a reader would; any failure ends it."""
     environment = {**os.environ, "PATH": f"{HERE}{os.pathsep}{os.environ['PATH']}"}
@@ -100,10 +107,18 @@ def test_the_site_builds_without_a_warning(tmp_path):
 
 
 def test_the_readme_is_read_in_a_few_minutes():
-    """At most 900 words, one picture, five commands."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    """At most 900 words, one picture."""
+    text = README.read_text(encoding="utf-8")
     assert len(text.split()) <= 900
     assert text.count("![") == 1
+
+
+def test_each_door_takes_at_most_ten_lines():
+    """Model, helicopter, law, manoeuvre, agent, hands, notebook: what one writes, blanks aside."""
+    section = README.read_text(encoding="utf-8").split("## Make it yours")[1].split("\n## ")[0]
+    doors = [text.split("\n") for _, _, text in BLOCK.findall(section)]
+    assert len(doors) == 7
+    assert max(len([line for line in door if line]) for door in doors) <= 10
 
 
 def test_the_command_of_the_page_works(tmp_path, monkeypatch, capsys):
