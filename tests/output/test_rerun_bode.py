@@ -26,7 +26,7 @@ def places(entity):
 
 
 def marks(ticks):
-    return [str(text) for text in np.ravel(ticks["Points2D:labels"][0])]
+    return [str(text).replace("\u2212", "-") for text in np.ravel(ticks["Points2D:labels"][0])]
 
 
 def test_points_are_where_the_ticks_say(drawn):

@@ -6,6 +6,9 @@ from numpy.typing import NDArray
 from helisim.ident import FrequencyResponse
 from helisim.units import decibel
 
+DEGREES = (0.5, 1.0, 2.0, 5.0, 15.0, 45.0, 90.0, 180.0, 360.0)
+"""Steps between ticks of a phase."""
+
 
 def decibels(line: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return the gain, dB, (n_freq,), of a response (n_freq,); a zero is drawn at -240 dB."""

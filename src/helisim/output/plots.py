@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from helisim.errors import InputError
 from helisim.ident import USABLE_COHERENCE, FrequencyResponse, Verification
 from helisim.output.bode import (
+    DEGREES,
     decibels,
     middle,
     on_turn,
@@ -62,8 +63,6 @@ _UNITISED = ("controls", "sticks", "servos", "servo positions")
 _INKS: tuple[Ink, ...] = ("identified", "data", "third", "fourth")
 _INSTANTS = 3001
 """Of a manoeuvre that is drawn: more than a figure has columns."""
-_DEGREES = (0.5, 1.0, 2.0, 5.0, 15.0, 45.0, 90.0, 180.0, 360.0)
-"""Steps between ticks of a phase."""
 
 
 def draw_bode(
@@ -116,7 +115,7 @@ def draw_bode(
     panels = [
         Panel(f"magnitude, dB ({ratio_unit(shown, output, input_)})", tuple(gains), 110.0),
         *_differences("magnitude less the identified, dB", gains),
-        Panel("phase, deg", tuple(phases), 100.0, steps=_DEGREES),
+        Panel("phase, deg", tuple(phases), 100.0, steps=DEGREES),
         *_differences("phase less the identified, deg", phases),
     ]
     if data is not None:

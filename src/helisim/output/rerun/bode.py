@@ -9,16 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from helisim.ident import USABLE_COHERENCE, FrequencyResponse
 from helisim.output.bode import (
+    DEGREES,
     decibels,
     middle,
     on_turn,
     phase_degrees,
     ratio_unit,
 )
+from helisim.output.figure import Scale, extent
 from helisim.units import decibel
 
 _ALONE = (1240.0, 1110.0)
@@ -57,41 +59,28 @@ _DASH = (9.0, 6.0)
 """Units of a dash, and from one to the next."""
 
 
-@dataclass(frozen=True)
-class _Panel:
-    """A part of the drawing with its own scale: values low to high, from bottom to top."""
+_TICK_ABOVE = 17.0
+"""Units by which a number hangs above its line."""
 
-    top: float
-    bottom: float
-    low: float
-    high: float
-    marks: tuple[float, ...]
+_COHERENCE = Scale(0.0, 1.0, (0.0, USABLE_COHERENCE, 1.0), ("0", f"{USABLE_COHERENCE:g}", "1"))
 
-    def height(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+
+@dataclass(frozen=True, eq=False)
+class _Axis:
+    """A scale in its place: from where it starts to where it ends, in units of the drawing."""
+
+    scale: Scale
+    start: float
+    end: float
+
+    def places(self, values: ArrayLike) -> NDArray[np.float64]:
         """Return where values (n_value,) are drawn; those outside at the edge."""
-        share = (np.clip(values, self.low, self.high) - self.low) / (self.high - self.low)
-        return self.bottom - share * (self.bottom - self.top)
+        inside = np.clip(np.asarray(values, dtype=float), self.scale.low, self.scale.high)
+        return self.start + self.scale.share(inside) * (self.end - self.start)
 
-
-@dataclass(frozen=True)
-class _Frequencies:
-    """The axis that all panels share, rad/s, logarithmic."""
-
-    low: float
-    high: float
-    left: float
-    right: float
-
-    def across(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where frequencies (n_freq,) are drawn."""
-        share = np.log(omega / self.low) / np.log(self.high / self.low)
-        return self.left + share * (self.right - self.left)
-
-    def ticks(self) -> NDArray[np.float64]:
-        """Return 1, 2, 5, 10 ... rad/s within the axis, (n_tick,)."""
-        decades = 10.0 ** np.arange(-4.0, 5.0)
-        marks = np.sort(np.concatenate([decades, 2.0 * decades, 5.0 * decades]))
-        return marks[(marks >= self.low * 0.999) & (marks <= self.high * 1.001)]
+    def holds(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which values are on the axis, (n_value,) each."""
+        return (values >= self.scale.low) & (values <= self.scale.high)
 
 
 def bode_size(pairs: int) -> tuple[float, float]:
@@ -162,54 +151,53 @@ class _Drawing:
                 values = response.response[response.index(*pair)]
                 phase = on_turn(phase_degrees(values), middle(self.phase))
                 self.lines.append((name, response, decibels(values), phase))
-        left, right = _LEFT, size[0] - _RIGHT
-        low, high = float(self.omega[0]) / 1.08, float(self.omega[-1]) * 1.08
-        self.axis = _Frequencies(low, high, left, right)
+        shared = Scale.decades(float(self.omega[0]) / 1.08, float(self.omega[-1]) * 1.08)
+        self.axis = _Axis(shared, _LEFT, size[0] - _RIGHT)
         places = _places(size[1])
         gains = [self.gain[self.good], *(gain for _, _, gain, _ in self.lines)]
         phases = [self.phase[self.good], *(phase for _, _, _, phase in self.lines)]
         self.panels = (
-            _panel(places[0], np.concatenate(gains), (1.0, 2.0, 5.0, 10.0, 20.0, 40.0)),
-            _panel(places[1], np.concatenate(phases), (15.0, 45.0, 90.0, 180.0, 360.0)),
-            _Panel(*places[2], 0.0, 1.0, (0.0, USABLE_COHERENCE, 1.0)),
+            _Axis(_around(gains, ()), *places[0]),
+            _Axis(_around(phases, DEGREES), *places[1]),
+            _Axis(_COHERENCE, *places[2]),
         )
 
     def log_axes(self, used: tuple[float, float] | None) -> None:
         """Draw frames, lines across, ticks and what is on each axis."""
         self._shade_unused(used)
         grid, frames, places, texts = [], [], [], []
-        marks = self.axis.ticks()
+        left, right = self.axis.start, self.axis.end
+        across = self.axis.places(self.axis.scale.ticks)
         for panel in self.panels:
-            for x in self.axis.across(marks):
-                grid.append([[x, panel.top], [x, panel.bottom]])
-            for y, value in zip(panel.height(np.array(panel.marks)), panel.marks):
-                grid.append([[self.axis.left, y], [self.axis.right, y]])
-                places.append([self.axis.left - 24.0, y - 17.0])
-                texts.append(f"{value + 0.0:.4g}")
-            left, right = self.axis.left, self.axis.right
-            corners = ((left, panel.top), (right, panel.top))
-            below = ((right, panel.bottom), (left, panel.bottom))
+            for x in across:
+                grid.append([[x, panel.end], [x, panel.start]])
+            for y, text in zip(panel.places(panel.scale.ticks), panel.scale.texts):
+                grid.append([[left, y], [right, y]])
+                places.append([left - 24.0, y - _TICK_ABOVE])
+                texts.append(text)
+            corners = ((left, panel.end), (right, panel.end))
+            below = ((right, panel.start), (left, panel.start))
             frames.append([*corners, *below, corners[0]])
-        for x, mark in zip(self.axis.across(marks), marks):
-            places.append([x, self.panels[-1].bottom + 1.0])
-            texts.append(f"{mark:g}")
+        for x, text in zip(across, self.axis.scale.texts):
+            places.append([x, self.panels[-1].start + 1.0])
+            texts.append(text)
         self._strips("axes/grid", grid, _GRID, 0.5, 1.0)
         self._strips("axes/frame", frames, _FRAME, 0.7, 2.0)
         self._texts("axes/ticks", places, texts)
         names = (f"magnitude, dB ({self.unit})", "phase, deg", "coherence")
         at = [
-            [_LEFT + 4.0 * len(name) + 6.0, p.top - _ABOVE] for name, p in zip(names, self.panels)
+            [_LEFT + 4.0 * len(name) + 6.0, p.end - _ABOVE] for name, p in zip(names, self.panels)
         ]
-        at.append([0.5 * (self.axis.left + self.axis.right), self.panels[-1].bottom + 27.0])
+        at.append([0.5 * (left + right), self.panels[-1].start + 27.0])
         self._texts("axes/names", at, [*names, "frequency, rad/s"])
 
     def _shade_unused(self, used: tuple[float, float] | None) -> None:
         if used is None:
             return
-        ends = (self.axis.low, used[0], used[1], self.axis.high)
-        left, low, high, right = self.axis.across(np.array(ends))
+        low, high = self.axis.places(used)
+        left, right = self.axis.start, self.axis.end
         strips = [
-            [[x, panel.top], [x, panel.bottom]]
+            [[x, panel.end], [x, panel.start]]
             for panel in self.panels
             for start, stop in ((left, low), (high, right))
             for x in np.arange(start + _HATCH, stop - _HATCH, _HATCH)
@@ -219,7 +207,7 @@ class _Drawing:
 
     def log_data(self) -> None:
         """Draw the estimate, and one random error around it."""
-        x = self.axis.across(self.omega)
+        x = self.axis.places(self.omega)
         spread = decibel(1.0 + self.error)
         turn = np.rad2deg(np.minimum(self.error, np.pi))
         bars, inside, weak, said, doubted = [], [], [], [], []
@@ -227,10 +215,9 @@ class _Drawing:
             (self.panels[0], self.gain, spread),
             (self.panels[1], self.phase, turn),
         ):
-            y = panel.height(values)
-            low, high = panel.height(values - half), panel.height(values + half)
-            seen = (values >= panel.low) & (values <= panel.high)
-            for k in np.flatnonzero(seen).tolist():
+            y = panel.places(values)
+            low, high = panel.places(values - half), panel.places(values + half)
+            for k in np.flatnonzero(panel.holds(values)).tolist():
                 point = [x[k], y[k]]
                 (inside if self.good[k] else weak).append(point)
                 (said if self.good[k] else doubted).append(self._value(k))
@@ -249,11 +236,11 @@ class _Drawing:
     def log_models(self) -> None:
         """Draw the identified model, and the truth dashed above it."""
         for name, response, gain, phase in self.lines:
-            inside = (response.frequency >= self.axis.low) & (response.frequency <= self.axis.high)
-            x = self.axis.across(response.frequency[inside])
+            inside = self.axis.holds(response.frequency)
+            x = self.axis.places(response.frequency[inside])
             strips = []
             for panel, values in ((self.panels[0], gain), (self.panels[1], phase)):
-                strip = np.column_stack([x, panel.height(values[inside])])
+                strip = np.column_stack([x, panel.places(values[inside])])
                 strips += [strip] if name == "identified" else list(_dashes(strip))
             colour, radius, order = (
                 (_IDENTIFIED, 1.1, 6.0) if name == "identified" else (_TRUTH, 0.9, 7.0)
@@ -262,9 +249,9 @@ class _Drawing:
 
     def log_coherence(self) -> None:
         """Draw partial and multiple coherence."""
-        x, panel = self.axis.across(self.omega), self.panels[2]
-        multiple = np.column_stack([x, panel.height(self.multiple)])
-        partial = np.column_stack([x, panel.height(self.coherence)])
+        x, panel = self.axis.places(self.omega), self.panels[2]
+        multiple = np.column_stack([x, panel.places(self.multiple)])
+        partial = np.column_stack([x, panel.places(self.coherence)])
         self._strips("coherence/multiple", list(_dashes(multiple)), _MULTIPLE, 0.7, 5.0)
         self._strips("coherence/partial", [partial], _PARTIAL, 1.0, 6.0)
 
@@ -276,10 +263,10 @@ class _Drawing:
         if not self.good.all():
             below.insert(0, (f"data below {USABLE_COHERENCE}", _WEAK))
         for part, entries, y in (
-            ("models", top, self.panels[0].top - _ABOVE),
-            ("coherence", below, self.panels[2].top - _ABOVE),
+            ("models", top, self.panels[0].end - _ABOVE),
+            ("coherence", below, self.panels[2].end - _ABOVE),
         ):
-            right = self.axis.right
+            right = self.axis.end
             places, colours = [], []
             for text, colour in reversed(entries):
                 width = 8.0 * len(text)
@@ -344,25 +331,20 @@ class _Drawing:
 
 
 def _places(height: float) -> list[tuple[float, float]]:
-    """Return top and bottom of the three panels of a drawing; down is positive."""
+    """Return bottom and top of the three panels of a drawing; down is positive."""
     free, top, places = height - 3.0 * _BETWEEN - _BELOW, 0.0, []
     for share in _SHARES:
         bottom = top + _BETWEEN + share * free
-        places.append((top + _BETWEEN, bottom))
+        places.append((bottom, top + _BETWEEN))
         top = bottom
     return places
 
 
-def _panel(
-    place: tuple[float, float], values: NDArray[np.float64], steps: Sequence[float]
-) -> _Panel:
-    """Return a panel that holds the values with a margin, and at most six lines across."""
-    low, high = float(np.min(values)), float(np.max(values))
-    step = next((one for one in steps if (high - low) / one <= 4.0), steps[-1])
-    margin = max(0.08 * (high - low), 0.25 * step)
-    low, high = low - margin, high + margin
-    marks = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0)
-    return _Panel(*place, low, high, tuple(marks.tolist()))
+def _around(values: Sequence[NDArray[np.float64]], steps: Sequence[float]) -> Scale:
+    """Return a scale that holds all values, (n_value,) each, with a margin."""
+    low, high = extent(values)
+    room = 0.08 * (high - low)
+    return Scale.of(low - room, high + room, most=6, steps=steps)
 
 
 def _dashes(strip: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
