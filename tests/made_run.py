@@ -15,13 +15,9 @@ from helisim.records.channels import CHANNELS, POSITIONS
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from helisim.sim.rigs import Finding, RigTest
+from helisim.study.comparison import ComparisonTable, ParameterRow
 from helisim.study.identified import IdentifiedModel, write_models
-from helisim.study.results import (
-    ComparisonTable,
-    Exclusion,
-    ParameterRow,
-    Results,
-)
+from helisim.study.results import Exclusion, Results
 
 MODELS = {
     "heave": (ident.structures.heave, {"Z_w": -0.9403, "Z_col": -41.8503, "tau_col": 0.008}),

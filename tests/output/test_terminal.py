@@ -12,13 +12,8 @@ from helisim.output.terminal import render_results, render_rigs, wants_color
 from helisim.paper.eq8 import Coefficient, OverallCheck
 from helisim.paper.gyro_effect import Change, GyroEffect, Statement
 from helisim.sim.rigs import Finding, RigTest
-from helisim.study.results import (
-    ComparisonTable,
-    Exclusion,
-    GivenValue,
-    ParameterRow,
-    Results,
-)
+from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
+from helisim.study.results import Exclusion, Results
 from made_run import make_verification
 
 ESCAPE = re.compile(r"\x1b\[[0-9;]*m")

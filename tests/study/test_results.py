@@ -5,13 +5,8 @@ import pytest
 
 from helisim import ident
 from helisim.errors import InputError, UnknownNameError
-from helisim.study.results import (
-    ComparisonTable,
-    Exclusion,
-    GivenValue,
-    ParameterRow,
-    Results,
-)
+from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
+from helisim.study.results import Exclusion, Results
 from made_run import EQ_8, GROUND, GYRO_EFFECT, make_verification
 
 INCOHERENT = Exclusion(

@@ -18,7 +18,8 @@ from helisim.paper.errata import Erratum, errata
 from helisim.paper.gyro_effect import GyroEffect
 from helisim.records.files import atomic_write, make_folder
 from helisim.sim.rigs import RigTest
-from helisim.study.results import ComparisonTable, ParameterRow, Results
+from helisim.study.comparison import ComparisonTable, ParameterRow
+from helisim.study.results import Results
 from helisim.study.run import Run, read_run
 from helisim.vehicle.folder import model_folder, vehicle_names
 

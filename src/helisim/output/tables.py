@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from helisim.paper.errata import Erratum
     from helisim.paper.gyro_effect import Change, GyroEffect, Statement
     from helisim.sim.rigs import Finding, RigTest
-    from helisim.study.results import ComparisonTable, ParameterRow
+    from helisim.study.comparison import ComparisonTable, ParameterRow
     from helisim.vehicle import Vehicle
 
 _NAME = (Column("parameter", left=True), Column("unit", left=True))

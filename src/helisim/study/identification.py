@@ -10,10 +10,10 @@ from helisim.paper import ReferenceTable
 from helisim.records.record import FlightRecord
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest
+from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.identified import IdentifiedModel
 from helisim.study.models import Given, ModelSpec
 from helisim.study.published import paper_table
-from helisim.study.results import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.truth import Air, exact_response, true_values
 from helisim.vehicle import Vehicle
 

@@ -14,6 +14,7 @@ from helisim.records.provenance import versions
 from helisim.sim import Recorder
 from helisim.sim.rigs import run_rigs
 from helisim.sim.simulation import thread_count
+from helisim.study.comparison import ComparisonTable
 from helisim.study.flights import (
     FOLDER,
     RESULTS,
@@ -30,7 +31,7 @@ from helisim.study.identification import (
 )
 from helisim.study.identified import IdentifiedModel, write_models
 from helisim.study.models import MODELS
-from helisim.study.results import ComparisonTable, Results
+from helisim.study.results import Results
 from helisim.study.run import FITS, Run
 from helisim.vehicle import load
 

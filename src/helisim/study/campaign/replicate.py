@@ -12,10 +12,10 @@ from helisim.records.record import FlightRecord
 from helisim.sim import FlightPlan, Recorder, fly
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.study.campaign.plan import MODEL_NAMES, Campaign, Method, Replicate
+from helisim.study.comparison import ComparisonTable
 from helisim.study.flights import Flights
 from helisim.study.identification import GroundTests, comparison_table, identify_model
 from helisim.study.models import ModelSpec
-from helisim.study.results import ComparisonTable
 from helisim.study.truth import air_met
 from helisim.vehicle import Vehicle
 
