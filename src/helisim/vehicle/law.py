@@ -1,8 +1,8 @@
 """The linear model of a control law about a steady flight: the law itself, differentiated."""
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +10,9 @@ from helisim.errors import ModelError
 from helisim.physics.gyro import Seen
 from helisim.records.channels import IN1, IN2, RATES
 from helisim.vehicle.swashplate import Swashplate
+
+if TYPE_CHECKING:
+    import control
 
 Law = Callable[[Seen, NDArray[np.float64]], Sequence[float]]
 """A control law whose settings are in place: commands of the servos, and the state moved on."""
@@ -29,7 +32,7 @@ def linearize_law(
     *,
     swashplate: Swashplate,
     period: float,
-) -> control.StateSpace:
+) -> "control.StateSpace":
     """Return the linear model of a law about what it sees, and its state, in a steady flight.
 
     Args:
@@ -56,7 +59,9 @@ def linearize_law(
     always = (*RATES, *IN2)
     kept = [k for k, name in enumerate(inputs) if name in always or jacobian[:, n + k].any()]
     jacobian = jacobian[:, [*range(n), *(n + k for k in kept)]]
-    return control.StateSpace(
+    from control import StateSpace  # it brings pyplot: slow to import
+
+    return StateSpace(
         jacobian[:n, :n],
         jacobian[:n, n:],
         jacobian[n:, :n],

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-import control
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,8 @@ from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import Trim, place
 
 if TYPE_CHECKING:
+    import control
+
     from helisim.records.display import Axes, Figure
 
 MOTION = tuple(field.name for field in fields(Motion))
@@ -41,7 +42,7 @@ class Linearization(Value, Displayed):
         trim: the flight it belongs to.
     """
 
-    system: control.StateSpace
+    system: "control.StateSpace"
     delays: Mapping[str, float]
     trim: Trim
 
@@ -128,9 +129,9 @@ def _rebuilt(
     matrices: tuple[Any, ...], dt: Any, names: tuple[Any, ...], delays: Any, trim: Trim
 ) -> Linearization:
     states, inputs, outputs, name = names
-    system = control.StateSpace(
-        *matrices, dt, states=states, inputs=inputs, outputs=outputs, name=name
-    )
+    from control import StateSpace  # it brings pyplot: slow to import
+
+    system = StateSpace(*matrices, dt, states=states, inputs=inputs, outputs=outputs, name=name)
     return Linearization(system, delays, trim)
 
 
@@ -160,7 +161,9 @@ def linearize(model: mujoco.MjModel, trim: Trim) -> Linearization:
             "all proportion"
         )
     n = len(dynamics.states)
-    system = control.StateSpace(
+    from control import StateSpace  # it brings pyplot: slow to import
+
+    system = StateSpace(
         jacobian[:n, :n],
         jacobian[:n, n:],
         jacobian[n:, :n],

@@ -9,8 +9,8 @@ linearisation itself.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
@@ -19,6 +19,9 @@ from helisim.errors import ModelError
 from helisim.physics.timing import TIME_TOLERANCE
 from helisim.records.channels import ACCELERATIONS, IN1, IN2, RATES
 from helisim.vehicle.linearize import OUTPUTS, Linearization
+
+if TYPE_CHECKING:
+    import control
 
 Matrix = NDArray[np.float64]
 _SERVOS = ("front", "left", "right", "tail")
@@ -37,7 +40,7 @@ class SampledGyro:
         imu: place of the accelerometer from the centre of gravity, m, body axes (FRD).
     """
 
-    system: control.StateSpace
+    system: "control.StateSpace"
     period: float
     latency: float
     timestep: float = 0.0
@@ -63,7 +66,7 @@ def _exponential(matrix: bytes) -> bytes:
 
 def close(
     base: Linearization, gyro: SampledGyro, *, open_at: str | None = None
-) -> control.StateSpace:
+) -> "control.StateSpace":
     """Return the sampled system from the sticks to the motion, and to the law's commands.
 
     Args:
@@ -102,7 +105,9 @@ def close(
         b = np.vstack([plant.b[:, [cut]], np.zeros((g, 1))])
         d = np.vstack([plant.d[:, [cut]], np.zeros((4, 1))])
         inputs = (open_at,)
-    return control.StateSpace(
+    from control import StateSpace  # it brings pyplot: slow to import
+
+    return StateSpace(
         a,
         b,
         c,

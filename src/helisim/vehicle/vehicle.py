@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import control
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +49,9 @@ from helisim.vehicle.roles import Roles
 from helisim.vehicle.sampled import SampledGyro, close
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place, steady_force
+
+if TYPE_CHECKING:
+    import control
 
 Inputs = Literal["IN1", "IN2"]
 
@@ -247,7 +249,7 @@ class Vehicle(Value, Displayed):
             return law, seen, state
         return law, *settled(law, seen, state, servos, str(self.controller.name))
 
-    def loop(self, axis: str) -> control.StateSpace:
+    def loop(self, axis: str) -> "control.StateSpace":
         """Return what comes back at a servo command when the gyro's loop is cut there.
 
         Sampled; the input is the command of that axis ("lon", "lat" or "ped"), the output the
