@@ -215,6 +215,29 @@ def test_states_need_room(jr700):
     assert same(hs.fly(back, FAST, jobs=1)[0], hs.fly(jr700, FAST, jobs=1)[0])
 
 
+def _damps(seen):
+    return -0.3 * seen.r
+
+
+def _integrates(seen, state):
+    state[0] += 0.002 * seen.r
+    return -0.3 * seen.r - 0.1 * state[0]
+
+
+@pytest.mark.parametrize("law", [_damps, _integrates, numba.njit(_integrates)])
+def test_every_model_has_room_for_a_part_of_the_gyro(law):
+    """A tail law beside the shipped cyclic one fits a shipped MJCF where nothing is said."""
+    path = hs.model_folder("jr700") / "jr700.xml"
+    model = mujoco.MjModel.from_xml_path(str(path))
+    hs.set_controller(model, Controller(tail=law))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("hover").id)
+    with hs.installed():
+        mujoco.mj_step(model, data, 500)
+    assert data.sensor("servo_command").data[3] != model.key("hover").ctrl[7]
+    assert np.abs(data.qvel).max() < 1.0  # the cyclic gyro flies, nobody trims the tail
+
+
 def test_settings_and_weather_keep_the_controller(jr700):
     """A vehicle with other settings, or in another flight, flies by the same law."""
     vehicle = jr700.with_controller(own_laws.attitude_controllers(jr700)[1])

@@ -290,7 +290,12 @@ def test_a_law_that_fails_ends_the_flight(jr700, how):
         (lambda seen: None, "returned None where numbers"),
         (lambda seen: "fast", "returned 'fast'"),
         (lambda seen: (1.0, "2", {}, 4.0), "returned"),
-        (lambda seen, state: state[8], "raised IndexError"),
+        (lambda seen, state: state[8], "raised IndexError.*has 8 states and 0 settings.*states=N"),
+        (
+            numba.njit(lambda seen, state: (state[8], 0.0, 0.0, 0.0)),
+            "raised IndexError.*has 8 states",
+        ),
+        (lambda seen: (0.0, 0.0, 0.0), "returned .* where numbers for front, left, right, tail"),
     ],
 )
 def test_a_law_that_returns_something_else_ends_before_the_flight(jr700, law, says):
@@ -319,7 +324,7 @@ def test_a_law_that_fails_in_steps_of_ones_own_is_said_when_the_block_ends(jr700
         ("fast", "must be a law, a Controller, None or 'own'"),
         (lambda: (0, 0, 0, 0), "takes nothing"),
         (lambda seen, state, settings, more: None, r"takes \(seen, state, settings, more\)"),
-        (own_laws.Counter, "must be a function of"),
+        (own_laws.Counter, r"must be a function of.*give an object of it, Counter\(\.\.\.\)"),
         (numba.njit(lambda seen: (1.0, 2.0)), "can't compile .* expected 4, got 2"),
         (numba.njit(lambda seen: seen.height), "can't compile .* 'height'"),
     ],
@@ -340,12 +345,13 @@ def test_what_is_no_law_is_refused(jr700, law, says):
         ({"settings": "fast"}, "settings must be"),
         ({"tail": own_laws.pi_yaw}, "not both"),
         ({"reset": 3}, "reset of a controller must be"),
+        ({"law": None, "tail": "shiped"}, 'tail of a controller .* "shipped" or None; got \'ship'),
     ],
 )
 def test_what_is_no_controller_is_refused(given, says):
     """Each argument by its name."""
     with pytest.raises(InputError, match=says):
-        Controller(raises, **given)
+        Controller(**{"law": raises, **given})
 
 
 def test_flights_have_copies_of_an_object(jr700):

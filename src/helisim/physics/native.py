@@ -160,7 +160,10 @@ def installed() -> Iterator[None]:
         _say(_left())
         failures = watched_failures()
         if failures:
-            raise CallbackError(failures[0])
+            error = CallbackError(failures[0])
+            for one in failures[1:]:
+                error.add_note(one)
+            raise error
 
 
 def _left() -> list[notes.Note]:

@@ -18,37 +18,28 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
-import numba
 import numpy as np
-from numba import carray, types
-from numba.core.ccallback import CFunc
-from numba.core.dispatcher import Dispatcher
-from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
+from helisim.physics.compiled_laws import (
+    PLACES,
+    Place,
+    arity,
+    compiled,
+    is_compiled,
+    is_native,
+)
 from helisim.physics.gyro import Seen
 from helisim.physics.laws import COMMANDS, SEEN, Row
 
-Place = Literal["all", "swash", "tail"]
-PLACES: dict[Place, tuple[str, ...]] = {
-    "all": ("front", "left", "right", "tail"),
-    "swash": ("front", "left", "right"),
-    "tail": ("tail",),
-}
-"""What a law in each place commands, in the order in which it returns it."""
-
-_POINTER = types.CPointer(types.float64)
-_SIGNATURE = types.void(_POINTER, _POINTER, _POINTER, _POINTER)
 _PROTOTYPE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
 _seen_of = partial(tuple.__new__, Seen)
 _unpack_seen = struct.Struct(f"{SEEN}d").unpack_from
 _SEEN_BYTES = 8 * (SEEN + 1)
 _START = 8 * SEEN
-_compiled: "weakref.WeakKeyDictionary[Any, dict[Any, Any]]" = weakref.WeakKeyDictionary()
-_compiling = threading.Lock()
 _lasting: "dict[Any, Registered]" = {}
 _watched: "weakref.WeakSet[Registered]" = weakref.WeakSet()
 _watching = threading.Lock()
@@ -151,16 +142,6 @@ def _pointer_to(array: NDArray[np.float64]) -> Any:
     return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
 
 
-def is_native(function: Any) -> bool:
-    """Return whether a function is a numba.cfunc."""
-    return isinstance(function, CFunc)
-
-
-def is_compiled(function: Any) -> bool:
-    """Return whether a function is compiled by numba.njit."""
-    return isinstance(function, Dispatcher)
-
-
 def checked(commands: Any, place: Place) -> tuple[float, ...]:
     """Return a law's commands as a tuple of numbers. Raises Unfit."""
     if place == "tail" and not isinstance(commands, tuple | list | np.ndarray):
@@ -173,33 +154,6 @@ def checked(commands: Any, place: Place) -> tuple[float, ...]:
     if len(numbers) != len(wanted):
         raise Unfit(f"returned {commands!r:.80} where numbers for {', '.join(wanted)} are wanted")
     return numbers
-
-
-def arity(function: Any) -> int:
-    """Return how many of what is seen, the state and the settings a function takes, 0 to 3.
-
-    Raises:
-        InputError: it takes other arguments, or doesn't say which.
-    """
-    described = function.py_func if is_compiled(function) else function
-    name = getattr(described, "__name__", type(described).__name__)
-    try:
-        signature = inspect.signature(described)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"controller {name!r} doesn't say which arguments it takes; write a function of "
-            "(seen), (seen, state) or (seen, state, settings)"
-        ) from None
-    for count in (3, 2, 1, 0):
-        try:
-            signature.bind(*range(count))
-        except TypeError:
-            continue
-        return count
-    raise InputError(
-        f"controller {name!r} takes {signature}; it must take (seen), (seen, state) or "
-        "(seen, state, settings)"
-    )
 
 
 class Registered:
@@ -218,7 +172,8 @@ class Registered:
             self._code: Any = law.function
             address = law.function.address
         elif is_compiled(law.function):
-            self._code = compiled(law)
+            sizes = law.states, law.settings.size
+            self._code = compiled(law.function, law.reset, law.place, *sizes, name=law.name)
             address = self._code.address
         else:
             self._code = _PROTOTYPE(self._thunk())
@@ -258,8 +213,15 @@ class Registered:
         try:
             self.function.py_func(*given)
         except Exception as error:  # whatever the user's function raises
-            return raised(error)
+            return self._told(error)
         return None
+
+    def _told(self, error: BaseException) -> Failure:
+        failure = raised(error)
+        if not isinstance(error, IndexError):
+            return failure
+        room = f"it has {self.law.states} states and {self.law.settings.size} settings"
+        return failure._replace(why=f"{failure.why} ({room}; Controller takes states=N)")
 
     def _thunk(self) -> Callable[[int, int, int, int], None]:
         law, function, reset = self.law, self.function, self.reset
@@ -296,7 +258,7 @@ class Registered:
                     packed = pack(*checked(commands, law.place))
                 memmove(commands_at + offset, packed, size)
             except BaseException as error:  # nothing may be raised into MuJoCo
-                self._raised.append(raised(error))
+                self._raised.append(self._told(error))
                 if isinstance(error, KeyboardInterrupt):
                     _thread.interrupt_main()
 
@@ -345,119 +307,3 @@ def copied(law: OwnLaw) -> tuple[Any, Any]:
     if reset is not None and getattr(reset, "__self__", None) is function:
         reset = getattr(one, reset.__name__)
     return one, reset
-
-
-def compiled(law: OwnLaw) -> Any:
-    """Return a law of numba.njit as a native function, compiled once for its kind.
-
-    Raises:
-        InputError: numba can't compile it; the message has numba's reason.
-    """
-    key = (law.place, law.states, law.settings.size, law.reset)
-    with _compiling:
-        known = _compiled.setdefault(law.function, {})
-        if key not in known:
-            try:
-                known[key] = _compile(law)
-            except NumbaError as error:
-                raise InputError(
-                    f"numba can't compile controller {law.name!r} to a law that returns numbers "
-                    f"for {', '.join(PLACES[law.place])}: {_reason(error)}"
-                ) from error
-        return known[key]
-
-
-def _reason(error: NumbaError) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
-    return (telling or lines)[0].removeprefix("('").removesuffix("')").replace("', '", "")
-
-
-def _compile(law: OwnLaw) -> Any:
-    states, count = law.states, max(1, law.settings.size)
-    numbers = law.settings.size
-    call = _with_three(law.function)
-    start = None
-    if law.reset is not None:
-        start = _with_three(law.reset if is_compiled(law.reset) else numba.njit(law.reset))
-    store = {"all": _store_all, "swash": _store_swash, "tail": _store_tail}[law.place]
-    begin = _nothing if start is None else start
-    at_tail = law.place == "tail"
-
-    @numba.cfunc(_SIGNATURE)
-    def native(seen_at, state_at, settings_at, commands):
-        seen = Seen(
-            seen_at[0],
-            seen_at[1],
-            seen_at[2],
-            seen_at[3],
-            seen_at[4],
-            seen_at[5],
-            seen_at[6],
-            seen_at[7],
-            seen_at[8],
-            seen_at[9],
-            seen_at[10],
-            seen_at[11],
-            seen_at[12],
-            seen_at[13],
-            seen_at[14],
-            seen_at[15],
-            seen_at[16],
-            seen_at[17],
-        )
-        state = carray(state_at, (states,))
-        settings = carray(settings_at, (count,))[:numbers]
-        try:
-            if seen_at[18] != 0.0:
-                begin(seen, state, settings)
-            store(commands, call(seen, state, settings))
-        except Exception:  # a command that isn't one ends the law
-            commands[3 if at_tail else 0] = np.nan
-
-    return native
-
-
-def _with_three(function: Any) -> Any:
-    """Return a compiled function of seen, state and settings that hands on what is wanted."""
-    takes = arity(function)
-
-    @numba.njit
-    def three(seen, state, settings):
-        return function(seen, state, settings)
-
-    @numba.njit
-    def two(seen, state, settings):
-        return function(seen, state)
-
-    @numba.njit
-    def one(seen, state, settings):
-        return function(seen)
-
-    @numba.njit
-    def none(seen, state, settings):
-        return function()
-
-    return (none, one, two, three)[takes]
-
-
-@numba.njit
-def _nothing(seen, state, settings):
-    pass
-
-
-@numba.njit
-def _store_all(commands, given):
-    front, left, right, tail = given
-    commands[0], commands[1], commands[2], commands[3] = front, left, right, tail
-
-
-@numba.njit
-def _store_swash(commands, given):
-    front, left, right = given
-    commands[0], commands[1], commands[2] = front, left, right
-
-
-@numba.njit
-def _store_tail(commands, given):
-    commands[3] = given

@@ -1,6 +1,5 @@
 """Controllers: which law moves which servos, at the gyro's place and rate."""
 
-import hashlib
 import inspect
 import weakref
 from collections.abc import Callable, Iterator, Sequence
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, ModelError
 from helisim.physics import laws
+from helisim.physics.compiled_laws import Place, arity, is_compiled, is_native
 from helisim.physics.gyro import CYCLIC, YAW, Seen, cyclic_law, yaw_law
 from helisim.physics.layout import (
     FIRST_LAW_STATE,
@@ -26,25 +26,27 @@ from helisim.physics.layout import (
     TAIL_STATES,
     rotor_states,
 )
-from helisim.physics.own_laws import (
-    Failure,
-    OwnLaw,
-    Place,
-    Registered,
-    arity,
-    copied,
-    is_compiled,
-    is_native,
-)
+from helisim.physics.own_laws import Failure, OwnLaw, Registered, copied
 from helisim.records.value import Value
+from helisim.vehicle.law_checks import (
+    check_law,
+    check_passes,
+    law_name,
+    qualified_name,
+    source_digest,
+)
 from helisim.vehicle.motion import addresses
 
 Law = Callable[..., Any]
 """`law(seen, state, settings)` or with the first one or two of these; returns servo commands."""
 Slot = Law | Literal["shipped"] | None
 
-STATES = SWASH_STATES + TAIL_STATES
-"""How many states a law has where nothing is said, and for how many every MJCF has room."""
+STATES: dict[Place, int] = {
+    "all": SWASH_STATES + TAIL_STATES,
+    "swash": SWASH_STATES,
+    "tail": TAIL_STATES,
+}
+"""How many states a law has where nothing is said: as the gyro's own, so every MJCF has room."""
 _MOST = 1000
 SHIPPED = "shipped"
 
@@ -64,7 +66,8 @@ class Controller(Value):
             own, None leaves them to the caller.
         tail: of the tail servo: returns one number; likewise.
         states: how many numbers a law keeps from tick to tick, zero where it starts; None for
-            the law's own attribute `states`, or 8.
+            the law's own attribute `states`, or 8 (of the swashplate's law 6, of the tail's 2), or
+            none if it takes only what is seen.
         settings: (n_settings,) that the laws only read.
         reset: called as a law is, where one starts: at a flight's start, after a fault's restart.
             None for the law's own `reset`, if it has one.
@@ -86,9 +89,9 @@ class Controller(Value):
         if self.law is not None and (self.swash, self.tail) != (SHIPPED, SHIPPED):
             raise InputError("a controller has a law of all servos, or swash and tail, not both")
         for place, law in self._own():
-            _check_law(law, place)
+            check_law(law, place)
         if self.reset is not None:
-            _check_law(self.reset, "reset")
+            check_law(self.reset, "reset")
         try:
             settings = np.array(self.settings, dtype=np.float64)
         except (TypeError, ValueError):
@@ -103,7 +106,7 @@ class Controller(Value):
         if states is not None and (not isinstance(states, int) or not 0 <= states <= _MOST):
             raise InputError(f"states must be an integer from 0 to {_MOST}, got {states!r}")
         if self.name is None:
-            names = [_name(law) for _, law in self._own()]
+            names = [law_name(law) for _, law in self._own()]
             object.__setattr__(self, "name", " and ".join(names) or self._of_no_law())
 
     def _of_no_law(self) -> str:
@@ -117,7 +120,7 @@ class Controller(Value):
 
     def __reduce__(self) -> tuple[Any, ...]:
         for _, law in self._own():
-            _check_passes(law, str(self.name))
+            check_passes(law, str(self.name))
         return super().__reduce__()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Controller":
@@ -144,14 +147,16 @@ class Controller(Value):
     def _own_law(self, place: Place, law: Law) -> OwnLaw:
         states = self.states
         if states is None:
-            states = getattr(law, "states", STATES)
-        if not isinstance(states, int) or not 0 <= states <= _MOST:
-            raise InputError(f"controller {_name(law)!r}: states is {states!r}, no whole number")
+            states = getattr(law, "states", None)
         reset = self.reset
         if reset is None and not inspect.isroutine(law) and not is_compiled(law):
             reset = getattr(law, "reset", None)
+        if states is None:
+            states = STATES[place] if any(map(_keeps_state, (law, reset))) else 0
+        if not isinstance(states, int) or not 0 <= states <= _MOST:
+            raise InputError(f"controller {law_name(law)!r}: states is {states!r}, no whole number")
         assert isinstance(self.settings, np.ndarray)
-        return OwnLaw(law, place, states, self.settings, reset, _name(law))
+        return OwnLaw(law, place, states, self.settings, reset, law_name(law))
 
     def plan_for(self, par: NDArray[np.float64], commands: Sequence[float]) -> None:
         """Let a plan's flight hold the servos that no law moves.
@@ -193,7 +198,7 @@ class Controller(Value):
                 facts[place] = "shipped" if slot == SHIPPED else "none"
         for one in self.laws:
             facts[one.place] = {
-                "law": _qualified(one.function),
+                "law": qualified_name(one.function),
                 "states": one.states,
                 "source_digest": source_digest(one.function, one.reset),
             }
@@ -283,6 +288,10 @@ class Controller(Value):
         return stepped
 
 
+def _keeps_state(function: Any) -> bool:
+    return function is not None and (is_native(function) or arity(function) > 1)
+
+
 class Flying:
     """A controller in one flight.
 
@@ -343,69 +352,3 @@ def law_room(model: mujoco.MjModel, prefix: str = "") -> int:
     """Return for how many states of control laws there is room in a model."""
     kept = int(model.actuator_actnum[addresses(model, prefix).rotor])
     return (kept - rotor_states(0)) // 2
-
-
-def source_digest(*functions: Any) -> str:
-    """Return a digest of what functions or the classes of objects say, or of their bytecode."""
-    digest = hashlib.blake2b(digest_size=16)
-    for function in functions:
-        if function is None:
-            continue
-        described = _described(function)
-        try:
-            digest.update(inspect.getsource(described).encode())
-        except (OSError, TypeError):
-            code = getattr(described, "__code__", None)
-            digest.update(code.co_code if code is not None else _qualified(function).encode())
-    return digest.hexdigest()
-
-
-def _described(function: Any) -> Any:
-    """Return the function or class that a law is written as."""
-    if is_compiled(function):
-        return function.py_func
-    if is_native(function):
-        return function._pyfunc
-    return function if inspect.isroutine(function) else type(function)
-
-
-def _name(law: Any) -> str:
-    return getattr(_described(law), "__name__", repr(law))
-
-
-def _qualified(law: Any) -> str:
-    described = _described(law)
-    return f"{described.__module__}:{described.__qualname__}"
-
-
-def _check_law(law: Any, place: str) -> None:
-    if is_native(law):
-        if len(law._sig.args) != 4:
-            raise InputError(
-                "a numba.cfunc as a law has the signature void(double*, double*, double*, "
-                f"double*), got {law._sig}"
-            )
-        return
-    if not callable(law) or isinstance(law, type):
-        what = "a controller" if place == "all" else f"{place} of a controller"
-        raise InputError(
-            f"{what} must be a function of (seen, state, settings), an object that is called so, "
-            f"a Controller or None; got {law!r:.80}"
-        )
-    if arity(law) == 0 and place != "reset":
-        raise InputError(
-            f"controller {_name(law)!r} takes nothing; it must take (seen), (seen, state) or "
-            "(seen, state, settings)"
-        )
-
-
-def _check_passes(law: Law, name: str) -> None:
-    """Raise InputError if a law can't be found again by another process."""
-    described = _described(law)
-    found = "<" not in getattr(described, "__qualname__", "") or is_compiled(law)
-    if is_native(law) or not found:
-        what = "a numba.cfunc" if is_native(law) else "defined inside a function"
-        raise InputError(
-            f"controller {name!r} can't pass to another process: it is {what}; take a function "
-            "at the top of a module that both can import, plain or compiled by numba.njit"
-        )
