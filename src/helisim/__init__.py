@@ -8,7 +8,7 @@ flights = hs.fly(vehicle, hs.Sweep(axis="lat"), count=10, seed=1)
 The house, from the ground up; each room imports only from those above it in this list, but
 `ident` knows neither `physics`, `vehicle` nor `sim`: a flight record is all that it sees.
 
-    errors, units   what can go wrong, and conversion factors
+    errors, units   what can go wrong, and conversion factors; `registration`: gymnasium's names
     records         flight records: channels, provenance, quality, files; `logs`: anyone's logs
     physics         the force laws, compiled to callbacks that MuJoCo calls at every step
     vehicle         a folder with an MJCF and parameters, as a model that is trimmed and linearised
@@ -24,6 +24,8 @@ The house, from the ground up; each room imports only from those above it in thi
 import ast
 from importlib import import_module
 from pathlib import Path
+
+from helisim.registration import register as _register
 
 __version__ = "0.1.0"
 
@@ -51,3 +53,6 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
+
+
+_register()

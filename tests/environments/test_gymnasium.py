@@ -1,5 +1,7 @@
 """The environments keep to Gymnasium's rules, alone and many at once."""
 
+import copy
+import pickle
 import subprocess
 import sys
 import warnings
@@ -7,6 +9,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
@@ -94,7 +97,7 @@ def test_seeds_count_on_or_are_given():
     assert np.array_equal(counted, listed[::-1])
     assert env.np_random_seed == (9, 8, 7)
     assert not np.array_equal(env.reset()[0], listed)
-    with pytest.raises(InputError, match="seed needs 3 numbers, one each, got 2"):
+    with pytest.raises(InputError, match="seed must be an integer, or 3, one each"):
         env.reset(seed=[1, 2])
 
 
@@ -189,7 +192,7 @@ def test_no_window_without_a_display(monkeypatch):
         ({"spread": {"pilot.k_heave": 0.1}}, "can't be spread"),
         ({"spread": {"gyro.flight_mode": 0.1}}, "can't be spread"),
         ({"render_mode": "ansi"}, "unknown render_mode 'ansi'"),
-        ({"threads": 0}, "jobs must be an integer of 1 or more"),
+        ({"threads": 0}, "threads must be an integer of 1 or more"),
     ],
 )
 def test_a_wrong_setting_is_one_clear_line(settings, says):
@@ -213,6 +216,22 @@ def test_a_wrong_action_or_option_is_one_clear_line():
         env.reset(options={"motion": {"x": 1.0}})
     with pytest.raises(InputError, match="a command needs four finite numbers"):
         env.reset(options={"command": (1.0, 2.0)})
+    with pytest.raises(InputError, match="a command needs four finite numbers, got 'hover'"):
+        env.reset(options={"command": "hover"})
+    with pytest.raises(InputError, match="motion must be a dict"):
+        env.reset(options={"motion": 3})
+    with pytest.raises(InputError, match="north must be a finite number, got 'far'"):
+        env.reset(options={"motion": {"north": "far"}})
+    with pytest.raises(InputError, match="actions must be numbers from -1 to 1, got <U1"):
+        env.step(np.full(4, "a"))
+    with pytest.raises(InputError, match="threads must be an integer"):
+        vector(threads=0)
+    with pytest.raises(InputError, match="position must be 0 or more, got '1'"):
+        helisim.gym.Start(position="1")
+    with pytest.raises(InputError, match="wind must be 0 or more, got 'light'"):
+        helisim.gym.WeatherRange(wind="light")
+    with pytest.raises(InputError, match="distance must be above 0, got '1'"):
+        helisim.gym.Hover(distance="1")
     with pytest.raises(InputError, match="autoreset_mode 'later'"):
         vector(autoreset_mode="later")
     with pytest.raises(InputError, match="num_envs must be an integer"):
@@ -221,15 +240,86 @@ def test_a_wrong_action_or_option_is_one_clear_line():
         vector(render_mode="human")
 
 
-def test_a_module_before_the_colon_registers():
-    """In a fresh process, without an import of helisim."""
+@pytest.mark.parametrize(
+    ("imports", "name"),
+    [
+        ("gymnasium", "helisim.gym:helisim/Hover-v0"),
+        ("gymnasium, helisim", "helisim/Hover-v0"),
+        ("helisim, gymnasium, helisim.gym", "helisim/Hover-v0"),
+    ],
+)
+def test_an_import_registers(imports, name):
+    """In a fresh process; behind gymnasium's, that of helisim is enough."""
     code = (
-        "import gymnasium\n"
-        "env = gymnasium.make('helisim.gym:helisim/Hover-v0')\n"
+        f"import {imports}\n"
+        f"env = gymnasium.make({name!r})\n"
         "print(env.reset(seed=1)[0].shape, env.spec.max_episode_steps)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "(17,) 500\n"), done.stderr
+
+
+def test_registering_loads_nothing():
+    """`import helisim` stays light behind gymnasium's, and neither needs the other."""
+    code = (
+        "import sys, gymnasium\n"
+        "before = set(sys.modules)\n"
+        "import helisim\n"
+        "gymnasium.register_envs(helisim)\n"
+        "print(*sorted({'mujoco', 'scipy', 'helisim.gym'} & (set(sys.modules) - before)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "\n"), done.stderr
+
+
+def test_a_step_needs_a_reset_and_an_open_environment():
+    """No helicopter flies from nowhere."""
+    for env, action in ((helisim.gym.HelicopterEnv(), 4), (vector(count=2), (2, 4))):
+        with pytest.raises(ResetNeeded, match="call reset"):
+            env.step(np.zeros(action))
+        env.reset(seed=1)
+        env.step(np.zeros(action))
+        env.close()
+        env.close()
+        with pytest.raises(ClosedEnvironmentError, match="make another"):
+            env.step(np.zeros(action))
+    some = vector(count=2)
+    some.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(ResetNeeded):
+        some.step(np.zeros((2, 4)))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("count", [None, 3])
+def test_a_copy_flies_on_as_the_original(copied, count):
+    """In the midst of an episode of its own weather and parameters, and into the next one."""
+    settings = {"action": "servos", "task": "track", **ROUGH}
+    env = (
+        helisim.gym.HelicopterEnv(**settings)
+        if count is None
+        else helisim.gym.HelicopterVectorEnv(count, max_episode_steps=25, **settings)
+    )
+    env.reset(seed=4)
+    shape = (4,) if count is None else (count, 4)
+    for _ in range(10):
+        env.step(np.full(shape, 0.05))
+    other = copied(env)
+    for k in range(20):
+        left, right = (one.step(np.full(shape, 0.02 * (k % 3))) for one in (env, other))
+        assert np.array_equal(left[0], right[0])
+        assert np.array_equal(left[1], right[1])
+    assert np.array_equal(env.reset()[0], other.reset()[0])
+    env.close()
+    other.close()
+
+
+def test_seeds_are_any_integers():
+    """Of NumPy too, as an array."""
+    one, other = vector(count=3), vector(count=3)
+    left, right = one.reset(seed=np.arange(5, 8))[0], other.reset(seed=np.int64(5))[0]
+    assert np.array_equal(left, right)
+    with pytest.raises(InputError, match="seed must be an integer, or 3, one each, got 1.5"):
+        one.reset(seed=1.5)
 
 
 def test_a_task_of_ones_own_is_flown():
@@ -245,3 +335,33 @@ def test_a_task_of_ones_own_is_flown():
     up = [env.step(np.array([0.2, 0.0, 0.0, 0.0], dtype=np.float32))[1] for _ in range(20)]
     assert up[-1] > 0.2
     assert np.all(np.diff(up[2:]) > 0.0)
+
+
+def test_a_task_that_gives_something_else_is_one_clear_line():
+    """Scalars and other shapes would be spread over all helicopters."""
+
+    class Scalar(helisim.gym.Hover):
+        def reward(self, situation, seen):
+            return 0.5
+
+    class Taller(helisim.gym.Hover):
+        def observe(self, situation):
+            return np.vstack([super().observe(situation), situation.motions.time])
+
+    class Three(helisim.gym.Hover):
+        def command(self, random, height):
+            return (0.0, 0.0, -height)
+
+    class Blind(helisim.gym.Hover):
+        observations = ()
+
+    envs = helisim.gym.HelicopterVectorEnv(5, task=Scalar())
+    envs.reset(seed=1)
+    with pytest.raises(InputError, match=r"Scalar.reward must return \(5,\), .* got \(\)"):
+        envs.step(np.zeros((5, 4)))
+    with pytest.raises(InputError, match=r"Taller.observe must return \(17, 5\)"):
+        helisim.gym.HelicopterVectorEnv(5, task=Taller()).reset()
+    with pytest.raises(InputError, match=r"Three.command needs four finite numbers"):
+        helisim.gym.HelicopterVectorEnv(5, task=Three()).reset()
+    with pytest.raises(InputError, match="Blind needs observations"):
+        helisim.gym.HelicopterVectorEnv(5, task=Blind())

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
@@ -19,9 +20,10 @@ from helisim.gym.motions import StateReader
 from helisim.gym.settings import Setup
 from helisim.gym.spread import Spread
 from helisim.gym.start import EpisodeStart
-from helisim.gym.task import BOUND, Situation
+from helisim.gym.task import BOUND, Situation, check_task
 from helisim.physics.layout import SENSOR
 from helisim.physics.native import installed
+from helisim.sim import Weather
 from helisim.sim.simulation import thread_count
 from helisim.vehicle.controller import Flying
 from helisim.vehicle.motion import addresses
@@ -31,6 +33,22 @@ _EARLY = 1e-9
 _CHUNKS = 16
 """Portions of a frame's work for each thread: none has long to wait for the last of another's."""
 OPTIONS = ("motion", "command")
+_COPIED = ("states", "_commands", "_until", "_actions", "_before")
+"""Arrays that say how far the episodes have come."""
+
+
+class Episode(NamedTuple):
+    """What a helicopter's model was given for its episode.
+
+    Attributes:
+        factors: of the spread parameters, (n_parameter,).
+        weather: of the episode.
+        seed: of its air.
+    """
+
+    factors: NDArray[np.float64]
+    weather: Weather
+    seed: int
 
 
 class Stepped(NamedTuple):
@@ -59,9 +77,10 @@ class Flights:
     """
 
     def __init__(self, setup: Setup, count: int, *, threads: int | None = None) -> None:
-        self.setup, self.count = setup, count
+        self.setup, self.count, self._threads = setup, count, threads
         self.vehicle = setup.loaded()
         self.task = setup.asked
+        check_task(self.task)
         model = self.vehicle.model
         self.agent = Agent(setup, self.vehicle)
         self.spread = Spread(self.vehicle, setup.spread)
@@ -77,7 +96,27 @@ class Flights:
         self._users = [one.actuator_user[self._rotor].copy() for one in self._models]
         self._data, self._pool = _workers(model, min(count, threads or thread_count(setup.threads)))
         self._chunk = max(1, count // (_CHUNKS * len(self._data)))
+        self._episodes: list[Episode | None] = [None] * count
+        self._ready, self._closed = False, False
         self._allocate(model)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what it is made of and how far its episodes are; threads are no data."""
+        return {
+            "made": (self.setup, self.count, self._threads),
+            "episodes": self._episodes,
+            "arrays": {name: getattr(self, name) for name in _COPIED},
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make another, and put its episodes where they were."""
+        setup, count, threads = state["made"]
+        self.__init__(setup, count, threads=threads)
+        for row, episode in enumerate(state["episodes"]):
+            if episode is not None:
+                self._give(row, episode)
+        self._ready = None not in self._episodes
+        vars(self).update(state["arrays"])
 
     def _own_laws(self) -> list[Flying]:
         """Give each helicopter its copy of the controller's laws that aren't shipped."""
@@ -110,6 +149,7 @@ class Flights:
 
     def close(self) -> None:
         """Stop the threads, and let go of the controller's laws."""
+        self._closed = True
         self._pool.close()
         self._controllers.close()
 
@@ -129,14 +169,23 @@ class Flights:
 
         Raises:
             UnknownNameError: no such option, or field of a motion.
-            InputError: not four finite numbers.
+            InputError: no such numbers.
+            ClosedEnvironmentError: it has been closed.
         """
-        options = options or {}
+        options = {} if options is None else options
+        if not isinstance(options, Mapping):
+            raise InputError(f"options of reset must be a dict, got {options!r:.60}")
         for name in options:
             if name not in OPTIONS:
                 raise UnknownNameError("option of reset", name, OPTIONS)
-        asked = _command(options.get("command"))
-        return [self._reset(row, randoms[row], options.get("motion"), asked) for row in rows]
+        self._refuse_closed()
+        motion, asked = options.get("motion"), options.get("command")
+        if not isinstance(motion, Mapping | None):
+            raise InputError(f"motion must be a dict, such as {{'north': 2.0}}, got {motion!r:.60}")
+        asked = None if asked is None else _four(asked, "a command")
+        infos = [self._reset(row, randoms[row], motion, asked) for row in rows]
+        self._ready = None not in self._episodes
+        return infos
 
     def _reset(
         self,
@@ -145,21 +194,31 @@ class Flights:
         motion: Mapping[str, float] | None,
         asked: tuple[float, ...] | None,
     ) -> dict[str, Any]:
-        model, start = self._models[row], self._start
+        start = self._start
         offsets, weather, seed = start.draw(random)
         factors = self.spread.draw(random)
-        model.actuator_user[self._rotor] = self._users[row]
-        self.spread.write(model, factors)
-        self.agent.write(model)
-        start.write_weather(model, weather, seed)
+        self._give(row, Episode(factors, weather, seed))
         self.states[row] = start.state_of(offsets if motion is None else motion, weather, seed)
-        height = start.height
-        self._commands[:, row] = self.task.command(random, height) if asked is None else asked
+        self._commands[:, row] = self._commanded(random) if asked is None else asked
         every = self.task.interval if asked is None else None
         self._until[row] = np.inf if every is None else every
         self._actions[:, row] = self._before[:, row] = 0.0
         north, east, _ = weather.wind_to
         return {"wind": np.array([north, east]), "factors": factors}
+
+    def _give(self, row: int, episode: Episode) -> None:
+        """Write an episode into its helicopter's model."""
+        model = self._models[row]
+        model.actuator_user[self._rotor] = self._users[row]
+        self.spread.write(model, episode.factors)
+        self.agent.write(model)
+        self._start.write_weather(model, episode.weather, episode.seed)
+        self._episodes[row] = episode
+
+    def _commanded(self, random: np.random.Generator) -> tuple[float, ...]:
+        """Return a command that the task draws."""
+        what = f"{type(self.task).__name__}.command"
+        return _four(self.task.command(random, self._start.height), what)
 
     def step(
         self,
@@ -179,7 +238,12 @@ class Flights:
 
         Raises:
             InputError: actions of another shape, or not numbers.
+            ResetNeeded: a helicopter has never been reset.
+            ClosedEnvironmentError: it has been closed.
         """
+        self._refuse_closed()
+        if not self._ready:
+            raise ResetNeeded("no episode has begun: call reset before step")
         moved = self._checked(actions)
         kept = None if started is None else self.states[started]
         self._before, self._actions = self._actions, moved
@@ -213,8 +277,8 @@ class Flights:
         self, randoms: Sequence[np.random.Generator], started: NDArray[np.bool_] | None
     ) -> Stepped:
         situation = self._situation()
-        seen = self.task.observe(situation)
-        reward = self.task.reward(situation, seen)
+        seen = self._observed(situation)
+        reward = self._shaped("reward", self.task.reward(situation, seen), (self.count,))
         beyond: dict[str, NDArray[np.bool_]] = dict(
             self._limits.beyond(situation.motions, self._air)
         )
@@ -235,8 +299,8 @@ class Flights:
             for row in np.flatnonzero(terminated)
         }
         why.update({row: text for row, text in failed.items() if row in why})
-        if self._commanded(randoms, started):
-            seen = self.task.observe(situation)
+        if self._renewed(randoms, started):
+            seen = self._observed(situation)
         if "finite state" in beyond:
             seen, reward = np.nan_to_num(seen), np.nan_to_num(reward)
         return Stepped(self._scaled(seen), reward, terminated, why)
@@ -249,7 +313,20 @@ class Flights:
 
     def look(self) -> NDArray[np.float32]:
         """Return what each agent sees now, (n, n_observation)."""
-        return self._scaled(self.task.observe(self._situation()))
+        return self._scaled(self._observed(self._situation()))
+
+    def _observed(self, situation: Situation) -> NDArray[np.float64]:
+        shape = (len(self.task.observations), self.count)
+        return self._shaped("observe", self.task.observe(situation), shape)
+
+    def _shaped(self, what: str, given: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        """Return what the task gave. Raises InputError if it has another shape."""
+        if np.shape(given) != shape:
+            raise InputError(
+                f"{type(self.task).__name__}.{what} must return {shape}, a column for each "
+                f"helicopter, got {np.shape(given)}"
+            )
+        return given
 
     def _situation(self) -> Situation:
         motions = self._reader.read(self.states)
@@ -261,7 +338,7 @@ class Flights:
         np.maximum(scaled, -BOUND, out=scaled)
         return np.ascontiguousarray(scaled.T, dtype=np.float32)
 
-    def _commanded(
+    def _renewed(
         self, randoms: Sequence[np.random.Generator], started: NDArray[np.bool_] | None
     ) -> bool:
         """Give new commands where they are due; return whether there are any."""
@@ -271,21 +348,28 @@ class Flights:
         if started is not None:
             due &= ~started
         for row in np.flatnonzero(due).tolist():
-            self._commands[:, row] = self.task.command(randoms[row], self._start.height)
+            self._commands[:, row] = self._commanded(randoms[row])
             self._until[row] += self.task.interval
         return bool(due.any())
 
     def _checked(self, actions: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return actions as (4, n) within -1 and 1."""
-        actions = np.asarray(actions, dtype=np.float64)
-        if actions.shape != (self.count, 4):
-            raise InputError(f"actions must be ({self.count}, 4), got {actions.shape}")
+        given = np.asarray(actions)
+        if given.shape != (self.count, 4):
+            raise InputError(f"actions must be ({self.count}, 4), got {given.shape}")
+        if given.dtype.kind not in "fiub":
+            raise InputError(f"actions must be numbers from -1 to 1, got {given.dtype}")
+        actions = given.astype(np.float64, copy=False)
         moved = np.maximum(np.ascontiguousarray(actions.T), -1.0)
         np.minimum(moved, 1.0, out=moved)
         if np.isnan(moved).any():
             rows = np.flatnonzero(np.isnan(moved).any(axis=0)).tolist()
             raise InputError(f"actions must be numbers from -1 to 1, got nan in rows {rows}")
         return moved
+
+    def _refuse_closed(self) -> None:
+        if self._closed:
+            raise ClosedEnvironmentError("the environment has been closed: make another")
 
 
 def _workers(model: mujoco.MjModel, threads: int) -> tuple[list[mujoco.MjData], Rollout]:
@@ -294,10 +378,12 @@ def _workers(model: mujoco.MjModel, threads: int) -> tuple[list[mujoco.MjData], 
     return [mujoco.MjData(model) for _ in range(threads)], pool
 
 
-def _command(command: Sequence[float] | None) -> tuple[float, ...] | None:
-    if command is None:
-        return None
-    numbers = tuple(float(number) for number in command)
+def _four(given: Any, what: str) -> tuple[float, ...]:
+    """Return four finite numbers. Raises InputError."""
+    try:
+        numbers = tuple(float(number) for number in given)
+    except (TypeError, ValueError):
+        numbers = ()
     if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
-        raise InputError(f"a command needs four finite numbers, got {command!r}")
+        raise InputError(f"{what} needs four finite numbers, got {given!r:.60}")
     return numbers

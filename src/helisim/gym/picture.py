@@ -59,6 +59,7 @@ class Picture:
             raise InputError(f"a picture needs whole pixels, got {width!r} x {height!r}")
         if mode == "human":
             check_display()
+        self._made = (mode, vehicle, width, height)
         model = self._model = vehicle.visual_model()
         self._data = mujoco.MjData(model)
         self._size = mujoco.mj_stateSize(model, _DRAWN)
@@ -67,6 +68,10 @@ class Picture:
             self._canvas: _Window | _Bitmap = _Window(model, self._data)
         else:
             self._canvas = _Bitmap(model, width, height)
+
+    def __reduce__(self) -> tuple[type["Picture"], tuple[str, Vehicle, int, int]]:
+        """Return how to make another: a canvas belongs to its process."""
+        return Picture, self._made
 
     @classmethod
     def of(cls, mode: str | None, vehicle: Vehicle, width: int, height: int) -> "Picture | None":

@@ -11,6 +11,7 @@ from helisim.gym.task import Hover, Task, Track
 from helisim.gym.weather import WeatherRange
 from helisim.physics.timing import TICK_TOLERANCE
 from helisim.sim import FlightEnvelope, Weather
+from helisim.sim.plain import is_number
 from helisim.sim.simulation import thread_count
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import Integrator
@@ -40,8 +41,8 @@ class Start:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not 0.0 <= value < math.inf:
-                raise InputError(f"start: {name} must be 0 or more, got {value}")
+            if not (is_number(value) and 0.0 <= value < math.inf):
+                raise InputError(f"start: {name} must be 0 or more, got {value!r}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,8 +88,8 @@ class Setup:
     def __post_init__(self) -> None:
         if self.action not in get_args(ActionKind):
             raise UnknownNameError("action", self.action, get_args(ActionKind))
-        if not 0.0 < self.authority <= 1.0:
-            raise InputError(f"authority must be above 0 and at most 1, got {self.authority}")
+        if not (is_number(self.authority) and 0.0 < self.authority <= 1.0):
+            raise InputError(f"authority must be above 0 and at most 1, got {self.authority!r}")
         if not isinstance(self.frame_skip, int) or self.frame_skip < 1:
             raise InputError(
                 f"frame_skip must be a whole number of time steps, 1 or more, got {self.frame_skip}"
@@ -99,7 +100,7 @@ class Setup:
             if not isinstance(getattr(self, name), kinds):
                 wanted = " or ".join(kind.__name__ for kind in kinds)
                 raise InputError(f"{name} must be a {wanted}, got {getattr(self, name)!r}")
-        thread_count(self.threads)
+        thread_count(self.threads, "threads")
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> "Setup":

@@ -13,6 +13,7 @@ from helisim.gym.settings import Setup
 from helisim.physics.frames import flip
 from helisim.physics.layout import STATE
 from helisim.sim import Weather
+from helisim.sim.plain import is_number
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import Motion, addresses, write_motion
 from helisim.vehicle.trim import place
@@ -83,8 +84,8 @@ class EpisodeStart:
         for name, value in offsets.items():
             if name not in _FIELDS:
                 raise UnknownNameError("field of a motion", name, _FIELDS)
-            if not math.isfinite(value):
-                raise InputError(f"motion: {name} must be a finite number, got {value}")
+            if not (is_number(value) and math.isfinite(value)):
+                raise InputError(f"motion: {name} must be a finite number, got {value!r}")
         trim = self._motion
         motion = replace(
             trim, **{name: getattr(trim, name) + value for name, value in offsets.items()}

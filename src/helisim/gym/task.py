@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import InputError
 from helisim.gym.motions import Columns, Motions
+from helisim.sim.plain import is_number
 
 BOUND = 10.0
 """Scaled observations are cut off at plus and minus this."""
@@ -105,6 +106,18 @@ class Task(ABC):
         """
         del seen
         return np.zeros_like(situation.motions.time, dtype=np.bool_)
+
+
+def check_task(task: Task) -> None:
+    """Raise InputError unless a task says what is seen, and its settings are numbers above 0."""
+    kind, observations = type(task).__name__, getattr(task, "observations", ())
+    if not observations or not all(isinstance(one, Observation) for one in observations):
+        raise InputError(
+            f"{kind} needs observations, a tuple of Observation(name, unit, scale, ...)"
+        )
+    for one in observations:
+        if not (is_number(one.scale) and 0.0 < one.scale < math.inf):
+            raise InputError(f"{kind}: the scale of {one.name} must be above 0, got {one.scale!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,8 +229,8 @@ class Track(Task):
 
 def _check_positive(task: Hover | Track) -> None:
     for name, value in vars(task).items():
-        if not (value is not None and math.isfinite(value) and value > 0.0):
-            raise InputError(f"{type(task).__name__}: {name} must be above 0, got {value}")
+        if not (is_number(value) and 0.0 < value < math.inf):
+            raise InputError(f"{type(task).__name__}: {name} must be above 0, got {value!r}")
 
 
 def _seen(situation: Situation, wanted: Columns) -> Columns:

@@ -1,6 +1,6 @@
 """Many helicopters as one Gymnasium vector environment, stepped natively in threads."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -212,8 +212,8 @@ class HelicopterVectorEnv(VectorEnv[Seen, NDArray[np.float32], NDArray[Any]]):
                 if name in infos and infos[f"_{name}"][row]
             }
             self._add_info(ended, {"final_obs": seen[row].copy(), "final_info": final}, row)
-            if "ended" in infos:
-                infos["_ended"][row], infos["ended"][row] = False, None
+        for name in ("ended", "_ended"):  # of those that go on there is none
+            infos.pop(name, None)
         infos.update(ended)
         self._restart(rows, infos)
         self._done = np.zeros_like(self._done)
@@ -243,9 +243,13 @@ class HelicopterVectorEnv(VectorEnv[Seen, NDArray[np.float32], NDArray[Any]]):
             return [None] * self.num_envs
         if isinstance(seed, (int, np.integer)):
             return [int(seed) + row for row in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise InputError(f"seed needs {self.num_envs} numbers, one each, got {len(seed)}")
-        return list(seed)
+        given = seed if isinstance(seed, Iterable) else ()
+        seeds = [int(one) if isinstance(one, np.integer) else one for one in given]
+        if len(seeds) != self.num_envs:
+            raise InputError(
+                f"seed must be an integer, or {self.num_envs}, one each, got {seed!r:.60}"
+            )
+        return seeds
 
 
 def _mode(mode: str | AutoresetMode) -> AutoresetMode:

@@ -7,6 +7,7 @@ import numpy as np
 
 from helisim.errors import InputError
 from helisim.sim import Gust, Weather
+from helisim.sim.plain import is_number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +31,8 @@ class WeatherRange:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if not 0.0 <= value < math.inf:
-                raise InputError(f"weather: {name} must be 0 or more, got {value}")
+            if not (is_number(value) and 0.0 <= value < math.inf):
+                raise InputError(f"weather: {name} must be 0 or more, got {value!r}")
         Weather(turbulence=self.turbulence, height=self.height)  # which says if it can't be
 
     def draw(self, random: np.random.Generator) -> Weather:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
+from numbers import Real
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -127,6 +128,11 @@ def check_type(where: str, hint: Any, value: Any) -> None:
     """Raise InputError unless a plain value is of a type, such as `float | None`."""
     if not _fits(hint, value):
         raise InputError(f"{where} must be {_words(hint)}, got {value!r:.60}")
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value is a real number, of Python or NumPy; True and False are none."""
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def value_object(hint: Any) -> Any:

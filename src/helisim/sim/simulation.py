@@ -61,10 +61,10 @@ def flight_numbers(count: int) -> range:
     return range(count)
 
 
-def thread_count(jobs: int | None) -> int:
-    """Return how many threads `jobs` asks for: all processors if None. Raises InputError."""
+def thread_count(jobs: int | None, name: str = "jobs") -> int:
+    """Return how many threads are asked for: all processors if None. Raises InputError."""
     threads = (os.cpu_count() or 1) if jobs is None else jobs
-    _check_at_least("jobs", threads, 1)
+    _check_at_least(name, threads, 1)
     return threads
 
 
