@@ -318,7 +318,7 @@ def test_seeds_are_any_integers():
     one, other = vector(count=3), vector(count=3)
     left, right = one.reset(seed=np.arange(5, 8))[0], other.reset(seed=np.int64(5))[0]
     assert np.array_equal(left, right)
-    with pytest.raises(InputError, match="seed must be an integer, or 3, one each, got 1.5"):
+    with pytest.raises(InputError, match=r"seed must be an integer, or 3, one each, got 1\.5"):
         one.reset(seed=1.5)
 
 
