@@ -12,7 +12,7 @@ from helisim.ident import frequency_response
 from helisim.records.storage import read_record, write_record
 from helisim.sim import Weather
 from helisim.sim.hand import HandFlight, StickFeel
-from helisim.vehicle import load
+from helisim.vehicle import Controller, load
 
 VEHICLES = ("jr700", "blade360")
 
@@ -268,3 +268,33 @@ def test_a_copy_flies_on_by_itself(hovering):
         np.testing.assert_array_equal(hovering.data.qpos, before)
         assert again.motion.phi < 0.0 < hovering.motion.phi
         assert repr(again) == "HandFlight('jr700', 1.00 s, assist 'level')"
+
+
+class Late:
+    """A yaw law that fails after half a second of flight."""
+
+    def __call__(self, seen, state):
+        if seen.time > 0.5:
+            raise ValueError("too late")
+        return 0.3 * (2.7 * seen.PED - 0.3 * seen.r)
+
+
+def test_a_controller_of_ones_own_flies_by_hand_and_may_fail(jr700):
+    """Where it fails the flight ends and the record says how; a reset starts it anew."""
+    flight = HandFlight(jr700.with_controller(Controller(tail=Late())))
+    flight.start_recording()
+    flight.fly(0.4, ped=0.3)
+    turning = flight.motion.r
+    assert turning > 0.5
+    again = copy.deepcopy(flight)
+    flight.fly(2.0)
+    assert flight.crashed == "controller 'Late' raised ValueError: too late"
+    record = flight.stop_recording()
+    assert "too late at 0.50 s" in record.ended
+    assert 'raise ValueError("too late")' in record.provenance["ended"]["traceback"]
+    flight.reset()
+    flight.fly(0.4, ped=0.3)
+    assert not flight.crashed
+    assert flight.motion.r == turning
+    again.fly(0.05)
+    assert not again.crashed

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from helisim.cli.common import parameters
+from helisim.cli.common import controlled, parameters
 from helisim.cli.weather import add_weather, weather
 from helisim.errors import InputError
 
@@ -117,7 +117,7 @@ def fly_by_hand(options: argparse.Namespace) -> int:
     if options.calibrate is not None:
         return _calibrate(options.joystick, options.calibrate)
     written = fly_by_hand(
-        load(options.vehicle, parameters=parameters(options)),
+        controlled(load(options.vehicle, parameters=parameters(options)), options),
         joystick=options.joystick,
         mode=mode,
         assist=assist,

@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from helisim.cli import by_hand
-from helisim.cli.common import add_parameters, add_vehicle, parameters
+from helisim.cli.common import add_controller, add_parameters, add_vehicle, controlled, parameters
 from helisim.cli.manoeuvres import EPILOG, add_manoeuvre, is_asked, manoeuvre
 
 
@@ -23,6 +23,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--seed", type=int, default=1, metavar="S", help="of the pilot (default: 1)"
     )
+    add_controller(command)
     add_parameters(command)
     by_hand.add_by_hand(command)
     command.set_defaults(run=_run)
@@ -42,7 +43,7 @@ def _run(options: argparse.Namespace) -> int:
         return by_hand.fly_by_hand(options)
     flown_on_purpose = manoeuvre(options) if is_asked(options) else None
     check_display()
-    vehicle = load(options.vehicle, parameters=parameters(options))
+    vehicle = controlled(load(options.vehicle, parameters=parameters(options)), options)
     flown = view(vehicle, flown_on_purpose, duration=duration, seed=options.seed)
     print(f"Flown: {flown:.1f} s")
     return 0

@@ -1,5 +1,7 @@
 """A flight whose sticks are moved while it goes on, by a hand or by whoever plays one."""
 
+import weakref
+from contextlib import ExitStack
 from dataclasses import asdict
 from typing import Any
 
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 from helisim.errors import InputError
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
+from helisim.physics.own_laws import Failure
 from helisim.records.record import FlightRecord
 from helisim.sim.hand.assist import Assistance, AssistName, check_assist
 from helisim.sim.hand.crash import Crash
@@ -53,7 +56,7 @@ class HandFlight:
         flight.fly(5.0)                    # let go
         record = flight.stop_recording()
 
-    A copy flies on by itself, from the same state.
+    A copy flies on by itself, from the same state; an object that is a controller starts anew.
 
     Attributes:
         vehicle: that flies.
@@ -119,7 +122,24 @@ class HandFlight:
             if name.startswith(_NOT_THE_GYROS):
                 self._knows[self._where.state + getattr(STATE, name)] = False
         self.data = mujoco.MjData(self.model)
+        self._fly_by_laws()
         self.reset()
+
+    def _fly_by_laws(self) -> None:
+        """Let the vehicle's controller fly, with copies of its laws that are this flight's own."""
+        stack = ExitStack()
+        self._laws = stack.enter_context(self.vehicle.controller.flying(self.model))
+        weakref.finalize(self, stack.close).atexit = False
+        self._failure: Failure | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: one for name, one in self.__dict__.items() if name != "_laws"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        failure = self._failure
+        self._fly_by_laws()
+        self._failure = failure
 
     def __repr__(self) -> str:
         state = self.crashed or f"assist {self.assist!r}"
@@ -130,6 +150,8 @@ class HandFlight:
         place(self.model, self.data, self.vehicle.trim, height=self.height)
         rough = self.weather.start(self.vehicle, generator(self.seed, 0, "first air"))
         self._settled = self.data.act.copy()
+        if self._failure is not None:
+            self._fly_by_laws()
         first = self._where.state
         self.data.act[first + STATE.air_u : first + STATE.air_u + len(rough)] = rough
         self._par[PARAM.gyro_on] = 1.0
@@ -224,7 +246,7 @@ class HandFlight:
         if self._recording is not None and (self._recording or self._steps % self._ticks_each == 0):
             self._recording.add(self.data)
         self._steps += 1
-        self.crashed = self._crash.found(self.data)
+        self.crashed = self._failed() or self._crash.found(self.data)
 
     @property
     def recorded(self) -> float | None:
@@ -256,6 +278,7 @@ class HandFlight:
         return recording.record(
             self.vehicle,
             crashed=self.crashed,
+            failed=self._failure,
             rng=generator(self.seed, number, "sensors"),
             flown={
                 "with": self.flown_with,
@@ -270,6 +293,13 @@ class HandFlight:
     def _par(self) -> NDArray[np.float64]:
         """The vehicle's parameters in the model, (n_param,), to be written."""
         return self.model.actuator_user[self._where.rotor]
+
+    def _failed(self) -> str:
+        """Return how the vehicle's controller failed, "" if it didn't; it tells it once."""
+        self._failure = self._laws.failure()
+        return (
+            "" if self._failure is None else f"controller {self._laws.name!r} {self._failure.why}"
+        )
 
     def _note(self, what: str, value: Any) -> None:
         if self._recording is not None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
+from helisim.physics.own_laws import Failure
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import FlightEnvelope
@@ -50,6 +51,7 @@ class Recording:
         vehicle: Vehicle,
         *,
         crashed: str,
+        failed: Failure | None = None,
         rng: np.random.Generator,
         flown: Mapping[str, Any],
     ) -> FlightRecord:
@@ -58,6 +60,7 @@ class Recording:
         Args:
             vehicle: that flew.
             crashed: why the flight ended; "" if it goes on.
+            failed: how the controller failed that ended it; None if it didn't.
             rng: of the sensors' noise.
             flown: for the provenance: how it was flown.
 
@@ -77,7 +80,7 @@ class Recording:
             by_hand={**flown, "switched": switched, "from_s": start},
             recorder=recorder.to_dict(),
         )
-        ended = _ended(vehicle, trajectory, crashed)
+        ended = _ended(vehicle, trajectory, crashed, failed)
         if ended is not None:
             provenance["ended"] = ended
         return recorder.record(trajectory, rng, provenance)
@@ -91,11 +94,14 @@ class Recording:
         return read_trajectory(vehicle, rows[:count])
 
 
-def _ended(vehicle: Vehicle, trajectory: Trajectory, crashed: str) -> dict[str, Any] | None:
+def _ended(
+    vehicle: Vehicle, trajectory: Trajectory, crashed: str, failed: Failure | None
+) -> dict[str, Any] | None:
     """Return when and why a trajectory is no longer what the model is valid for, None if it is."""
     left = _ENVELOPE.end(vehicle, trajectory)
     if left is not None:
         return {"at": float(trajectory.time[left[0]]), "why": left[1]}
-    if crashed:
-        return {"at": float(trajectory.time[-1]), "why": crashed}
-    return None
+    if not crashed:
+        return None
+    end = {"at": float(trajectory.time[-1]), "why": crashed}
+    return end if failed is None else {**end, "traceback": failed.traceback}
