@@ -238,6 +238,18 @@ def test_every_model_has_room_for_a_part_of_the_gyro(law):
     assert np.abs(data.qvel).max() < 1.0  # the cyclic gyro flies, nobody trims the tail
 
 
+def test_more_room_changes_nothing_else():
+    """Time step, integrator, delays and wind of the vehicle stay: the same flight, to the bit."""
+    vehicle = hs.load(timestep=0.001, integrator="Euler").trimmed(wind=(-2.0, 1.0, 0.0))
+    python, _ = own_laws.attitude_controllers(vehicle)
+    wide = Controller(
+        own_laws.attitude, states=30, settings=python.settings, reset=own_laws.attitude_from_trim
+    )
+    assert vehicle.with_controller(wide).model.na > vehicle.model.na
+    one, other = (hs.fly(vehicle, FAST, jobs=1, controller=law)[0] for law in (python, wide))
+    assert same(one, other)
+
+
 def test_settings_and_weather_keep_the_controller(jr700):
     """A vehicle with other settings, or in another flight, flies by the same law."""
     vehicle = jr700.with_controller(own_laws.attitude_controllers(jr700)[1])

@@ -363,6 +363,15 @@ def test_flights_have_copies_of_an_object(jr700):
     assert law.calls == law.resets == 0
 
 
+def test_a_method_as_a_law_flies_a_copy_of_its_object(jr700):
+    """Law and reset of one object stay with one another."""
+    law = own_laws.Counter()
+    method = Controller(law.__call__, states=1, reset=law.reset)
+    expected = hs.fly(jr700, FAST, seed=2, jobs=1, controller=law)[0]
+    assert same(hs.fly(jr700, FAST, seed=2, jobs=1, controller=method)[0], expected)
+    assert law.calls == law.resets == 0
+
+
 def test_an_object_that_can_not_be_copied_is_refused(jr700):
     """Each flight has a copy of its own."""
 

@@ -100,30 +100,42 @@ class OwnLaw:
     def lasting(self) -> "Registered":
         """Return the law likewise, until the process ends; of a function always the same."""
         one = self.function
-        shared = inspect.isroutine(one) or is_compiled(one) or is_native(one)
-        of = (id(one), id(self.reset)) if shared else (id(object()), len(_lasting))
+        shared = inspect.isfunction(one) or is_compiled(one) or is_native(one)
+        of = (id(one), id(self.reset)) if shared else object()
         key = (of, self.place, self.states, self.settings.tobytes())
         if key not in _lasting:
             _lasting.setdefault(key, self.watched())
         return _lasting[key]
 
-    def stepped(self, function: Any, seen: Seen, state: NDArray[np.float64]) -> tuple[float, ...]:
-        """Return what the law commands, called from Python; the state, (n_state,), moves on.
 
-        Args:
-            function: of the law, or a copy.
-            seen: what it sees.
-            state: (n_state,).
-        """
+class Called:
+    """A law called from Python, a copy of it if it is an object.
+
+    Raises:
+        InputError: it can't be copied.
+    """
+
+    def __init__(self, law: OwnLaw) -> None:
+        self.law = law
+        self._function, self._reset = copied(law)
+
+    def start(self, seen: Seen, state: NDArray[np.float64]) -> None:
+        """Let the law give itself a state to start with, (n_state,), as far as it has a reset."""
+        if self._reset is not None:
+            self._reset(*(seen, state, self.law.settings)[: arity(self._reset)])
+
+    def __call__(self, seen: Seen, state: NDArray[np.float64]) -> tuple[float, ...]:
+        """Return what the law commands; the state, (n_state,), moves on."""
+        law, function = self.law, self._function
         if is_native(function):
             numbers = np.array([*seen, 0.0])
             commands = np.full(COMMANDS, np.nan)
-            settings = self.settings if self.settings.size else np.zeros(1)
+            settings = law.settings if law.settings.size else np.zeros(1)
             function.ctypes(*map(_pointer_to, (numbers, state, settings, commands)))
-            first = 3 if self.place == "tail" else 0
-            return tuple(commands[first : first + len(PLACES[self.place])].tolist())
-        given = (seen, state, self.settings)[: arity(function)]
-        return checked(function(*given), self.place)
+            first = 3 if law.place == "tail" else 0
+            return tuple(commands[first : first + len(PLACES[law.place])].tolist())
+        given = (seen, state, law.settings)[: arity(function)]
+        return checked(function(*given), law.place)
 
 
 def watched_failures() -> list[str]:
@@ -295,15 +307,13 @@ def copied(law: OwnLaw) -> tuple[Any, Any]:
         InputError: the object can't be copied.
     """
     function, reset = law.function, law.reset
-    if is_native(function) or is_compiled(function) or inspect.isroutine(function):
+    if is_native(function) or is_compiled(function):
         return function, reset
+    known: dict[int, Any] = {}  # so that a reset of the object is one of its copy
     try:
-        one = copy.deepcopy(function)
+        return copy.deepcopy(function, known), copy.deepcopy(reset, known)
     except Exception as error:  # whatever the user's object raises
         raise InputError(
             f"controller {law.name!r} can't be copied, and each flight has a copy of its own: "
             f"{type(error).__name__}: {error}"
         ) from None
-    if reset is not None and getattr(reset, "__self__", None) is function:
-        reset = getattr(one, reset.__name__)
-    return one, reset

@@ -31,7 +31,7 @@ from helisim.vehicle.folder import (
     scene_file,
 )
 from helisim.vehicle.force_laws import force_law_block
-from helisim.vehicle.motion import root_body
+from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.parameters import Parameters
 from helisim.vehicle.roles import ROLES, Roles
 
@@ -95,6 +95,23 @@ def assemble(
         model = spec.compile()
         check_interface(model)
     return model
+
+
+def with_room(
+    model: mujoco.MjModel, folder: Path, parameters: Parameters, states: int
+) -> mujoco.MjModel:
+    """Return a vehicle's model once more, with room for so many states of control laws."""
+    larger = assemble(
+        folder,
+        parameters,
+        timestep=float(model.opt.timestep),
+        integrator="RK4" if model.opt.integrator == _INTEGRATORS["RK4"] else "Euler",
+        states=states,
+    )
+    there, here = addresses(larger).rotor, addresses(model).rotor
+    larger.actuator_user[there] = model.actuator_user[here]
+    larger.opt.wind[:] = model.opt.wind
+    return larger
 
 
 def specified(

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.errors import InputError, ModelError
 from helisim.physics import laws
 from helisim.physics.compiled_laws import Place, arity, is_compiled, is_native
-from helisim.physics.gyro import CYCLIC, YAW, Seen, cyclic_law, yaw_law
 from helisim.physics.layout import (
     FIRST_LAW_STATE,
     NO_LAW,
@@ -26,7 +25,7 @@ from helisim.physics.layout import (
     TAIL_STATES,
     rotor_states,
 )
-from helisim.physics.own_laws import Failure, OwnLaw, Registered, copied
+from helisim.physics.own_laws import Failure, OwnLaw, Registered
 from helisim.records.value import Value
 from helisim.vehicle.law_checks import (
     check_law,
@@ -257,35 +256,6 @@ class Controller(Value):
             par[index] = handles.get("all", handles.get(place, usual))
         par[PARAM.law_token] = laws.token() if registered else 0.0
         par[PARAM.swash_states], par[PARAM.tail_states] = self.state_counts
-
-    def stepper(self, par: NDArray[np.float64], at_rest: Sequence[float]) -> Callable[..., Any]:
-        """Return its laws as one function of `Seen` and all states, with copies of its own.
-
-        Args:
-            par: settings of the shipped laws, (n_param,) by `PARAM`.
-            at_rest: commands of servos that no law moves, (4,).
-        """
-        own = {law.place: (law, copied(law)[0]) for law in self.laws}
-        swash, _ = self.state_counts
-
-        def stepped(seen: Seen, state: NDArray[np.float64]) -> tuple[float, ...]:
-            if "all" in own:
-                law, function = own["all"]
-                return law.stepped(function, seen, state)
-            first, second = tuple(at_rest[:3]), tuple(at_rest[3:])
-            if "swash" in own:
-                law, function = own["swash"]
-                first = law.stepped(function, seen, state[:swash])
-            elif self.swash == SHIPPED:
-                first = cyclic_law(seen, state[: len(CYCLIC)], par)
-            if "tail" in own:
-                law, function = own["tail"]
-                second = law.stepped(function, seen, state[swash:])
-            elif self.tail == SHIPPED:
-                second = (yaw_law(seen, state[swash : swash + len(YAW)], par),)
-            return (*first, *second)
-
-        return stepped
 
 
 def _keeps_state(function: Any) -> bool:

@@ -12,18 +12,16 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from helisim.errors import InputError, ModelError
 from helisim.physics.frames import flip
-from helisim.physics.gyro import Seen
-from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR, SENSOR
+from helisim.physics.layout import PARAM, SENSOR
 from helisim.physics.native import installed
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
 from helisim.records.display import Displayed
 from helisim.records.value import Value
-from helisim.vehicle.assembly import Integrator, assemble
+from helisim.vehicle.assembly import Integrator, assemble, with_room
 from helisim.vehicle.controller import (
     DIRECT,
     GYRO,
@@ -35,7 +33,7 @@ from helisim.vehicle.controller import (
 from helisim.vehicle.folder import PARAMETER_FILES, is_shipped, model_folder, read_roles
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.glossary import glossary
-from helisim.vehicle.law import Law, linearize_law, settled
+from helisim.vehicle.law import linearize_law
 from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
 from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.parameters import (
@@ -48,7 +46,7 @@ from helisim.vehicle.parameters import (
 from helisim.vehicle.roles import Roles
 from helisim.vehicle.sampled import SampledGyro, close
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place, steady_force
+from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
 
 if TYPE_CHECKING:
     import control
@@ -216,38 +214,10 @@ class Vehicle(Value, Displayed):
         """
         if self.controller == DIRECT:
             raise InputError("no controller moves the servos: linearize('IN1') is all there is")
-        law, seen, state = self._settled_law()
-        period = self.parameters["gyro.period"]
-        system = linearize_law(
-            law,
-            seen,
-            state,
-            self.controller.state_names,
-            swashplate=self.swashplate,
-            period=period,
-        )
-        return SampledGyro(
-            system,
-            period,
-            self.parameters["gyro.latency"],
-            float(self.model.opt.timestep),
-            self.imu_offset,
-        )
-
-    def _settled_law(self) -> tuple[Law, Seen, NDArray[np.float64]]:
-        """Return the law, what it sees in the trim, and its state there, (n_state,)."""
-        data, where = self.hovering(), addresses(self.model)
-        ctrl = data.ctrl[where.control : where.control + ROTOR]
-        servos, sticks = ctrl[CONTROL.servo_front :], ctrl[: CONTROL.servo_front]
-        first = where.state + FIRST_LAW_STATE
-        state = data.act[first : first + sum(self.controller.state_counts)].copy()
-        law = self.controller.stepper(self.model.actuator_user[where.rotor], servos)
-        felt = steady_force(self.model, self.trim)
-        angles = (self.trim.phi, self.trim.theta, 0.0)
-        seen = Seen(0.0, 0.0, 0.0, 0.0, *angles, *felt.tolist(), *servos, *sticks)
-        if self.controller.is_shipped:
-            return law, seen, state
-        return law, *settled(law, seen, state, servos, str(self.controller.name))
+        system = linearize_law(self.controller, self.model, self.trim)
+        period, latency = self.parameters["gyro.period"], self.parameters["gyro.latency"]
+        late = float(self.model.opt.timestep)
+        return SampledGyro(system, period, latency, timestep=late, imu=self.imu_offset)
 
     def loop(self, axis: str) -> "control.StateSpace":
         """Return what comes back at a servo command when the gyro's loop is cut there.
@@ -306,23 +276,11 @@ class Vehicle(Value, Displayed):
         chosen = as_controller(controller)
         model = copy.copy(self.model)
         if sum(chosen.state_counts) > law_room(model):
-            model = self._with_room(sum(chosen.state_counts))
+            model = with_room(model, self.folder, self.parameters, sum(chosen.state_counts))
         chosen.put_into(model)
         changed = Vehicle(self.folder, self.parameters, model, self.trim, chosen)
         changed.__dict__.update(_base=self._base, _unsampled=self._unsampled)
         return changed
-
-    def _with_room(self, states: int) -> mujoco.MjModel:
-        """Return its model with room for more states of control laws."""
-        model = assemble(self.folder, self.parameters, states=states)
-        where = addresses(model).rotor
-        model.actuator_user[where] = self.model.actuator_user[addresses(self.model).rotor]
-        model.opt.timestep, model.opt.integrator = (
-            self.model.opt.timestep,
-            self.model.opt.integrator,
-        )
-        model.opt.wind[:] = self.model.opt.wind
-        return model
 
     @cached_property
     def _base(self) -> Linearization:
