@@ -32,6 +32,7 @@ FLY = ["fly", "--axis", "ped", "--duration", "12", "--quiet", "--out", "ped.parq
 def folder(tmp_path, monkeypatch):
     """A current folder with laws in a module; no other test imports one of this name."""
     (tmp_path / "laws_of_the_folder.py").write_text(LAWS)
+    (tmp_path / "json.py").write_text(LAWS)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delitem(sys.modules, "laws_of_the_folder", raising=False)
     return tmp_path
@@ -44,6 +45,17 @@ def test_a_law_of_the_current_folder_flies(folder):
     assert record.provenance["controller"]["tail"]["law"] == "laws_of_the_folder:yaw"
     assert main(FLY) == 0
     assert not np.array_equal(hs.read_record(folder / "ped.parquet").values, record.values)
+
+
+@pytest.mark.parametrize("word", ["laws/of_a_file.py:tail", "./laws/of_a_file:tail"])
+def test_a_law_of_a_file_flies(folder, monkeypatch, word):
+    """By the path of the file, with its ending or without."""
+    monkeypatch.delitem(sys.modules, "of_a_file", raising=False)
+    (folder / "laws").mkdir()
+    (folder / "laws" / "of_a_file.py").write_text(LAWS)
+    assert main([*FLY, "--controller", word]) == 0
+    law = hs.read_record(folder / "ped.parquet").provenance["controller"]["tail"]["law"]
+    assert law == "of_a_file:yaw"
 
 
 def test_none_is_no_controller(folder):
@@ -66,6 +78,8 @@ def test_a_law_that_raises_is_told_with_its_traceback(folder, capsys):
     [
         ("laws_of_the_folder", "--controller takes MODULE:NAME"),
         ("laws_of_the_folder:", "--controller takes MODULE:NAME"),
+        ("nowhere/laws.py:law", "can't import it: nowhere/laws.py: no such file"),
+        ("./json.py:law", "another module is called 'json'; rename the file"),
         ("nowhere_to_be_found:law", "No module named 'nowhere_to_be_found'"),
         ("laws_of_the_folder:roll", "has no attribute 'roll'"),
         ("laws_of_the_folder:number", "must be a function of (seen, state, settings)"),

@@ -15,9 +15,9 @@ from numba import types
 
 import helisim as hs
 import own_laws
-from helisim.errors import CallbackError, InputError, ModelError
+from helisim.errors import CallbackError, InputError, ModelError, UnknownNameError
 from helisim.physics import laws
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import NO_LAW, PARAM, STATE
 from helisim.sim.simulation import simulate
 from helisim.vehicle import Controller
 from helisim.vehicle.folder import model_folder
@@ -132,6 +132,27 @@ def test_helicopters_in_one_scene_have_controllers_of_their_own(jr700):
     for k, other in enumerate(ends):
         assert np.array_equal(data.qpos[7 * k : 7 * k + 7], other.qpos)
     assert len({end.qpos.tobytes() for end in ends}) == 2  # python and njit are the same
+
+
+def test_a_vehicle_is_found_by_its_numbers():
+    """Beside somebody's actuator that is called as a rotor is; of several the prefix is asked."""
+    path = hs.model_folder("jr700") / "jr700.xml"
+    world = mujoco.MjSpec.from_file(str(path))
+    for actuator in world.actuators:
+        actuator.name = f"my_{actuator.name}".replace("rotor", "headspeed")
+    world.add_actuator(name="rotor", target="root", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    model = world.compile()
+    hs.set_controller(model, None)
+    assert model.actuator("my_headspeed").user[PARAM.tail_law] == NO_LAW
+    for prefix in ("a/", "b/"):
+        spec = mujoco.MjSpec.from_file(str(path))
+        world.attach(spec, prefix=prefix, frame=world.worldbody.add_frame())
+    model = world.compile()
+    hs.set_controller(model, None, prefix="b/")
+    with pytest.raises(UnknownNameError, match=r"available: my_headspeed, a/rotor, b/rotor.*prefix"):
+        hs.set_controller(model, None)
+    with pytest.raises(UnknownNameError, match="'c/rotor'; available: my_headspeed"):
+        hs.set_controller(model, None, prefix="c/")
 
 
 def test_threads_of_rollout_take_turns_in_a_python_law(jr700):

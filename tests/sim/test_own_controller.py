@@ -295,7 +295,8 @@ def test_a_law_that_fails_ends_the_flight(jr700, how):
             numba.njit(lambda seen, state: (state[8], 0.0, 0.0, 0.0)),
             "raised IndexError.*has 8 states",
         ),
-        (lambda seen: (0.0, 0.0, 0.0), "returned .* where numbers for front, left, right, tail"),
+        (lambda seen: (0.0, 0.0, 0.0), r"for front, left, right, tail .*Controller\(swash=law\)"),
+        (lambda seen: 0.0, r"for front, left, right, tail are wanted; .* Controller\(tail=law\)"),
     ],
 )
 def test_a_law_that_returns_something_else_ends_before_the_flight(jr700, law, says):

@@ -92,7 +92,8 @@ def test_what_is_there_is_not_overwritten(made, capsys):
     [
         ("jr700", InputError, "is a shipped vehicle"),
         ("", InputError, "letters, digits"),
-        ("../x", InputError, "letters, digits"),
+        ("../x", InputError, r"begins with a letter, got '../x'; the folder around it is `to`"),
+        ("3x", InputError, "begins with a letter, got '3x'$"),
         (".", InputError, "letters, digits"),
         ("two words", InputError, "letters, digits"),
     ],

@@ -6,9 +6,10 @@ import shutil
 import pytest
 
 from helisim.cli import main
-from helisim.errors import UnknownNameError
+from helisim.errors import ModelError, UnknownNameError
 from helisim.study.check import Problem, check_vehicle
 from helisim.study.new_vehicle import new_vehicle
+from helisim.vehicle import load
 from helisim.vehicle.folder import vehicle_names
 from own_vehicle import renamed
 
@@ -21,8 +22,9 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture
-def own(made, tmp_path):
-    """A vehicle to be broken."""
+def own(made, tmp_path, monkeypatch):
+    """A vehicle to be broken, in the present folder."""
+    monkeypatch.chdir(tmp_path)
     return shutil.copytree(made, tmp_path / "own")
 
 
@@ -237,6 +239,25 @@ def test_what_is_wrong_with_the_mjcf(own, how):
     old, new, message, *at = ELEMENTS[how]
     _change(own / MJCF, old, new)
     _is_said(own, message, *(at or [new]))
+
+
+def test_the_remedy_is_a_command_to_be_typed_where_one_is(own, monkeypatch):
+    """From below the folder, from beside it with a space in its path, and of a shipped vehicle."""
+    (own / CALIBRATED).unlink()
+    monkeypatch.chdir(own / "assets")
+    _is_said(own, f"`helisim calibrate {own} --write` makes it", "")
+    spaced = own.rename(own.with_name("my own"))
+    monkeypatch.chdir(own.parent)
+    _is_said(spaced, "`helisim calibrate 'my own' --write` makes it", "")
+
+
+@pytest.mark.parametrize("value", ['"0.767"', "true"])
+def test_a_number_is_no_text_and_not_true(own, value):
+    """Python would take both for a number; neither loads."""
+    _change(own / PARAMETERS, "radius = { value = 0.767", f"radius = {{ value = {value}")
+    _is_said(own, "main_rotor.radius needs a value (a number)", "radius")
+    with pytest.raises(ModelError, match=r"main_rotor.radius needs value \(a number\)"):
+        load(own)
 
 
 def _change(path, old, new):

@@ -109,6 +109,13 @@ def test_neither_name_nor_folder(name, monkeypatch, tmp_path):
     assert str(pickle.loads(pickle.dumps(caught.value))) == message
 
 
+def test_a_file_of_the_folder_is_not_the_folder(myheli):
+    """Its MJCF, its parameters: the folder is asked for."""
+    file = myheli / "parameters.toml"
+    with pytest.raises(UnknownNameError, match="is a file; give the folder that"):
+        hs.load(file)
+
+
 def test_a_vehicle_of_ones_own_passes_between_processes(myheli):
     """Pickled, it flies the same in another process, and is linearised from its folder."""
     own = hs.load(myheli)

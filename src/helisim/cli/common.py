@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from helisim.errors import InputError, UnknownNameError, similar
@@ -121,22 +122,40 @@ def parameters(options: argparse.Namespace) -> dict[str, float]:
 
 
 def imported(option: str, word: str) -> Any:
-    """Return what MODULE:NAME says, the module looked up in the current folder too.
+    """Return what MODULE:NAME says, the module looked up in the current folder too, or a file.
 
     Raises:
         InputError: it isn't of this form, or can't be imported.
     """
-    module, colon, name = word.partition(":")
+    module, colon, name = word.rpartition(":")
     if not (module and colon and name):
         raise InputError(f"{option} takes MODULE:NAME, as of module.py in this folder; got {word}")
     sys.path.insert(0, "")
     try:
-        return getattr(import_module(module), name)
+        return getattr(_module(module), name)
     except Exception as error:  # whatever the module raises
         reason = single_line(str(error)) or type(error).__name__
         raise InputError(f"{option} {word}: can't import it: {reason}") from None
     finally:
         sys.path.remove("")
+
+
+def _module(word: str) -> ModuleType:
+    """Return a module by its name, or by the path of its file."""
+    path = Path(word)
+    if path.suffix != ".py" and path.name == word:
+        return import_module(word)
+    path = path.with_suffix(".py").resolve()
+    if not path.is_file():
+        raise ImportError(f"{word}: no such file")
+    sys.path.insert(0, str(path.parent))
+    try:
+        module = import_module(path.stem)
+    finally:
+        sys.path.remove(str(path.parent))
+    if Path(module.__file__ or "").resolve() != path:
+        raise ImportError(f"another module is called {path.stem!r}; rename the file")
+    return module
 
 
 def add_controller(command: argparse.ArgumentParser) -> None:

@@ -164,7 +164,10 @@ def checked(commands: Any, place: Place) -> tuple[float, ...]:
         numbers = ()
     wanted = PLACES[place]
     if len(numbers) != len(wanted):
-        raise Unfit(f"returned {commands!r:.80} where numbers for {', '.join(wanted)} are wanted")
+        alone = {1: "tail", 3: "swash"}.get(1 if np.isscalar(commands) else len(numbers))
+        hint = f"; as a part of the gyro it is Controller({alone}=law)" if alone else ""
+        wrong = f"returned {commands!r:.80} where numbers for {', '.join(wanted)} are wanted"
+        raise Unfit(wrong + (hint if place == "all" else ""))
     return numbers
 
 

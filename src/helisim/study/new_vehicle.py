@@ -52,7 +52,11 @@ def new_vehicle(
         StorageError: there is something of that name, or it can't be written; nothing is left.
     """
     if not _NAME.fullmatch(name):
-        raise InputError(f"a vehicle's name has letters, digits, _ and -, got {name!r}")
+        around = "; the folder around it is `to` (--to)" if os.path.basename(name) != name else ""
+        raise InputError(
+            "a vehicle's name has letters, digits, _ and -, and begins with a letter, got "
+            f"{name!r}{around}"
+        )
     if name in vehicle_names():
         raise InputError(f"{name!r} is a shipped vehicle: take another name")
     source = model_folder(like)

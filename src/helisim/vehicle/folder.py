@@ -50,6 +50,8 @@ def model_folder(vehicle: str | os.PathLike[str], *, beside: Path | None = None)
             return path.resolve()
         if vehicle and path.is_dir():
             lacking = f"the folder {path} has no {PARAMETER_FILES[0]}; "
+        elif vehicle and path.is_file():
+            lacking = f"{path} is a file; give the folder that it is in; "
     except (OSError, ValueError):
         pass  # a name that no file can have
     raise UnknownNameError("vehicle", str(vehicle), vehicle_names(), advice=lacking + _NEEDED)

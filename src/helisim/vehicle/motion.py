@@ -70,18 +70,22 @@ def rotor_actuator(model: mujoco.MjModel, prefix: str = "") -> int:
     Raises:
         UnknownNameError: there is no such vehicle, or several could be meant.
     """
-    rotors = {}
+    numbered, named = {}, {}
     for actuator in range(model.nactuator):
         name = model.actuator(actuator).name
         user = model.actuator_user[actuator]
-        numbered = len(user) > PARAM.ordinal and user[PARAM.magic] == MAGIC
-        if name.endswith("rotor") or (numbered and user[PARAM.ordinal] == ROTOR):
-            rotors[name] = actuator
+        if len(user) > PARAM.ordinal and user[PARAM.magic] == MAGIC:
+            if user[PARAM.ordinal] == ROTOR:
+                numbered[name] = actuator
+        elif name.endswith("rotor"):
+            named[name] = actuator
+    rotors = numbered or named
     if f"{prefix}rotor" in rotors:
         return rotors[f"{prefix}rotor"]
     meant = [name for name in rotors if name.startswith(prefix)]
     if len(meant) != 1:
-        raise UnknownNameError("vehicle's rotor", f"{prefix}rotor", rotors)
+        advice = "there are several: give the prefix of one" if meant else ""
+        raise UnknownNameError("vehicle's rotor", f"{prefix}rotor", rotors, advice=advice)
     return rotors[meant[0]]
 
 

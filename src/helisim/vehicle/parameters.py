@@ -160,7 +160,7 @@ def _read(path: Path) -> dict[str, PhysicalParameter]:
             name = f"{section}.{key}"
             try:
                 entries[name] = PhysicalParameter(
-                    name, float(item["value"]), str(item["unit"]), str(item["source"])
+                    name, plain_number(item["value"]), str(item["unit"]), str(item["source"])
                 )
             except (TypeError, KeyError, ValueError):
                 raise ModelError(
@@ -172,6 +172,13 @@ def _read(path: Path) -> dict[str, PhysicalParameter]:
             if fault:
                 raise ModelError(f"{path}: {fault}")
     return entries
+
+
+def plain_number(value: object) -> float:
+    """Return a number of a parameter file. Raises TypeError for text and true or false."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
 
 
 def name_fault(name: str) -> str:

@@ -50,6 +50,10 @@ class Trim:
     speed: float = 0.0
     height: float = HEIGHT
 
+    def __str__(self) -> str:
+        """Return what is solved for, to three digits."""
+        return ", ".join(f"{name} {getattr(self, name):.3g}" for name in _UNKNOWNS)
+
     @property
     def motion(self) -> Motion:
         """The vehicle's motion, its position above the origin."""

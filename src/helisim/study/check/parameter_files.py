@@ -9,11 +9,11 @@ from typing import Any
 
 from helisim.errors import ModelError, StorageError, similar
 from helisim.records.files import read_text
-from helisim.study.check.problem import Problem, sentence
+from helisim.study.check.problem import Problem, command, sentence
 from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS
 from helisim.vehicle.folder import PARAMETER_FILES
 from helisim.vehicle.glossary import Term, glossary, sections, term
-from helisim.vehicle.parameters import PhysicalParameter, name_fault, unit_fault_of
+from helisim.vehicle.parameters import PhysicalParameter, name_fault, plain_number, unit_fault_of
 from helisim.vehicle.rate_command import STARTS
 from helisim.vehicle.roles import Roles
 
@@ -65,8 +65,8 @@ class ParameterFiles:
 
     def _read_file(self, path: Path) -> None:
         if not path.is_file() and path.name in _MADE_BY:
-            command = f"helisim {_MADE_BY[path.name]} {self._folder.name} --write"
-            self.problems.append(Problem(f"There is no such file. `{command}` makes it.", path))
+            makes = command(_MADE_BY[path.name], self._folder, "--write")
+            self.problems.append(Problem(f"There is no such file. {makes} makes it.", path))
             return
         try:
             text = read_text(path)
@@ -127,7 +127,7 @@ class ParameterFiles:
         known = term(name)
         unit = known.unit if known else "1"
         try:
-            value, written = float(item["value"]), str(item["unit"])
+            value, written = plain_number(item["value"]), str(item["unit"])
             entry = PhysicalParameter(name, value, written, str(item["source"]))
         except (TypeError, KeyError, ValueError):
             example = f'{{ value = 1.0, unit = "{unit}", source = "measured" }}'

@@ -1,6 +1,7 @@
 """One problem of a vehicle's folder."""
 
 import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,6 +50,11 @@ def sentence(text: str) -> str:
     first = re.match(r"[a-z]+(?=[ ,])", text)
     begun = text[:1].upper() + text[1:] if first else text
     return begun if begun.endswith((".", "?", "!")) else f"{begun}."
+
+
+def command(words: str, folder: Path, *options: str) -> str:
+    """Return a command with a vehicle's folder, to be typed where one is."""
+    return " ".join(["`helisim", words, shlex.quote(str(_shown(folder))), *options]) + "`"
 
 
 def _shown(path: Path) -> Path:

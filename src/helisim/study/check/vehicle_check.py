@@ -13,7 +13,7 @@ from helisim.paper import published
 from helisim.study.check.elements import element_problems
 from helisim.study.check.figures import Figures, implausible
 from helisim.study.check.parameter_files import ParameterFiles
-from helisim.study.check.problem import Problem, sentence
+from helisim.study.check.problem import Problem, command, sentence
 from helisim.study.check.rigid_body import body_problems
 from helisim.study.tune import LOOPS, Margins, margins
 from helisim.vehicle import Vehicle, load
@@ -108,7 +108,7 @@ def _flown(folder: Path, mjcf: Path, problems: list[Problem]) -> Vehicle | None:
     except TrimError as error:
         text = (
             f"it does not hover: {error}; look at the mass in the MJCF, the rotors' radius and "
-            f"speed, and solve for the rest with `helisim calibrate {folder.name} --write`"
+            f"speed, and solve for the rest with {command('calibrate', folder, '--write')}"
         )
         problems.append(Problem(sentence(text), mjcf))
     except HelisimError as error:
@@ -116,9 +116,14 @@ def _flown(folder: Path, mjcf: Path, problems: list[Problem]) -> Vehicle | None:
     return None
 
 
+def _folder(vehicle: Vehicle) -> Path:
+    """Return a vehicle's folder as a command takes it: of a shipped one its name."""
+    return Path(vehicle.name) if is_shipped(vehicle.folder) else vehicle.folder
+
+
 def _stale(vehicle: Vehicle, files: ParameterFiles) -> Iterator[Problem]:
     """Yield what calibration is to have made true and isn't."""
-    remedy = f"`helisim calibrate {vehicle.name} --write` solves for it anew"
+    remedy = f"{command('calibrate', _folder(vehicle), '--write')} solves for it anew"
     for control in ("col", "ped"):
         value = getattr(vehicle.trim, control)
         if abs(value) > _OFF_CENTRE:
@@ -143,7 +148,7 @@ def _stale(vehicle: Vehicle, files: ParameterFiles) -> Iterator[Problem]:
 
 def _unwritten(vehicle: Vehicle, mjcf: Path) -> Iterator[Problem]:
     """Yield what the MJCF has of other parameters, by which stock MuJoCo would fly it."""
-    remedy = f"`helisim vehicle build {vehicle.name}` writes them"
+    remedy = f"{command('vehicle build', _folder(vehicle))} writes them"
     try:
         for change in unwritten(vehicle.folder):
             element, names = change.element, ", ".join(change.numbers)
@@ -159,7 +164,7 @@ def _unwritten(vehicle: Vehicle, mjcf: Path) -> Iterator[Problem]:
 
 def _restless(vehicle: Vehicle, loops: Mapping[str, Margins], folder: Path) -> Iterator[Problem]:
     """Yield a gyro that doesn't hold its vehicle, or only just."""
-    remedy = f"`helisim tune {vehicle.name} --write` solves the gains for [tuning]"
+    remedy = f"{command('tune', _folder(vehicle), '--write')} solves the gains for [tuning]"
     system = vehicle.linearize("IN2").system
     poles = np.abs(np.linalg.eigvals(np.asarray(system.A)))
     growth = float(np.log(poles.max()) / system.dt)
