@@ -25,6 +25,12 @@ LONGEST = 400
 """Characters of a `repr`: five lines of a terminal."""
 
 
+def lagging_yaw(seen, state):
+    """Return the tail servo's command of a law with a state."""
+    state[0] += 0.1 * (seen.PED - state[0])
+    return state[0] - 0.1 * seen.r
+
+
 @pytest.fixture(scope="module")
 def values(jr700, tmp_path_factory):
     """An instance of each public class, and of what public functions return, by its name."""
@@ -69,6 +75,8 @@ def values(jr700, tmp_path_factory):
         "Pilot": plan.pilot,
         "Recorder": plan.recorder,
         "default Recorder": hs.Recorder(),
+        "Controller": hs.Controller(tail=lagging_yaw, states=1),
+        "Seen": hs.Seen(*(0.1 * number for number in range(len(hs.Seen._fields)))),
         "Weather": plan.weather,
         "Gust": plan.weather.gust,
         "FlightEnvelope": plan.envelope,
@@ -105,7 +113,7 @@ NAMES = [
     *("Vehicle", "Linearization", "sampled Linearization", "Parameters", "Trim", "GyroSettings"),
     *("FlightPlan", "Sweep", "Doublet", "ThreeTwoOneOne", "Step", "Pulse", "Chirp", "Multisine"),
     *("History", "Manoeuvre", "Sequence", "Together", "plan of a History"),
-    *("Pilot", "Recorder", "default Recorder"),
+    *("Pilot", "Recorder", "default Recorder", "Controller", "Seen"),
     *("Weather", "Gust", "FlightEnvelope", "StickFeel"),
     *("ServoStuck", "SensorDropout", "ServoWeak"),
     *("GyroRestart", "GyroDropout", "SensorSpikes", "SampleLoss", "RecordGap", "ClockDrift"),

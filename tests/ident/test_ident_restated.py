@@ -282,7 +282,7 @@ def test_verification_figures_are_their_formulas():
     theil = rms(measured - predicted) / (rms(measured) + rms(predicted))
     assert found.j_rms == pytest.approx(rms(measured - predicted), rel=1e-12)
     assert found.tic == pytest.approx(theil, rel=1e-12)
-    assert found.tic_by_output == pytest.approx({"r": theil}, rel=1e-12)
+    assert dict(found.tic_by_output) == pytest.approx({"r": theil}, rel=1e-12)
     plain = found.to_dict()
     assert [one["duration_s"] for one in plain["records"]] == pytest.approx([7.98, 7.98])
     assert plain["outputs"][0]["unit"] == "rad/s"
