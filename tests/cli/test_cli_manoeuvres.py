@@ -62,6 +62,14 @@ def test_several_are_together_or_in_sequence(planned):
     assert planned(*asked, "--sequence", "1.5") == Sequence(parts=parts, pause=1.5)
 
 
+def test_a_sequence_is_in_the_order_of_the_command_line(planned, tmp_path):
+    """Files and kinds among one another."""
+    (tmp_path / "steps.csv").write_text("time,LAT\n0,0\n2,0.03\n")
+    asked = ["--excitation", "pulse,axis=lon", "--history", "steps.csv"]
+    made = planned(*asked, "--excitation", "pulse,axis=ped", "--sequence")
+    assert [part.axis for part in made.parts] == ["lon", "lat", "ped"]
+
+
 def test_a_plan_of_a_composite_can_be_flown(planned, tmp_path):
     """A plan file nests what the command line can't; --seed and --out are beside it."""
     text = """
@@ -145,6 +153,10 @@ def test_kinds_are_listed_with_settings_and_defaults(capsys):
             "sqrt must stay between -0.5 and 0.5, the travel of a stick; LAT is",
         ),
         (["--excitation", "math:sqrt"], "gave 0.0, expected 4 numbers"),
+        (["--excitation", "broken_later:f", "--axis", "lat"], "f(1) raised ZeroDivisionError"),
+        (["--at", "sensors"], "--at is of a manoeuvre: say which, by --axis or --excitation"),
+        (["--sequence", "1"], "--sequence is of a manoeuvre"),
+        (["--axis", "lat", "--duration", "1e9"], "too much for this machine: Unable to allocate"),
         ([], "--axis col|lon|lat|ped, --excitation KIND, or --plan FILE"),
     ],
 )
@@ -153,6 +165,7 @@ def test_what_can_not_be_flown_is_one_line(tmp_path, monkeypatch, capsys, argume
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.csv").write_text("time,LAT\n0,0\n1,nan\n")
     (tmp_path / "broken.py").write_text("1 / 0\n")
+    (tmp_path / "broken_later.py").write_text("def f(t):\n    return 1 / (t - 1)\n")
     assert main(["fly", *arguments, "--out", "a.parquet"]) == 2
     error = capsys.readouterr().err
     assert says in error

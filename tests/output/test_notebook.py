@@ -266,6 +266,18 @@ def test_names_of_others_are_text():
     assert "&lt;b&gt;&amp;" in page
 
 
+def test_a_dollar_begins_no_formula(tmp_path):
+    """In channels' names, which a title, a panel or a legend shows."""
+    time = np.linspace(0.0, 1.0, 11)
+    names = ("$x_1^{2$", "$y$")
+    channels = tuple(Channel(name, "1", "IN1") for name in names)
+    record = FlightRecord(time, np.column_stack([time, -time]), channels)
+    for number, figure in enumerate((record.plot(), record.plot(names))):
+        figure.savefig(tmp_path / f"{number}.svg")
+        drawn = (tmp_path / f"{number}.svg").read_text(encoding="utf-8")
+        assert "$x_1^{2$" in drawn
+
+
 def test_showing_a_log_needs_no_simulator():
     """Neither MuJoCo nor the compiler is imported to draw a record."""
     code = (

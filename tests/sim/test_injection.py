@@ -335,13 +335,14 @@ def test_a_record_is_flown_again_as_a_history(jr700, tmp_path):
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
+        ("LAT,PED\n0,0\n1,0\n", {}, "no column is the time: .*; it has LAT, PED"),
         ("time,LAT\n0,0\n1,0\n", {"axis": "ped"}, "no column PED; it has time, LAT"),
         ("time,LAT\n0,0\n1,0\n", {"axis": "yaw"}, "'yaw'; available: col, lon, lat, ped"),
         ("time,LAT\n0,0\n1,0\n", {"at": "tail"}, "'tail'; available: sticks, servos"),
         ("time,LAT,note\n0,0,1\n1,0,1\n", {}, "of its columns note none is added at sticks"),
         ("time,LAT\n0,0\n1,nan\n", {}, "lat is nan at 1 s"),
         ("time,LAT\n0,0\n0,1\n", {}, "must rise"),
-        ("time,LAT [deg]\n0,0\n1,1\n", {}, "'LAT' is in 1, but the unit 'deg'"),
+        ("time,LAT [deg]\n0,0\n1,1\n", {}, "csv: channel 'LAT' is in 1, but the unit 'deg'"),
         ("time,LAT\n0,0\n2,0\n", {"duration": 3.0}, "shorter than the flight of 3 s"),
     ],
 )

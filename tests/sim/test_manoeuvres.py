@@ -253,6 +253,19 @@ def test_a_function_is_sampled_at_the_gyros_ticks(jr700):
 NAN = float("nan")
 
 
+def test_settings_of_numpy_become_plain():
+    """Loops over arrays give such numbers; records and plans hold Python's."""
+    plain = Chirp(axis="lat", amplitude=0.25, band=(1.0, 20.0), duration=60)
+    given = Chirp(
+        axis="lat", amplitude=np.float32(0.25), band=np.array([1.0, 20.0]), duration=np.int64(60)
+    )
+    assert given == plain
+    assert repr(given) == repr(plain)
+    made = multisine(axis="lat+ped", amplitude=np.array([0.1, 0.2]), band=[1.0, 10.0])
+    assert made == multisine(axis="lat+ped", amplitude=(0.1, 0.2), band=(1.0, 10.0))
+    assert Manoeuvre(abs, axis="lat", duration=np.float32(2.0)).duration == 2.0
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -267,14 +280,28 @@ NAN = float("nan")
         (lambda: Pulse(axis="lat", width=7.0), "pulse width must be above 0 and at most 6 s"),
         (lambda: Sweep(axis="lat", at="servos"), "fly a Chirp at servos"),
         (lambda: Chirp(axis="lat", band=(3.0, 2.0)), "0 < w_min < w_max"),
-        (lambda: Chirp(axis="lat", spacing="log"), "linear, logarithmic, exponential, got 'log'"),
+        (lambda: Chirp(axis="lat", spacing="log"), "'logarithmic' or 'exponential', got 'log'"),
+        (lambda: Chirp(axis="lat", spacing=["log"]), r"Chirp.spacing must be .* got \('log',\)"),
+        (lambda: Chirp(axis="lat", band="3:42"), "Chirp.band must be a list of 2 numbers"),
+        (lambda: Chirp(axis="lat", band=(1.0, 2.0, 3.0, 4.0)), "a list of 2 numbers, got"),
+        (lambda: Chirp(axis="lat", fade=None), "Chirp.fade must be a number, got None"),
+        (lambda: Step(axis="lat", amplitude=(0.1, 0.2)), "Step.amplitude must be a number"),
+        (lambda: Step(axis="lat", duration="8"), "Step.duration must be a number, got '8'"),
+        (lambda: Pulse(axis="lat", width="1"), "Pulse.width must be a number, got '1'"),
+        (lambda: multisine(period=None), "Multisine.period must be a number, got None"),
+        (lambda: Together(parts=(Step(axis="lat"),), duration="9"), "Together.duration must be"),
+        (lambda: History.of([0, 1], ["a", "b"], axis="lat"), "a history needs numbers"),
+        (lambda: History.of([0, 1], [[0], [1, 2]], axis="lat"), "a history needs numbers"),
+        (lambda: History.of([0, 1], [0, 1j], axis="lat"), "a history needs numbers"),
+        (lambda: History.of([0, 1], [0, 0], axis=None), "must be text such as 'lat', got None"),
+        (lambda: History.of([0, 0.5], [0, 0], axis="lat"), r"at least 1 s, got 0.5"),
         (lambda: Chirp(axis="lat", fade=40.0), "fade must be 0 to 27 s"),
         (lambda: multisine(axis="lat+lat"), "an axis twice"),
         (lambda: multisine(amplitude=(0.1, 0.2)), "amplitude needs 1 number or 4 .* got 2"),
         (lambda: multisine(band=(1.0, 2.0, 3.0)), "0 < w_min < w_max"),
         (lambda: multisine(band=(1.0, 1.1)), "no harmonic of .* 2.51 rad/s apart"),
         (lambda: multisine(period=30.0), "period must be above 0 and at most 20 s"),
-        (lambda: multisine(phases="random"), "low_peak or schroeder, got 'random'"),
+        (lambda: multisine(phases="random"), "'low_peak' or 'schroeder', got 'random'"),
         (lambda: multisine(slope=NAN), "slope must be a number"),
         (lambda: Sequence(parts=()), "Sequence needs parts"),
         (lambda: Sequence(parts=("lat",)), "needs an excitation such as"),
@@ -289,7 +316,10 @@ NAN = float("nan")
         (lambda: History.of([0], [0], axis="lat"), "at least two samples, got 1"),
         (lambda: History.of([0, 1], [[0, 0], [0, 0]], axis="lat"), r"values \(n_time, 1\) for lat"),
         (lambda: History.of([0, 9], [0, 0], axis="lat", duration=9.5), "shorter than the flight"),
-        (lambda: History.of([0, 9], [0, 0], axis="lat", method="nearest"), "linear, hold, cubic"),
+        (
+            lambda: History.of([0, 9], [0, 0], axis="lat", method="x"),
+            "'linear' or 'hold' or 'cubic'",
+        ),
         (lambda: Manoeuvre(3.0, axis="lat"), "needs a function of time"),
     ],
 )
@@ -309,6 +339,11 @@ def test_what_can_not_be_is_one_line(make, message):
         (lambda: Step(axis="lat", at="actuators"), "needs its amplitude at actuators"),
         (lambda: Chirp(axis="front", at="servos", amplitude=0.1), "needs its band at servos"),
         (lambda: Manoeuvre(lambda t: t, axis="lat+ped"), r"gave 0.0, expected 2 numbers"),
+        (
+            lambda: Manoeuvre(lambda t: 1.0 / (t - 1.0), axis="lat"),
+            r"<lambda>\(1\) raised ZeroDivisionError: .*division by zero",
+        ),
+        (lambda: Manoeuvre(lambda t: [[0], [0, 0]], axis="lat"), "raised ValueError"),
         (lambda: Manoeuvre(lambda t: "x", axis="lat"), "gave 'x', expected one number, for lat"),
         (lambda: Manoeuvre(lambda t: np.inf, axis="lat"), "lat is inf at 0 s"),
     ],

@@ -49,6 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.names:
             print(*unlisted, sep="\n", end="\n" if unlisted else "", file=sys.stderr)
         return 3 if isinstance(error, DivergedError) else 2
+    except MemoryError as error:
+        print(f"helisim {options.command}: too much for this machine: {error}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print(f"helisim {options.command}: interrupted", file=sys.stderr)
         return 130

@@ -37,16 +37,14 @@ def add_manoeuvre(command: argparse.ArgumentParser, *, alone: str) -> None:
     """
     command.add_argument(
         "--excitation",
-        action="append",
-        default=[],
+        action=_InOrder,
         metavar="KIND[,NAME=VALUE...]",
         help="what is flown on purpose, see below: sweep (default), step, multisine, ...; may be "
         "given again",
     )
     command.add_argument(
         "--history",
-        action="append",
-        default=[],
+        action=_InOrder,
         metavar="FILE[,NAME=VALUE...]",
         help="fly the columns of this file, .csv or .parquet; may be given again",
     )
@@ -77,8 +75,17 @@ def add_manoeuvre(command: argparse.ArgumentParser, *, alone: str) -> None:
 
 
 def is_asked(options: argparse.Namespace) -> bool:
-    """Return whether the options name a manoeuvre."""
-    return bool(options.excitation or options.history or options.axis is not None)
+    """Return whether the options name a manoeuvre.
+
+    Raises:
+        InputError: they don't, but say something of one.
+    """
+    if options.flown or options.axis is not None:
+        return True
+    for name in ("at", "amplitude", "sequence"):
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name} is of a manoeuvre: say which, by --axis or --excitation")
+    return False
 
 
 def manoeuvre(options: argparse.Namespace, planned: "Excitation | None" = None) -> "Excitation":
@@ -92,8 +99,10 @@ def manoeuvre(options: argparse.Namespace, planned: "Excitation | None" = None) 
     given = {
         name: value for name in _GENERAL if (value := getattr(options, name, None)) is not None
     }
-    asked = [_kind(text, given, planned) for text in options.excitation]
-    asked += [_history(text, given) for text in options.history]
+    asked = [
+        _history(text, given) if option == "--history" else _kind(text, given, planned)
+        for option, text in options.flown
+    ]
     if not asked:
         asked = [
             _kind("sweep", given, None) if planned is None else _changed(options, planned, given)
@@ -192,6 +201,24 @@ def _value(text: str) -> Any:
     except ValueError:
         return text
     return numbers[0] if len(numbers) == 1 else tuple(numbers)
+
+
+class _InOrder(argparse.Action):
+    """Keeps the manoeuvres of --excitation and --history in the order of the command line."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **options: Any) -> None:
+        del dest
+        super().__init__(option_strings, "flown", default=(), **options)
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Add one."""
+        namespace.flown = (*namespace.flown, (self.option_strings[0], values))
 
 
 class _Kinds(argparse.Action):

@@ -110,7 +110,7 @@ def _fill(place: SubFigure, drawing: Drawing) -> None:
     for ax in axes[:-1]:
         ax.set_xlabel("")
         ax.tick_params(labelbottom=False)
-    place.suptitle(drawing.title, fontsize=9.5)
+    place.suptitle(_literal(drawing.title), fontsize=9.5)
 
 
 def _draw(axes: Sequence[Axes], drawing: Drawing) -> None:
@@ -131,18 +131,18 @@ def _draw(axes: Sequence[Axes], drawing: Drawing) -> None:
             ax.legend(frameon=False, fontsize=7.0, borderaxespad=0.0, **place, **_LEGEND)
         words = _LETTER * len(panel.label) + sum(_SAMPLE + _LETTER * len(one) for one in labels)
         pad = _ROW if labels and words > _ROOM else None
-        ax.set_title(panel.label, loc="left", fontsize=8.0, pad=pad)
+        ax.set_title(_literal(panel.label), loc="left", fontsize=8.0, pad=pad)
         for start, stop in ((across.low, low), (high, across.high)):
             if start < stop:
                 ax.axvspan(start, stop, color=LIGHT["unused"], linewidth=0.0, zorder=0)
         ax.set_xscale("log" if drawing.logarithmic else "linear")
         ax.set_xlim(across.low, across.high)
         _ticks(ax.xaxis, across)
-        ax.set_xlabel(drawing.axis)
+        ax.set_xlabel(_literal(drawing.axis))
 
 
 def _mark(ax: Any, mark: Mark) -> None:
-    look = {"color": LIGHT[mark.ink], "label": mark.label or None}
+    look = {"color": LIGHT[mark.ink], "label": _literal(mark.label) or None}
     if mark.kind == "band":
         top = mark.y if mark.top is None else mark.top
         ax.fill_between(mark.x, mark.y, top, alpha=0.25, linewidth=0.0, **look)
@@ -153,6 +153,11 @@ def _mark(ax: Any, mark: Mark) -> None:
         face = "none" if mark.kind == "rings" else LIGHT[mark.ink]
         dots = {"linestyle": "none", "marker": "o", "markersize": 3.2, "markeredgewidth": 0.5}
         ax.plot(mark.x, mark.y, markerfacecolor=face, **dots, **look)
+
+
+def _literal(text: str) -> str:
+    """Return a text that matplotlib shows as it is: a dollar begins no formula."""
+    return text.replace("$", r"\$")
 
 
 def _ticks(axis: Any, scale: Scale) -> None:

@@ -57,6 +57,11 @@ def from_pandas(
     facts = {key: dict(kept[key]) for key in _KEYS if isinstance(kept.get(key), Mapping)}
     if "time" in frame.columns:
         frame = frame.set_index("time")
+    elif frame.index.name != "time" and type(frame.index).__name__ == "RangeIndex":
+        raise RecordError(
+            "the DataFrame has no times: its index numbers the rows; give it a column 'time', in "
+            "s, or such an index"
+        )
     names = [str(name) for name in frame.columns]
     for name in units or {}:
         if name not in names:

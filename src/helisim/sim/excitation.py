@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.layout import HISTORY, PARAM
 from helisim.records.channels import AXES, RATES
-from helisim.sim.plain import UNSAID, to_plain
+from helisim.sim.plain import UNSAID, is_number, settle, to_plain
 
 Setting = TypeVar("Setting")
 
@@ -249,6 +249,15 @@ def check_excitation(excitation: Any) -> None:
         ) from None
 
 
+def check_settings(excitation: Excitation) -> None:
+    """Raise InputError unless each setting is of its type, and the axes are those of the place.
+
+    Numbers and arrays of NumPy become Python's own, which a record can hold.
+    """
+    settle(excitation)
+    check_axis(excitation)
+
+
 def check_axis(excitation: Excitation) -> None:
     """Raise InputError unless an excitation's axes are those of a place."""
     kind, at, axis = type(excitation).__name__, excitation.at, excitation.axis
@@ -274,14 +283,16 @@ def check_times(duration: Any, trim_time: Any, *, after: bool = True) -> None:
         trim_time: s, before the manoeuvre.
         after: whether as long a stretch has to be trimmed behind it too.
     """
-    numbers = all(isinstance(one, int | float) for one in (duration, trim_time))
+    numbers = is_number(duration) and is_number(trim_time)
     if not (numbers and math.isfinite(duration + trim_time) and trim_time >= 0.0):
-        raise InputError(f"times must be finite numbers of seconds, got {duration}, {trim_time}")
-    if after and duration < max(4.0 * trim_time, 1.0):
         raise InputError(
-            f"duration must be at least {max(4.0 * trim_time, 1.0):g} s "
-            f"(four times the trimmed stretch), got {duration:g}"
+            "duration and trimmed stretch must be finite numbers of seconds, 0 or more, got "
+            f"{duration!r}, {trim_time!r}"
         )
+    least = max(4.0 * trim_time, 1.0)
+    if after and duration < least:
+        why = " (four times the trimmed stretch)" if trim_time > 0.0 else ""
+        raise InputError(f"duration must be at least {least:g} s{why}, got {duration:g}")
     if not after and not trim_time < duration:
         raise InputError(
             f"duration must be longer than the trimmed stretch of {trim_time:g} s, got {duration:g}"

@@ -7,6 +7,8 @@ from numbers import Real
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from helisim.errors import InputError, UnknownNameError
 from helisim.records.files import toml_key, toml_value
 
@@ -128,6 +130,24 @@ def check_type(where: str, hint: Any, value: Any) -> None:
     """Raise InputError unless a plain value is of a type, such as `float | None`."""
     if not _fits(hint, value):
         raise InputError(f"{where} must be {_words(hint)}, got {value!r:.60}")
+
+
+def settle(value: Any) -> None:
+    """Make a frozen value object's settings plain: numbers and tuples of Python's own.
+
+    Raises:
+        InputError: one is not of its field's type.
+    """
+    kind = type(value)
+    hints = get_type_hints(kind)
+    for name in setting_names(value):
+        setting = getattr(value, name)
+        if isinstance(setting, np.generic | np.ndarray):
+            setting = setting.tolist()
+        if isinstance(setting, list):
+            setting = tuple(setting)
+        check_type(f"{kind.__name__}.{name}", hints[name], setting)
+        object.__setattr__(value, name, setting)
 
 
 def is_number(value: Any) -> bool:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import InputError
 from helisim.sim.excitation import PLACES, Excitation, check_excitation, is_compiled
+from helisim.sim.plain import is_number, settle
 
 _DIGITS = 9
 """Of a part's own time, s: its edges come at the step at which they would alone."""
@@ -41,9 +42,10 @@ class _Composite(Excitation):
         if self.at != "sticks":
             raise InputError(f"give {kind}'s parts their place: at={self.at!r} belongs to them")
         object.__setattr__(self, "axis", axes)
+        settle(self)
         if self.duration == 0.0:
             object.__setattr__(self, "duration", self._length())
-        if isinstance(self.duration, int | float) and not self.duration >= self._length() - 1e-9:
+        if not self.duration >= self._length() - 1e-9:
             raise InputError(
                 f"{kind} lasts {self.duration:g} s, shorter than its parts: {self._length():g} s"
             )
@@ -109,7 +111,7 @@ class Sequence(_Composite):
     left_open: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.pause, int | float) and 0.0 <= self.pause < math.inf):
+        if not (is_number(self.pause) and 0.0 <= self.pause < math.inf):
             raise InputError(f"pause must be 0 s or more, got {self.pause}")
         super().__post_init__()
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self, get_args
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,14 @@ from scipy.interpolate import CubicSpline
 
 from helisim.errors import InputError
 from helisim.records.channels import AXES
-from helisim.sim.excitation import PLACES, Excitation, check_axis, check_times, split_axes
+from helisim.sim.excitation import (
+    PLACES,
+    Excitation,
+    check_axis,
+    check_settings,
+    check_times,
+    split_axes,
+)
 from helisim.sim.manoeuvres.table import read_columns
 from helisim.sim.plain import in_brief
 
@@ -54,9 +61,7 @@ class History(Excitation):
     source: str = ""
 
     def __post_init__(self) -> None:
-        check_axis(self)
-        if self.method not in get_args(Method):
-            raise InputError(f"method must be {', '.join(get_args(Method))}, got {self.method!r}")
+        check_settings(self)
         content = _unpacked(self.samples, len(self.axes))
         digest = hashlib.blake2b(content, digest_size=16).hexdigest()
         if self.digest not in ("", digest):
@@ -102,9 +107,14 @@ class History(Excitation):
         Raises:
             InputError: the array is of another shape, or as for the class.
         """
-        columns = np.array(values, dtype=np.float64)
+        if not isinstance(axis, str):
+            raise InputError(f"the axis of a history must be text such as 'lat', got {axis!r}")
+        try:
+            columns, instants = (np.array(one, dtype=np.float64) for one in (values, time))
+        except (TypeError, ValueError) as error:
+            raise InputError(f"a history needs numbers: {error}") from None
         columns = columns[:, None] if columns.ndim == 1 else columns
-        instants, count = np.array(time, dtype=np.float64), len(split_axes(axis))
+        count = len(split_axes(axis))
         if instants.ndim != 1 or columns.shape != (instants.size, count):
             raise InputError(
                 f"a history needs times (n_time,) and values (n_time, {count}) for {axis}, got "
@@ -213,14 +223,14 @@ class Manoeuvre(Excitation):
         """Return the `History` of the function at the gyro's ticks.
 
         Raises:
-            InputError: the function gives something else than such numbers.
+            InputError: the function raises something, or gives something else than such numbers.
         """
         period, name = own["gyro.period"], function_name(self.function)
         time = period * np.arange(math.floor(self.duration / period + 1e-6) + 1)
         count = len(self.axes)
         values = np.empty((time.size, count))
         for row, instant in enumerate(time.tolist()):
-            given = np.asarray(self.function(instant))
+            given = _called(self.function, instant)
             if given.size != count or given.dtype.kind not in "fiub":
                 raise InputError(
                     f"{name}({instant:g}) gave {given.tolist()!r:.60}, expected "
@@ -248,6 +258,15 @@ class Manoeuvre(Excitation):
 def function_name(function: Callable[..., Any]) -> str:
     """Return what a function is called, for messages and records."""
     return str(getattr(function, "__name__", None) or type(function).__name__)
+
+
+def _called(function: Callable[[float], Any], instant: float) -> NDArray[Any]:
+    """Return what a function gives at a time, s. Raises InputError from what it raises."""
+    try:
+        return np.asarray(function(instant))
+    except Exception as error:
+        name, why = function_name(function), " ".join(str(error).split())
+        raise InputError(f"{name}({instant:g}) raised {type(error).__name__}: {why}") from error
 
 
 def _wanted(manoeuvre: Manoeuvre) -> str:

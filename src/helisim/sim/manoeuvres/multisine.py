@@ -25,8 +25,8 @@ from helisim.sim.excitation import (
     PLACES,
     Excitation,
     check_amplitude,
-    check_axis,
     check_band,
+    check_settings,
     check_times,
     complete,
     own_setting,
@@ -77,11 +77,8 @@ class Multisine(Excitation):
     left_open: ClassVar[tuple[str, ...]] = ("amplitude", "band")
 
     def __post_init__(self) -> None:
-        check_axis(self)
+        check_settings(self)
         check_times(self.duration, self.trim_time)
-        for name in ("amplitude", "band"):
-            if isinstance(getattr(self, name), list | tuple):
-                object.__setattr__(self, name, tuple(getattr(self, name)))
         check_amplitude(self)
         check_band(self.band)
         for name, each in (("amplitude", 1), ("band", 2)):
@@ -91,9 +88,7 @@ class Multisine(Excitation):
                     f"{name} needs {each} number{'s' * (each > 1)} or {each * len(self.axes)} for "
                     f"the axes {self.axis}, got {len(given)}"
                 )
-        if self.phases not in ("low_peak", "schroeder"):
-            raise InputError(f"phases must be low_peak or schroeder, got {self.phases!r}")
-        if not (isinstance(self.slope, int | float) and -4.0 <= self.slope <= 4.0):
+        if not -4.0 <= self.slope <= 4.0:
             raise InputError(f"slope must be a number from -4 to 4, got {self.slope}")
         longest = self.duration - 2.0 * self.trim_time
         if not 0.0 < self.period <= longest + 1e-9:

@@ -12,7 +12,7 @@ from helisim.records.channels import AXES
 from helisim.sim.excitation import (
     Excitation,
     check_amplitude,
-    check_axis,
+    check_settings,
     check_times,
     complete,
 )
@@ -43,7 +43,7 @@ class Step(Excitation):
     several: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_axis(self)
+        check_settings(self)
         check_times(self.duration, self.trim_time, after=False)
         check_amplitude(self, signed=True)
 
@@ -76,7 +76,7 @@ class Pulse(Excitation):
     several: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_axis(self)
+        check_settings(self)
         check_times(self.duration, self.trim_time, after=False)
         _check_width("pulse", self.width, self.duration - self.trim_time)
         check_amplitude(self, signed=True)
@@ -111,7 +111,7 @@ class Doublet(Excitation):
     several: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_axis(self)
+        check_settings(self)
         check_times(self.duration, self.trim_time)
         _check_width("doublet", self.width, self.duration - self.trim_time)
         check_amplitude(self)
@@ -158,7 +158,7 @@ class ThreeTwoOneOne(Excitation):
     several: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_axis(self)
+        check_settings(self)
         check_times(self.duration, self.trim_time)
         longest = (self.duration - self.trim_time) / 7.0
         if not 0.0 < self.unit <= longest:

@@ -14,8 +14,8 @@ from helisim.records.channels import AXES
 from helisim.sim.excitation import (
     Excitation,
     check_amplitude,
-    check_axis,
     check_band,
+    check_settings,
     check_times,
     complete,
 )
@@ -51,13 +51,11 @@ class Sweep(Excitation):
     several: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_axis(self)
+        check_settings(self)
         if self.at != "sticks":
             raise InputError(f"a Sweep is a pilot's, of the sticks: fly a Chirp at {self.at}")
         check_times(self.duration, self.trim_time)
-        if self.band is not None:
-            object.__setattr__(self, "band", tuple(self.band))
-            check_band(self.band, "sweep band")
+        check_band(self.band, "sweep band")
         check_amplitude(self)
         if not (0.0 <= self.leakage <= 1.0 and 0.0 <= self.unsteadiness <= 1.0):
             raise InputError(
@@ -106,14 +104,10 @@ class Chirp(Excitation):
     several: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_axis(self)
+        check_settings(self)
         check_times(self.duration, self.trim_time)
-        if self.band is not None:
-            object.__setattr__(self, "band", tuple(self.band))
-            check_band(self.band)
+        check_band(self.band)
         check_amplitude(self)
-        if self.spacing not in _PHASES:
-            raise InputError(f"spacing must be one of {', '.join(_PHASES)}, got {self.spacing!r}")
         longest = 0.5 * self.duration - self.trim_time
         if not 0.0 <= self.fade <= longest:
             raise InputError(

@@ -41,6 +41,11 @@ def read_columns(
     source = open_source(path)
     headings = {split_heading(name)[0]: name for name in source.names}
     times = [name for name in headings if name.lower() in TIME_NAMES]
+    if not times:
+        raise InputError(
+            f"{path}: no column is the time: call one time, in s, or state its unit, as in 'time "
+            f"[ms]'; it has {', '.join(source.names)}"
+        )
     found = {
         one: heading
         for one, channel in _CHANNELS[at].items()
@@ -68,7 +73,10 @@ def read_columns(
     for one in wanted:
         channel, stated = _CHANNELS[at][one], source.stated_unit(found[one])
         unit = stated or ("rad/s" if at == "sensors" else "1")
-        _, factor = Column(found[one], unit).converts(channel, stated)
+        try:
+            _, factor = Column(found[one], unit).converts(channel, stated)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
         columns[one] = factor * source.numbers(found[one])
     return stamps, columns
 
