@@ -116,7 +116,7 @@ def convergence(timesteps, *, pilot):
 
 
 def test_integration_is_fourth_order():
-    """Halving the step divides the error of gyro, servos, rotor and body by 2^4 and more."""
+    """Halving the step divides the error of servos, rotor and body by 2^4; the gyro has none."""
     ratio = convergence((0.001, 0.0005, 0.00025), pilot=False)
     # 2^4 = 16 in the limit; of the 2 ms filter's fifth order, up to 2^5, some is left (21)
     assert 14.0 < ratio < 26.0

@@ -9,5 +9,8 @@ frames, body, timing    axes, motion and wrenches; the gyro's ticks and the inte
 rotor, loads, flapping  thrust and power, forces and moments, the tip-path plane
 air                     wind, gust, turbulence and the ground's nearness
 pilot, gyro, servo      from what is seen to sticks, from sticks to commands, to positions
+controller              which law commands which servos at a tick, and what it sees
+laws, own_laws          a user's laws: their table, and Python in it; compiled_laws: numba's
+injection               what a manoeuvre adds on the way
 faults                  what a fault leaves of servos and gyro
 """

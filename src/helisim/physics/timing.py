@@ -8,8 +8,8 @@ answer for the step: v += h dv/dt, then x += h v, and act += h d(act)/dt. To be 
 one evaluation, they are given what the step's mean is, by a staggered (leapfrog) scheme:
 velocities belong to the steps, positions and the tip-path plane's tilt to halfway between
 them. The tilt kept at a step is half a step old; moved on by a step with the rates at its
-middle, it acts on the body half a step ahead. Servos and gyro are driven by what is held, so
-they take a Runge-Kutta step of their own.
+middle, it acts on the body half a step ahead. Servos are driven by commands that are held, so
+their mean is the exponential's.
 """
 
 import math
