@@ -6,17 +6,15 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.gym.agent import Action
 from helisim.gym.flights import Flights
 from helisim.gym.picture import HEIGHT, MODES, WIDTH, Picture, render_modes
 from helisim.gym.settings import Setup
-from helisim.gym.spaces import action_space, observation_space
-from helisim.gym.task import Observation
+from helisim.gym.spaces import Flown, action_space, observation_space
 
 Seen = NDArray[np.float32]
 
 
-class HelicopterEnv(gymnasium.Env[Any, Any]):
+class HelicopterEnv(Flown, gymnasium.Env[Any, Any]):
     """One helicopter to fly: `gymnasium.make("helisim/Hover-v0")`.
 
     Args:
@@ -54,21 +52,6 @@ class HelicopterEnv(gymnasium.Env[Any, Any]):
         self.metadata = {"render_modes": render_modes(), "render_fps": fps}
         self.observation_space = observation_space(self._flights.task)
         self.action_space = action_space()
-
-    @property
-    def observations(self) -> tuple[Observation, ...]:
-        """Name, unit and scale of each number that is seen."""
-        return self._flights.task.observations
-
-    @property
-    def actions(self) -> tuple[Action, ...]:
-        """What each number of an action moves."""
-        return self._flights.agent.actions
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters that each episode draws factors for."""
-        return self._flights.spread.names
 
     @property
     def state(self) -> NDArray[np.float64]:

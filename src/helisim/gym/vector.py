@@ -10,19 +10,17 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.gym.agent import Action
 from helisim.gym.flights import Flights
 from helisim.gym.picture import HEIGHT, WIDTH, Picture
 from helisim.gym.settings import Setup
-from helisim.gym.spaces import action_space, observation_space
-from helisim.gym.task import Observation
+from helisim.gym.spaces import Flown, action_space, observation_space
 
 Seen = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 _MODES = {mode.value: mode for mode in AutoresetMode}
 
 
-class HelicopterVectorEnv(VectorEnv[Seen, NDArray[np.float32], NDArray[Any]]):
+class HelicopterVectorEnv(Flown, VectorEnv[Seen, NDArray[np.float32], NDArray[Any]]):
     """Helicopters to fly at once: `gymnasium.make_vec("helisim/Hover-v0", num_envs=64)`.
 
     Helicopter k of a seed flies, to the bit, as the single environment of seed + k, whatever the
@@ -82,21 +80,6 @@ class HelicopterVectorEnv(VectorEnv[Seen, NDArray[np.float32], NDArray[Any]]):
         self._randoms, self._seeds = map(list, zip(*(np_random() for _ in range(num_envs))))
         self._done = np.zeros(num_envs, dtype=np.bool_)
         self._steps = np.zeros(num_envs, dtype=np.int64)
-
-    @property
-    def observations(self) -> tuple[Observation, ...]:
-        """Name, unit and scale of each number that is seen."""
-        return self._flights.task.observations
-
-    @property
-    def actions(self) -> tuple[Action, ...]:
-        """What each number of an action moves."""
-        return self._flights.agent.actions
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters that each episode draws factors for."""
-        return self._flights.spread.names
 
     @property
     def states(self) -> NDArray[np.float64]:
