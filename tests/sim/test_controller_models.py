@@ -149,7 +149,7 @@ def test_a_vehicle_is_found_by_its_numbers():
         world.attach(spec, prefix=prefix, frame=world.worldbody.add_frame())
     model = world.compile()
     hs.set_controller(model, None, prefix="b/")
-    with pytest.raises(UnknownNameError, match=r"available: my_headspeed, a/rotor, b/rotor.*prefix"):
+    with pytest.raises(UnknownNameError, match=r"my_headspeed, a/rotor, b/rotor; .*prefix"):
         hs.set_controller(model, None)
     with pytest.raises(UnknownNameError, match="'c/rotor'; available: my_headspeed"):
         hs.set_controller(model, None, prefix="c/")

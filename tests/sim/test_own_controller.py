@@ -318,6 +318,16 @@ def test_a_law_that_fails_in_steps_of_ones_own_is_said_when_the_block_ends(jr700
         mujoco.mj_step(vehicle.model, data, 400)
 
 
+def test_of_two_laws_that_fail_both_are_told(jr700):
+    """One is the error, the other its note."""
+    vehicle = jr700.with_controller(Controller(swash=lambda seen: 1 / 0, tail=lambda seen: None))
+    with pytest.raises(CallbackError, match="controller '<lambda>'") as caught, hs.installed():
+        mujoco.mj_step(vehicle.model, vehicle.hovering())
+    told = " ".join([str(caught.value), *caught.value.__notes__])
+    assert "division by zero" in told
+    assert "numbers for tail are wanted" in told
+
+
 @pytest.mark.parametrize(
     ("law", "says"),
     [

@@ -13,18 +13,16 @@ with what the law saw.
 import os
 import threading
 
-import llvmlite.binding
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
 from helisim.physics.gyro import Seen
 from helisim.physics.kernel import kernel
-from helisim.physics.memory import doubles_at, longs_at
+from helisim.physics.memory import address_of, doubles_at, longs_at
 
 SEEN = len(Seen._fields)
 """How many numbers a law sees; behind them stands whether it starts."""
@@ -39,26 +37,11 @@ Row 0 holds the token in place of a handle.
 
 _table = np.zeros((_ROWS, _WIDTH), dtype=np.int64)  # its memory is taken as it is used
 _table[0, _HANDLE] = int.from_bytes(os.urandom(6), "little") | 1
-_SYMBOL = "helisim_laws"
-llvmlite.binding.add_symbol(_SYMBOL, _table.ctypes.data)
+_address = address_of("helisim_laws", _table.ctypes.data)
 _lock = threading.Lock()
 _free: list[int] = []
 _used = [0, 1]
 """How many laws there were, and the first row that never had one."""
-
-
-@intrinsic
-def _address(typingctx):
-    """Return where the table is: known when code is loaded, so that it can be kept on disk."""
-    del typingctx
-
-    def codegen(context, builder, signature, args):
-        del context, signature, args
-        known = builder.module.globals.get(_SYMBOL)
-        table = known or cgutils.add_global_variable(builder.module, ir.IntType(64), _SYMBOL)
-        return builder.ptrtoint(table, ir.IntType(64))
-
-    return types.int64(), codegen
 
 
 @intrinsic
@@ -139,7 +122,6 @@ class Row:
 
     def __init__(self, function: int, settings: NDArray[np.float64], states: int) -> None:
         self._settings = np.ascontiguousarray(settings, dtype=np.float64)
-        self._states = states
         self._kept = np.zeros(SEEN + 1 + COMMANDS + states)
         with _lock:
             if not _free and _used[1] == _ROWS:

@@ -2,7 +2,9 @@
 
 from typing import Any, NamedTuple
 
+import llvmlite.binding
 import mujoco
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -36,6 +38,28 @@ doubles_at = _pointer_intrinsic(types.float64)
 _ints_at = _pointer_intrinsic(types.int32)
 longs_at = _pointer_intrinsic(types.int64)
 bytes_at = _pointer_intrinsic(types.uint8)
+
+
+def address_of(symbol: str, address: int):
+    """Return a function for kernels that returns an address of this process, under a name.
+
+    It is looked up when code is loaded, so that code can be kept on disk.
+    """
+    llvmlite.binding.add_symbol(symbol, address)
+
+    @intrinsic
+    def known(typingctx):
+        del typingctx
+
+        def codegen(context, builder, signature, args):
+            del context, signature, args
+            found = builder.module.globals.get(symbol)
+            found = found or cgutils.add_global_variable(builder.module, ir.IntType(64), symbol)
+            return builder.ptrtoint(found, ir.IntType(64))
+
+        return types.int64(), codegen
+
+    return known
 
 
 @kernel()

@@ -7,14 +7,12 @@ kind, with names copied out of mjModel, which may be gone when somebody reads it
 import ctypes
 from dataclasses import dataclass
 
-import llvmlite.binding
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 from helisim.physics.kernel import kernel
-from helisim.physics.memory import bytes_at, doubles_at, ints, long, longs_at
+from helisim.physics.memory import address_of, bytes_at, doubles_at, ints, long, longs_at
 
 REFUSED, FOREIGN, OVERWRITTEN = range(3)
 """Kinds of note: a vehicle that can't fly as it is, actuators of others, overwritten commands."""
@@ -35,22 +33,7 @@ _FIRST_SLOT = _NOTES + 8 * _KNOWN
 
 _memory = globals().get("_memory") or (ctypes.c_int64 * ((_FIRST_SLOT + _SLOTS * _SLOT) // 8))()
 """A module that is loaded again finds the notes of the code that is running."""
-_SYMBOL = "helisim_notes"
-llvmlite.binding.add_symbol(_SYMBOL, ctypes.addressof(_memory))
-
-
-@intrinsic
-def _address(typingctx):
-    """Return where the notes are: known when code is loaded, so that it can be kept on disk."""
-    del typingctx
-
-    def codegen(context, builder, signature, args):
-        del context, signature, args
-        known = builder.module.globals.get(_SYMBOL)
-        notes = known or cgutils.add_global_variable(builder.module, ir.IntType(64), _SYMBOL)
-        return builder.ptrtoint(notes, ir.IntType(64))
-
-    return types.int64(), codegen
+_address = address_of("helisim_notes", ctypes.addressof(_memory))
 
 
 @intrinsic
