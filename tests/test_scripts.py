@@ -164,6 +164,7 @@ def test_a_policy_learns_to_hover(run, tmp_path):
     assert learned > 2.0 * held
 
 
+@pytest.mark.slow
 def test_four_axes_at_once_take_a_fifth_of_the_time(run):
     """The sweeps' Cramér-Rao bounds, to 5 %, and no parameter further from the truth than its own.
 
@@ -191,6 +192,7 @@ def test_stock_mujoco_flies_the_shipped_models(run, vehicle):
     assert two > 0.5
 
 
+@pytest.mark.slow
 def test_a_program_flies_by_hand(run, tmp_path):
     """Its pedals show the yaw; its landing is one."""
     printed = run("fly_by_hand.py", "hand.parquet")

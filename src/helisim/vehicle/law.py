@@ -1,8 +1,8 @@
 """The linear model of a control law about a steady flight: the law itself, differentiated."""
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
-import control
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from helisim.vehicle.motion import addresses
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import Trim, place, steady_force
 
+if TYPE_CHECKING:
+    import control
+
 _STEP = 1e-5
 """Central difference, unitised or SI, as of the base helicopter."""
 _TRIES = 20
@@ -24,7 +27,9 @@ _SETTLED = 1e-9
 """By which commands may be off a trim's, unitised, and a state's step be more than rounding."""
 
 
-def linearize_law(controller: Controller, model: mujoco.MjModel, trim: Trim) -> control.StateSpace:
+def linearize_law(
+    controller: Controller, model: mujoco.MjModel, trim: Trim
+) -> "control.StateSpace":
     """Return the linear model of a controller in a steady flight, sampled at its ticks.
 
     Args:
@@ -39,6 +44,8 @@ def linearize_law(controller: Controller, model: mujoco.MjModel, trim: Trim) -> 
     Raises:
         ModelError: the law can't hold the flight.
     """
+    import control  # which brings pyplot, that no flight needs
+
     law = _Stepper(controller, model, trim)
     seen, state = law.seen, law.state
     if not controller.is_shipped:
