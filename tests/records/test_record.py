@@ -100,3 +100,9 @@ def test_the_standard_channels_cover_the_groups():
         assert {channel(name).kind for name in names} == {kind}
     assert all(item.unit and item.meaning for item in CHANNELS.values())
     assert Channel("p", "rad/s", "OUT", "roll rate") == channel("p")
+
+
+def test_a_record_is_not_iterated_by_mistake():
+    """Its samples and its channels have names: `list` would have asked for a channel called 0."""
+    with pytest.raises(TypeError, match="'FlightRecord' object is not iterable"):
+        list(make_record())

@@ -42,8 +42,8 @@ def _run(options: argparse.Namespace) -> int:
             raise InputError("a hand flies no manoeuvre: leave out --axis, --excitation, --history")
         return by_hand.fly_by_hand(options)
     flown_on_purpose = manoeuvre(options) if is_asked(options) else None
-    check_display()
     vehicle = controlled(load(options.vehicle, parameters=parameters(options)), options)
+    check_display()
     flown = view(vehicle, flown_on_purpose, duration=duration, seed=options.seed)
     print(f"Flown: {flown:.1f} s")
     return 0

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,6 +54,9 @@ class FlightRecord(Value, Displayed):
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """Return one channel, (n_time,). Raises UnknownNameError."""
         return self.values[:, self._index(name)]
+
+    __iter__: ClassVar[None] = None
+    """Over names or samples? `names`, `time` and `values` say which."""
 
     def __contains__(self, name: str) -> bool:
         return name in self.names
