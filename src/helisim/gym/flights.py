@@ -30,8 +30,6 @@ from helisim.vehicle.motion import addresses
 
 _EARLY = 1e-9
 """s by which a new command may come early: times are rounded."""
-_CHUNKS = 16
-"""Portions of a frame's work for each thread: none has long to wait for the last of another's."""
 OPTIONS = ("motion", "command")
 _COPIED = ("states", "_commands", "_until", "_actions", "_before")
 """Arrays that say how far the episodes have come."""
@@ -95,7 +93,7 @@ class Flights:
         self._rotor = addresses(model).rotor
         self._users = [one.actuator_user[self._rotor].copy() for one in self._models]
         self._data, self._pool = _workers(model, min(count, threads or thread_count(setup.threads)))
-        self._chunk = max(1, count // (_CHUNKS * len(self._data)))
+        self._chunk = -(-count // len(self._data))  # one a thread: others wait for its caches
         self._episodes: list[Episode | None] = [None] * count
         self._ready, self._closed = False, False
         self._allocate(model)
