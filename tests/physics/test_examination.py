@@ -8,7 +8,7 @@ import pytest
 from mujoco import rollout
 
 import helisim as hs
-from helisim.errors import CallbackError
+from helisim.errors import CallbackError, InputError
 from helisim.physics.layout import ACTUATORS, LAYOUT, PARAM
 from helisim.vehicle.assembly import model_folder
 
@@ -292,3 +292,11 @@ def test_another_threads_model_is_said_by_a_block_that_ends_later(spec):
         thread.join()
     assert len(said) == 1
     assert "no user numbers" in said[0]
+
+
+@pytest.mark.parametrize("model", ["scene.xml", None])
+def test_what_is_no_model_is_told_so(model):
+    """A path is not yet a model."""
+    for ask in (hs.check_model, lambda model: hs.set_controller(model, None)):
+        with pytest.raises(InputError, match=r"a mujoco\.MjModel is needed"):
+            ask(model)

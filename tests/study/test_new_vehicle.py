@@ -128,7 +128,7 @@ def test_one_of_ones_own_can_be_the_model_of_the_next(tmp_path):
     second = load(new_vehicle("second", like=first, to=tmp_path))
     assert second.trim == load(first).trim
     assert second.roles == load(first).roles
-    third = new_vehicle("third", like=new_vehicle("own", to=tmp_path), to=tmp_path)
+    third = new_vehicle("third", like=new_vehicle("own", to=str(tmp_path)), to=tmp_path)
     assert load(third).parameters["targets.N_r"] == -0.7512
 
 

@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numba import cfunc, types
 
-from helisim.errors import CallbackError
+from helisim.errors import CallbackError, InputError
 from helisim.physics import callbacks, notes
 from helisim.physics.examination import sentence
 from helisim.physics.fields import Offsets, offsets
@@ -189,6 +189,14 @@ def _say(found: list[notes.Note]) -> None:
         raise CallbackError(sentence(refused[0]))
 
 
+def check_is_model(model: object) -> None:
+    """Raise InputError unless it is a compiled model of MuJoCo's."""
+    if not isinstance(model, mujoco.MjModel):
+        raise InputError(
+            f"a mujoco.MjModel is needed, such as from_xml_path(...) gives, got {model!r:.80}"
+        )
+
+
 def check_model(model: mujoco.MjModel) -> tuple[str, ...]:
     """Return the names of the bodies of helisim's vehicles in a model, each with all it needs.
 
@@ -197,7 +205,9 @@ def check_model(model: mujoco.MjModel) -> tuple[str, ...]:
     Raises:
         CallbackError: a vehicle lacks something, or there is none; the message names the element
             and what to do.
+        InputError: it is no mujoco.MjModel.
     """
+    check_is_model(model)
     data = mujoco.MjData(model)
     with installed(), _loan.lock:
         _loan.unsaid += notes.taken()

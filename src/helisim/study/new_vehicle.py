@@ -37,7 +37,10 @@ _TUNING = {
 
 
 def new_vehicle(
-    name: str, *, like: str | os.PathLike[str] = "jr700", to: Path | None = None
+    name: str,
+    *,
+    like: str | os.PathLike[str] = "jr700",
+    to: str | os.PathLike[str] | None = None,
 ) -> Path:
     """Make a vehicle's folder from another's and return it; it flies, calibrates and tunes.
 
@@ -60,7 +63,7 @@ def new_vehicle(
     if name in vehicle_names():
         raise InputError(f"{name!r} is a shipped vehicle: take another name")
     source = model_folder(like)
-    folder = (to or Path()).resolve() / name
+    folder = Path(to or "").resolve() / name
     if folder.exists():
         raise StorageError(f"{folder} is there already, and is not overwritten: take another name")
     texts = _texts(source, name)

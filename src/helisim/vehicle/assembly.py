@@ -172,6 +172,7 @@ def _named(path: Path) -> Iterator[None]:
         yield
     except (ValueError, KeyError, ModelError) as error:
         reason = " ".join(str(error).split())  # MuJoCo's run over several lines
+        reason = reason.partition(" The visual elements of the spec were discarded")[0]
         raise ModelError(f"{path}: {reason}{_advice(reason)}") from None
 
 

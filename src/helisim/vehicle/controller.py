@@ -25,6 +25,7 @@ from helisim.physics.layout import (
     TAIL_STATES,
     rotor_states,
 )
+from helisim.physics.native import check_is_model
 from helisim.physics.own_laws import Failure, OwnLaw, Registered
 from helisim.records.value import Value
 from helisim.vehicle.law_checks import (
@@ -313,8 +314,11 @@ def set_controller(model: mujoco.MjModel, controller: ControllerLike, *, prefix:
     Raises:
         UnknownNameError: there is no such helicopter.
         ModelError: the model has too little room for the law's states.
-        InputError: it is no law, or numba can't compile it.
+        InputError: it is no law, numba can't compile it, or there is no such model or prefix.
     """
+    check_is_model(model)
+    if not isinstance(prefix, str):
+        raise InputError(f"prefix must be a text such as 'a/', got {prefix!r:.80}")
     as_controller(controller).keep_in(model, prefix)
 
 
