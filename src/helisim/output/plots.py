@@ -251,12 +251,15 @@ def draw_excitation(name: str, flown: "Excitation") -> Drawing | None:
     """
     if any(getattr(flown, setting) is None for setting in flown.left_open):
         return None
-    from helisim.sim.excitation import PLACES  # there, as its manoeuvre is; not for a log alone
+    # here, where its manoeuvre is loaded already; a log alone needs no simulator
+    from helisim.sim.excitation import PLACES, is_foreknown
 
+    if not is_foreknown(flown):
+        return None
     time = np.linspace(0.0, flown.duration, _INSTANTS)
     try:
         added = flown.added(time)
-    except (NotImplementedError, InputError):
+    except InputError:
         return None
     panels = []
     for place, values in added.items():

@@ -1,6 +1,7 @@
 """Manoeuvres made of manoeuvres: one after the other, or all at once."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
-from helisim.sim.excitation import PLACES, Excitation, check_excitation, is_compiled
+from helisim.sim.excitation import PLACES, Excitation, check_excitation, is_foreknown
 from helisim.sim.plain import is_number, settle
 
 _DIGITS = 9
@@ -17,7 +18,7 @@ _DIGITS = 9
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Composite(Excitation):
+class _Composite(Excitation, ABC):
     """What `Sequence` and `Together` share."""
 
     parts: tuple[Excitation, ...]
@@ -31,7 +32,7 @@ class _Composite(Excitation):
         object.__setattr__(self, "parts", tuple(self.parts))
         for part in self.parts:
             check_excitation(part)
-            if is_compiled(part) and type(part).wave is Excitation.wave:
+            if not is_foreknown(part):
                 raise InputError(
                     f"a {type(part).__name__} is no part of a {kind}: its wobble belongs to the "
                     'pilot of a flight; take a Chirp(spacing="exponential")'
@@ -50,12 +51,13 @@ class _Composite(Excitation):
                 f"{kind} lasts {self.duration:g} s, shorter than its parts: {self._length():g} s"
             )
 
+    @abstractmethod
     def _length(self) -> float:
-        raise NotImplementedError
+        """Return how long the parts last together, s."""
 
+    @abstractmethod
     def _starts(self) -> list[float]:
         """Return when each part begins, s."""
-        raise NotImplementedError
 
     @property
     def places(self) -> tuple[str, ...]:
