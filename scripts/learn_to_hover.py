@@ -67,11 +67,11 @@ class Fleet(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Refuse: settings are given when the environment is made."""
-        raise NotImplementedError(attr_name)
+        raise NotImplementedError(f"{attr_name!r} is given when the environment is made")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **words: Any) -> None:
         """Refuse: there is no environment of one helicopter to call."""
-        raise NotImplementedError(method_name)
+        raise NotImplementedError(f"no environment of one helicopter has {method_name!r}")
 
 
 def vector(count: int, **settings: Any) -> gymnasium.vector.VectorEnv:

@@ -7,7 +7,7 @@ module before the colon:
 """
 
 try:
-    import gymnasium.envs.registration  # noqa: F401
+    import gymnasium.envs.registration  # noqa: F401  (helisim.registration looks for it)
 except ImportError as error:
     raise ImportError(f"helisim.gym needs gymnasium ({error}): pip install helisim[gym]") from None
 

@@ -34,6 +34,7 @@ class HelicopterEnv(Flown, gymnasium.Env[Any, Any]):
         DisplayError: there is no display to open a window on.
     """
 
+    # not a ClassVar, as gymnasium declares it, and instances have their own
     metadata: dict[str, Any] = {"render_modes": list(MODES), "render_fps": 50}  # noqa: RUF012
 
     def __init__(

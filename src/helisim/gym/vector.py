@@ -42,6 +42,7 @@ class HelicopterVectorEnv(Flown, VectorEnv[Seen, NDArray[np.float32], NDArray[An
         InputError: a setting that can't be, or an unknown one.
     """
 
+    # not a ClassVar, as gymnasium declares it, and instances have their own
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
         "render_fps": 50,
