@@ -34,6 +34,7 @@ _SENSORS = {
     "servo_position": "seen_servos",
     "flapping": "seen_tilt",
     "rotor": "seen_rotor",
+    "power": "seen_power",
     "air": "seen_air",
     "clock": "seen_time",
 }
@@ -300,7 +301,7 @@ def _mjcf(n: float) -> str:
     <general name="{a["servo_left"]}" {channel} dyntype="user" actdim="2"/>
     <general name="{a["servo_right"]}" {channel} dyntype="user" actdim="2"/>
     <general name="{a["servo_tail"]}" {channel} dyntype="user" actdim="2"/>
-    <general name="{a["rotor"]}" {channel} ctrlrange="0 1.2" dyntype="user" actdim="36"/>
+    <general name="{a["rotor"]}" {channel} ctrlrange="0 1.2" dyntype="user" actdim="50"/>
   </actuator>
   <sensor>
     <gyro name="{s["imu_gyro"]}" site="nav"/>
@@ -313,7 +314,8 @@ def _mjcf(n: float) -> str:
     <user name="{s["servo_command"]}" dim="4" {user}/>
     <user name="{s["servo_position"]}" dim="4" {user}/>
     <user name="{s["flapping"]}" dim="2" {user}/>
-    <user name="{s["rotor"]}" dim="4" {user}/>
+    <user name="{s["rotor"]}" dim="5" {user}/>
+    <user name="{s["power"]}" dim="4" {user}/>
     <user name="{s["air"]}" dim="6" {user}/>
     <clock name="{s["clock"]}"/>
   </sensor>

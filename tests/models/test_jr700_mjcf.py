@@ -18,7 +18,7 @@ SCENE = FOLDER / "scene.xml"
 STICKS = ["COL", "LON", "LAT", "PED"]
 SERVOS = ["servo_front", "servo_left", "servo_right", "servo_tail"]
 # The rigid body's state lives in qpos and qvel; these are the states of the callbacks' laws.
-STATES = dict.fromkeys(STICKS, 0) | dict.fromkeys(SERVOS, 2) | {"rotor": 36}
+STATES = dict.fromkeys(STICKS, 0) | dict.fromkeys(SERVOS, 2) | {"rotor": 50}
 SENSORS = {
     "imu_gyro": 3,
     "imu_accelerometer": 3,
@@ -30,7 +30,8 @@ SENSORS = {
     "servo_command": 4,
     "servo_position": 4,
     "flapping": 2,
-    "rotor": 4,
+    "rotor": 5,
+    "power": 4,
     "air": 6,
     "clock": 1,
 }
@@ -245,7 +246,7 @@ def test_sensors(model):
     assert names == SENSORS
     assert list(names) == list(SENSORS)
     users = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_USER)
-    assert [model.sensor(i).name for i in users] == list(SENSORS)[6:12]
+    assert [model.sensor(i).name for i in users] == list(SENSORS)[6:13]
     assert np.all(model.sensor_needstage[users] == mujoco.mjtStage.mjSTAGE_ACC)
 
 

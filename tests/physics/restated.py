@@ -1,8 +1,8 @@
-"""The vehicle's dynamics a second time, from the same sources, in vectors and matrices.
+"""Pilot, gyro, servos and air a second time, from the same sources, in vectors and matrices.
 
-Wu and Chen's eqs. (7) and (8), Bramwell's flapping, MIL-F-8785C's turbulence: numpy, body axes
-forward-right-down, north-east-down, no address of MuJoCo's. The momentum balance of the rotors, the
-noise and the sweep's shape are tested by themselves and called here.
+Wu and Chen's eqs. (7) and (8), MIL-F-8785C's turbulence: numpy, body axes forward-right-down,
+north-east-down, no address of MuJoCo's. Rotors and airframe have references of their own, and are
+not restated; noise and the sweep's shape are tested by themselves and called here.
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from numba import njit
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from helisim.physics import pilot, rotor
+from helisim.physics import pilot
 from helisim.physics.layout import DOUBLET, PARAM, READS_HELD, READS_ZERO, STATE, SWEEP
 
 hashed_noise, remnant, sweep = map(njit, (pilot.hashed_noise, pilot.remnant, pilot.sweep))
@@ -98,57 +98,6 @@ def air(m):
         velocity += turn.apply(moving[:3])
         rates = turn.apply(moving[3:])
     return np.concatenate([m.earth.T @ velocity, m.earth.T @ rates])
-
-
-def rotor_loads(m, moving, swash):
-    """Return thrust, torque, inflow, tip speed, pitch of the main rotor, and the tail's thrust."""
-    p, s = m.p, m.s
-    speed = 1.0 if p.pilot_on else m.ctrl[8]
-    velocity, (roll, pitch_rate, yaw) = m.velocity - moving[:3], m.rates - moving[3:]
-    tip = p.main_speed * speed * p.main_radius
-    pitch = p.main_pitch_trim + p.main_pitch_range * swash[0]
-    if speed < 0.05:
-        return 0.0, 0.0, 0.0, tip, pitch, 0.0
-    hub = velocity + np.cross([roll, pitch_rate, 0.0], [p.hub_x, 0.0, p.hub_z])
-    climb, advance = -hub[2] / tip, np.hypot(hub[0], hub[1]) / tip
-    height = -m.position[2] - (m.earth @ [p.hub_x, 0.0, p.hub_z])[2]
-    near = rotor.soft_limit(p.ground_effect * (p.main_radius / (4.0 * height)) ** 2, 0.4, 0.625)
-    shape = (p.main_solidity, p.main_lift_slope, p.main_stall, p.main_inflow_floor)
-    inflow, ct = rotor.inflow_and_thrust(pitch, climb, advance, *shape, near)
-    drag = (p.main_solidity, p.main_induced_factor, p.main_profile_drag)
-    cp = rotor.power(ct, inflow, climb, advance, *drag)
-    disc = p.air_density * np.pi * p.main_radius**2 * tip**2
-    tail_tip = p.tail_speed * speed * p.tail_radius
-    tail_pitch = p.tail_pitch_trim + p.tail_pitch_range * s.tail_position
-    side = (velocity + np.cross([roll, 0.0, yaw], [p.tail_x, 0.0, p.tail_z]))[1]
-    tail_shape = (p.tail_solidity, p.tail_lift_slope, p.tail_stall, p.tail_inflow_floor)
-    _, tail_ct = rotor.inflow_and_thrust(tail_pitch, -side / tail_tip, 0.0, *tail_shape, 0.0)
-    tail = p.air_density * np.pi * p.tail_radius**2 * tail_tip**2 * tail_ct
-    return disc * ct, disc * p.main_radius * cp, inflow, tip, pitch, tail
-
-
-def swashplate(s):
-    return np.linalg.solve(MIX, [s.front_position, s.left_position, s.right_position])
-
-
-def wrench(m):
-    """Return force and moment of the air at the body's origin, body axes, (6,)."""
-    p, s = m.p, m.s
-    moving = air(m)
-    thrust, torque, _, _, _, tail = rotor_loads(m, moving, swashplate(s))
-    velocity, rates = m.velocity - moving[:3], m.rates - moving[3:]
-    a, b = (rotor.soft_limit(tilt, p.flap_stop, 0.7) for tilt in (s.flap_a, s.flap_b))
-    turning = 1.0 if p.pilot_on or m.ctrl[8] >= 0.05 else 0.0
-    hub = thrust * np.array([-np.sin(a), np.sin(b), -np.cos(a) * np.cos(b)])
-    moment = np.cross([p.hub_x, 0.0, p.hub_z], hub)
-    moment += [turning * p.hub_stiffness * b, turning * p.hub_stiffness * a, -torque]
-    pressure = 0.5 * p.air_density * np.linalg.norm(velocity)
-    drag = -pressure * np.array([p.drag_x, p.drag_y, p.drag_z]) * velocity
-    arm = np.array([p.tail_x, 0.0, p.tail_z])
-    side = (velocity + np.cross([rates[0], 0.0, rates[2]], arm))[1]
-    fin = -0.5 * p.air_density * p.fin_area * abs(side) * side
-    sideways = np.array([0.0, fin - tail, 0.0])
-    return np.concatenate([hub + drag + sideways, moment + np.cross(arm, sideways)])
 
 
 def sensed(m):
@@ -267,7 +216,7 @@ def control(m):
 
 
 def state_rates(m):
-    """Return the derivatives of the vehicle's states, (n_state,): none of those that ticks move."""
+    """Return the derivatives of servos and air, (n_state,), 0 for the others."""
     p, s = m.p, m.s
     rates = dict.fromkeys(STATE._fields, 0.0)
     for k, name in enumerate(SERVOS):
@@ -285,7 +234,6 @@ def state_rates(m):
         if limit < p.servo_rate_limit:
             wanted = np.clip(0.5 * frequency / damping * (command - position), -limit, limit)
             rates[f"{name}_rate"] = 2.0 * damping * frequency * (wanted - rate)
-    rates["flap_a"], rates["flap_b"] = tilt_rates(m)
     if p.turbulence_on:
         noise = [
             hashed_noise(p.turbulence_seed, k, round(m.last_tick / p.gyro_period)) for k in range(4)
@@ -295,18 +243,3 @@ def state_rates(m):
         rates |= dict(zip(STATE._fields[air_states], a @ m.act[air_states] + b @ noise))
     moved = np.array([rates[name] for name in STATE._fields])
     return np.concatenate([moved, np.zeros(m.act.size - len(STATE))])
-
-
-def tilt_rates(m, collective=None):
-    """Return da/dt and db/dt: Wu and Chen's eq. (8), flap-back, and air that turns."""
-    p, s = m.p, m.s
-    moving, swash = air(m), swashplate(s)
-    lifting = swash if collective is None else [collective]
-    _, _, inflow, tip, pitch, _ = rotor_loads(m, moving, lifting)
-    called = np.array([[p.a_lat, p.a_lon], [p.b_lat, p.b_lon]]) @ swash[[2, 1]]
-    if p.pilot_on or m.ctrl[8] >= 0.05:
-        through = (m.velocity - moving[:3])[:2] / tip
-        called += p.flap_back * 2.0 * (4.0 / 3.0 * pitch - inflow) * through * [1.0, -1.0]
-        called += moving[3:5] / (p.main_speed * (1.0 if p.pilot_on else m.ctrl[8])) * [1.0, -1.0]
-    tilt, coupling = np.array([s.flap_a, s.flap_b]), np.array([[-1.0, p.a_b], [p.b_a, -1.0]])
-    return (coupling @ tilt + called) / p.tau_f - m.rates[[1, 0]]

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.physics import loads
+from helisim.physics import loads, main_rotor, tail_rotor
 from helisim.physics.body import Velocities
+from helisim.physics.flow import Flow
 from helisim.physics.layout import PARAM, STATE
 from plates import H3_120
 
@@ -16,6 +17,7 @@ speed = st.floats(-4.0, 4.0)
 rate = st.floats(-2.0, 2.0)
 tilt = st.floats(-0.2, 0.2)
 stick = st.floats(-0.4, 0.4)
+CALM = Velocities(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 ODD = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Signs of X, Y, Z, L, M, N seen in a mirror that swaps left and right."""
 
@@ -29,13 +31,16 @@ def activations(a=0.0, b=0.0, col=0.0, ped=0.0):
 
 def wrench(par, act, motion, speed_ratio=1.0):
     col, _, _ = H3_120.unmix(*act[STATE.front_position : STATE.tail_position : 2])
-    main = main_rotor(par, *motion, speed_ratio=speed_ratio, col=col)
+    main = lifting(par, *motion, speed_ratio=speed_ratio, col=col)
     pedal, a, b = act[[STATE.tail_position, STATE.flap_a, STATE.flap_b]]
-    return np.array(loads.wrench(par, pedal, a, b, Velocities(*motion), speed_ratio, main))
+    motion = Velocities(*motion)
+    tail = tail_rotor.tail_rotor(par, motion, speed_ratio, pedal)
+    return np.array(loads.wrench(par, a, b, Flow(motion, speed_ratio, main, tail, CALM)))
 
 
-def main_rotor(par, u=0.0, v=0.0, w=0.0, p=0.0, q=0.0, r=0.0, *, speed_ratio=1.0, col=0.0):
-    return loads.main_rotor(par, Velocities(u, v, w, p, q, r), speed_ratio, col)
+def lifting(par, u=0.0, v=0.0, w=0.0, p=0.0, q=0.0, r=0.0, *, speed_ratio=1.0, col=0.0):
+    """Return what the main rotor does."""
+    return main_rotor.main_rotor(par, Velocities(u, v, w, p, q, r), speed_ratio, col)
 
 
 @given(u=speed, v=speed, w=speed, p=rate, q=rate, r=rate, a=tilt, b=tilt, col=stick)
@@ -48,8 +53,8 @@ def test_mirror_symmetry(jr700, u, v, w, p, q, r, a, b, col):
     one = wrench(numbers, activations(a, b, col), (u, v, w, p, q, r))
     other = wrench(numbers, activations(a, -b, col), (u, -v, w, -p, q, -r))
     # what is left of the torque, the climb's work, has one sense only
-    one[5] += main_rotor(numbers, u, v, w, p, q, col=col).torque
-    other[5] += main_rotor(numbers, u, -v, w, -p, q, col=col).torque
+    one[5] += lifting(numbers, u, v, w, p, q, col=col).torque
+    other[5] += lifting(numbers, u, -v, w, -p, q, col=col).torque
     assert other == pytest.approx(ODD * one, abs=1e-9)  # rounding of 100 N, and of the solver
 
 
@@ -58,8 +63,8 @@ def test_tail_rotor_is_odd(jr700, v, p, r, ped):
     """Without pitch at centre the tail pushes left as it pushes right."""
     numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
     numbers[PARAM.tail_pitch_trim] = 0.0
-    one = loads.tail_rotor(numbers, Velocities(0.0, v, 0.0, p, 0.0, r), 1.0, ped)
-    other = loads.tail_rotor(numbers, Velocities(0.0, -v, 0.0, -p, 0.0, -r), 1.0, -ped)
+    one = tail_rotor.tail_rotor(numbers, Velocities(0.0, v, 0.0, p, 0.0, r), 1.0, ped).thrust
+    other = tail_rotor.tail_rotor(numbers, Velocities(0.0, -v, 0.0, -p, 0.0, -r), 1.0, -ped).thrust
     assert other == pytest.approx(-one, abs=1e-10)  # rounding of the solver times 20 kN
 
 
@@ -68,8 +73,8 @@ def test_rotor_has_no_favourite_heading(jr700, speed_, heading, w, col):
     """Thrust and torque depend on the airspeed in the disc, not on its direction."""
     numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
     u, v = speed_ * math.cos(heading), speed_ * math.sin(heading)
-    turned = main_rotor(numbers, u, v, w, col=col)
-    ahead = main_rotor(numbers, speed_, 0.0, w, col=col)
+    turned = lifting(numbers, u, v, w, col=col)
+    ahead = lifting(numbers, speed_, 0.0, w, col=col)
     assert turned == pytest.approx(ahead, rel=1e-9, abs=1e-9)  # rounding of hypot
 
 
@@ -78,7 +83,7 @@ def test_rotor_power_balance(jr700, w, col):
     """With kappa = 1 and no profile drag, torque times speed is thrust times the inflow."""
     numbers = jr700.model.actuator_user[jr700.model.actuator("rotor").id].copy()
     numbers[PARAM.main_induced_factor], numbers[PARAM.main_profile_drag] = 1.0, 0.0
-    main = main_rotor(numbers, w=w, col=col)
+    main = lifting(numbers, w=w, col=col)
     shaft = main.torque * numbers[PARAM.main_speed]
     assert shaft == pytest.approx(
         main.thrust * main.inflow * main.tip_speed, rel=1e-10, abs=1e-9
@@ -136,7 +141,7 @@ def test_signs_of_the_controls(par):
 
 def test_hub_velocity_drives_the_rotor(par):
     """The hub, 0.28 m above, moves right in a right roll and back in a nose-up pitch."""
-    rolling = main_rotor(par, v=1.0, p=3.0)
-    assert rolling == main_rotor(par, v=1.0 + 3.0 * 0.28)
-    pitching = main_rotor(par, u=1.0, q=3.0)
-    assert pitching == main_rotor(par, u=1.0 - 3.0 * 0.28)
+    rolling = lifting(par, v=1.0, p=3.0)
+    assert rolling == lifting(par, v=1.0 + 3.0 * 0.28)
+    pitching = lifting(par, u=1.0, q=3.0)
+    assert pitching == lifting(par, u=1.0 - 3.0 * 0.28)

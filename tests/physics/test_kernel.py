@@ -10,7 +10,8 @@ from numba import njit
 from numba.core.errors import TypingError
 
 import interpreted
-from helisim.physics import loads, rotor
+from helisim.physics import main_rotor as rotors
+from helisim.physics import rotor
 from helisim.physics.body import Velocities
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
@@ -20,7 +21,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 speed, rate, stick = st.floats(-8.0, 8.0), st.floats(-2.0, 2.0), st.floats(-0.5, 0.5)
-main_rotor = njit(loads.main_rotor)
+main_rotor = njit(rotors.main_rotor)
 
 
 @given(u=speed, v=speed, w=speed, p=rate, q=rate, collective=stick)
@@ -29,7 +30,7 @@ def test_compiled_laws_give_what_python_gives(jr700, u, v, w, p, q, collective):
     par = jr700.model.actuator_user[jr700.model.actuator("rotor").id]
     given_ = (par, Velocities(u, v, w, p, q, 0.0), 1.0, collective, 0.0)
     # LLVM may turn x**2 and the like into other operations: some units in the last place
-    assert main_rotor(*given_) == pytest.approx(loads.main_rotor(*given_), rel=1e-12, abs=1e-12)
+    assert main_rotor(*given_) == pytest.approx(rotors.main_rotor(*given_), rel=1e-12, abs=1e-12)
 
 
 def test_compiled_code_knows_the_index_of_each_name():

@@ -224,7 +224,7 @@ def test_states_need_room(jr700):
     controller = Controller(remembers, states=40)
     model = copy.copy(jr700.model)
     with pytest.raises(
-        ModelError, match=r'has 40 states and the model has room for 8.*actdim="100"'
+        ModelError, match=r'has 40 states and the model has room for 8.*actdim="114"'
     ):
         hs.set_controller(model, controller)
     vehicle = jr700.with_controller(controller)

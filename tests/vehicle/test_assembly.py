@@ -125,6 +125,7 @@ def test_sensors_are_where_the_layout_says(jr700):
         "position_front",
         "flap_a",
         "thrust",
+        "drive_power",
         "air_u",
         "clock",
     ]

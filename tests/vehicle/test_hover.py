@@ -39,7 +39,7 @@ def test_hover_is_the_designs(jr700):
     data = jr700.hovering()
     with installed():
         mujoco.mj_forward(jr700.model, data)
-    thrust, torque, inflow, tail = data.sensor("rotor").data
+    thrust, torque, inflow, tail, _ = data.sensor("rotor").data
     weight = 8.01 * 9.8015
     # balance of forces at a bank phi and disc tilt b: each a closed form, to the trim's residual
     assert tail == pytest.approx(torque / 0.90, abs=1e-7)  # Q / l_tr

@@ -105,7 +105,7 @@ def test_forward_flight_is_the_mirror_image(pair):
     """Place, velocity, turning, specific force, tilt, thrusts and torque: to rounding, for 3 s."""
     one, other = (forward_flight(vehicle, hand) for vehicle, hand in zip(pair, (1.0, -1.0)))
     vector, pseudo = [1.0, -1.0, 1.0], [-1.0, 1.0, -1.0]
-    signs = [*vector, *vector, *pseudo, *vector, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
+    signs = [*vector, *vector, *pseudo, *vector, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
     assert np.abs(one[:, 3:9]).max() > 1.0  # it flies and turns
     assert np.ptp(one[:, 6]) > 0.5
     scale = np.maximum(1.0, np.abs(one).max(axis=0))

@@ -6,7 +6,9 @@ callbacks, native       what MuJoCo calls, and how it is lent to it
 examination, notes      what a model lacks, and how a callback says so
 commands                whether somebody else sets the servos that the gyro flies
 frames, body, timing    axes, motion and wrenches; the gyro's ticks and the integrators' steps
-rotor, loads, flapping  thrust and power, forces and moments, the tip-path plane
+rotor                   blade elements in the air that they move
+main_rotor, tail_rotor  what each of them does; flow: in the air that passes a vehicle
+loads, flapping         forces and moments, the tip-path plane
 air                     wind, gust, turbulence and the ground's nearness
 pilot, gyro, servo      from what is seen to sticks, from sticks to commands, to positions
 controller              which law commands which servos at a tick, and what it sees

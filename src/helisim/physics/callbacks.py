@@ -14,33 +14,55 @@ from helisim.physics.body import apply_wrench
 from helisim.physics.commands import notice_others, remember
 from helisim.physics.examination import examine, examine_idle, examine_idler
 from helisim.physics.flapping import tilt_rates
+from helisim.physics.flow import flow
 from helisim.physics.injection import at_actuators
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
-from helisim.physics.loads import flow, tail_rotor, wrench
-from helisim.physics.memory import buffer, is_rotor, sensor_numbers, states_end, vehicles, view_of
+from helisim.physics.loads import wrench
+from helisim.physics.memory import (
+    buffer,
+    is_rotor,
+    sensor_numbers,
+    states_end,
+    vehicles,
+    view_of,
+)
 from helisim.physics.pilot import fly
 from helisim.physics.servo import write_servo_rates
-from helisim.physics.timing import held_for, is_tick, last_tick, position_ahead
+from helisim.physics.timing import held_for, is_tick, last_tick
 
 _ACCELERATION_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
 _DRIVEN = STATE.tail_rate + 1
 """The first states of a vehicle, those of the servos, which held commands alone drive."""
+_RATES_KEPT = STATE.flap_a_rate - STATE.flap_a
+"""How far behind the rotor's states their rates are kept."""
 
 
 @kernel()
 def passive(m, d, offsets):
-    """Add the aerodynamic forces of every vehicle: what mjcb_passive does."""
+    """Add the aerodynamic forces of every vehicle: what mjcb_passive does.
+
+    What its rotors do is found here, once in each evaluation, and all that follows from it is
+    written at once. MuJoCo clears `act_dot` afterwards, so the rates of the rotor's states wait
+    among the activations.
+    """
     examine_idle(m, d, offsets)
     for view in vehicles(m, d, offsets):
         step = held_for(view)
         past = flow(view, 0.5 * step)
-        a, b = view.act[STATE.flap_a], view.act[STATE.flap_b]
-        if step > 0.0:
-            a_rate, b_rate = tilt_rates(view, past, step)
-            a, b = a + step * a_rate, b + step * b_rate
-        pedal = position_ahead(view, STATE.tail_position, 0.5 * step)
-        apply_wrench(view, wrench(view.par, pedal, a, b, past.motion, past.speed, past.main))
+        keep_rotor_rates(view, past, step)
+        a = view.act[STATE.flap_a] + step * view.act[STATE.flap_a_rate]
+        b = view.act[STATE.flap_b] + step * view.act[STATE.flap_b_rate]
+        apply_wrench(view, wrench(view.par, a, b, past))
+
+
+@kernel()
+def keep_rotor_rates(view, past, step):
+    """Keep the derivatives of the rotor's states, their mean over a step (s), or now at 0."""
+    act = view.act
+    act[STATE.flap_a_rate], act[STATE.flap_b_rate] = tilt_rates(view, past, step)
+    for k in range(STATE.inflow_0_rate, STATE.governor_rate + 1):
+        act[k] = 0.0
 
 
 @kernel()
@@ -64,9 +86,9 @@ def control(m, d, offsets):
 
 @kernel()
 def activation_rates(m, d, offsets, actuator):
-    """Write the derivatives of all activations of a vehicle, at the turn of its rotor, the last.
+    """Write the derivatives of a vehicle's activations, at the turn of its rotor, the last.
 
-    What mjcb_act_dyn does.
+    What mjcb_act_dyn does. Those of the rotor were found with the forces.
     """
     if not is_rotor(m, offsets, actuator):
         return 0.0
@@ -77,8 +99,8 @@ def activation_rates(m, d, offsets, actuator):
         write_mean_servo_rates(view.par, commands, limits, view.act, view.rate, step)
     else:
         write_servo_rates(view.par, view.act, view.rate, commands, limits)
-    past = flow(view, 0.5 * step)
-    view.rate[STATE.flap_a], view.rate[STATE.flap_b] = tilt_rates(view, past, step)
+    for k in range(STATE.flap_a, STATE.governor + 1):
+        view.rate[k] = view.act[k + _RATES_KEPT]
     write_turbulence_rates(view, step)
     for k in range(STATE.feels_x, states_end(view)):  # written at ticks, not integrated
         view.rate[k] = 0.0
@@ -156,14 +178,20 @@ def report(view):
     since = 0.5 * held_for(view)  # by which the tilt is kept early
     out[SENSOR.flap_a] = act[STATE.flap_a] + since * rate[STATE.flap_a]
     out[SENSOR.flap_b] = act[STATE.flap_b] + since * rate[STATE.flap_b]
-    past = flow(view, 0.0)
-    main, air = past.main, past.air
+    report_rotors(view, flow(view, 0.0))
+
+
+@kernel()
+def report_rotors(view, past):
+    """Write what the sensors say of the rotors and the air, from the `Flow`."""
+    out, main, air = sensor_numbers(view), past.main, past.air
     out[SENSOR.thrust], out[SENSOR.torque], out[SENSOR.inflow] = (
         main.thrust,
         main.torque,
         main.inflow,
     )
-    pedal = act[STATE.tail_position]
-    out[SENSOR.tail_thrust] = tail_rotor(view.par, past.motion, past.speed, pedal)
+    out[SENSOR.tail_thrust], out[SENSOR.speed] = past.tail.thrust, past.speed
+    for k in range(SENSOR.drive_power, SENSOR.heat + 1):
+        out[k] = 0.0
     out[SENSOR.air_u], out[SENSOR.air_v], out[SENSOR.air_w] = air.u, air.v, air.w
     out[SENSOR.air_p], out[SENSOR.air_q], out[SENSOR.air_r] = air.p, air.q, air.r

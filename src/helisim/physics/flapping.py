@@ -5,7 +5,7 @@ Wu and Chen, eq. (8) of section 3.2, rows three and four; with the flap-back of 
 
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.loads import STOPPED
+from helisim.physics.main_rotor import STOPPED
 from helisim.physics.memory import from_element
 from helisim.physics.servo import unmix
 

@@ -59,7 +59,8 @@ SENSORS = {
     "servo_command": 4,
     "servo_position": 4,
     "flapping": 2,
-    "rotor": 4,
+    "rotor": 5,
+    "power": 4,
     "air": 6,
     "clock": 1,
 }
@@ -112,11 +113,17 @@ class SensorIndex(NamedTuple):
     # flapping: rad
     flap_a: int
     flap_b: int
-    # rotor: N, N m, inflow ratio, N
+    # rotor: N, N m, inflow ratio, N, speed over the nominal one
     thrust: int
     torque: int
     inflow: int
     tail_thrust: int
+    speed: int
+    # power, W: what the motor delivers, main and tail shaft take, and what is lost to the air
+    drive_power: int
+    main_power: int
+    tail_power: int
+    heat: int
     # air: its own velocity and rotation, m/s and rad/s, body axes
     air_u: int
     air_v: int
@@ -163,8 +170,8 @@ INJECTION = InjectionIndex(*range(len(InjectionIndex._fields)))
 class StateIndex(NamedTuple):
     """Activations of a vehicle, from the address of its first one.
 
-    From `feels_x` on they are not integrated: the callbacks write them at the gyro's ticks. The
-    last are the states of the control laws, here those of the shipped gyro; behind them as many
+    From `feels_x` on they are not integrated: the callbacks write them, most at the gyro's ticks.
+    The last are the states of the control laws, here those of the shipped gyro; behind them as many
     again are kept, the same states before the last tick.
     """
 
@@ -178,6 +185,14 @@ class StateIndex(NamedTuple):
     tail_rate: int
     flap_a: int
     flap_b: int
+    # dynamic inflow: mean, and over the disc; ratios to the tip speed
+    inflow_0: int
+    inflow_s: int
+    inflow_c: int
+    # rotor speed over the nominal one; what drives it
+    speed: int
+    engine: int
+    governor: int
     air_u: int
     air_v_lag: int
     air_w_lag: int
@@ -198,6 +213,15 @@ class StateIndex(NamedTuple):
     read_p: int
     read_q: int
     read_r: int
+    # derivatives of the rotor's states, from `flap_a` to `governor`, found with the forces
+    flap_a_rate: int
+    flap_b_rate: int
+    inflow_0_rate: int
+    inflow_s_rate: int
+    inflow_c_rate: int
+    speed_rate: int
+    engine_rate: int
+    governor_rate: int
     # one more than the number of the tick at which the laws last acted, and a half more at their
     # first; 0 before they have, -1 where one failed
     law_tick: int
@@ -248,6 +272,7 @@ class ParamIndex(NamedTuple):
     main_pitch_range: int
     main_stall: int
     main_inflow_floor: int
+    main_dynamic_inflow: int
     hub_x: int
     hub_z: int
     hub_stiffness: int
@@ -272,6 +297,8 @@ class ParamIndex(NamedTuple):
     tail_inflow_floor: int
     tail_x: int
     tail_z: int
+    # drive: 0 keeps the rotor's speed as commanded, 1 is a motor
+    drive_governor: int
     # drag areas
     drag_x: int
     drag_y: int

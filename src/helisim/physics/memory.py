@@ -250,7 +250,12 @@ def sensor_numbers(view):
 
 @kernel()
 def speed_ratio(view):
-    """Return the rotor's speed over its nominal one; a pilot flies with the governor on."""
+    """Return the rotor's speed over its nominal one.
+
+    An ideal governor keeps what is commanded, and a pilot flies with it on.
+    """
+    if view.par[PARAM.drive_governor] != 0.0:
+        return view.act[STATE.speed]
     if view.par[PARAM.pilot_on] != 0.0:
         return 1.0
     return view.controls[CONTROL.rotor]

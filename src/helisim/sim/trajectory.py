@@ -60,7 +60,8 @@ class Trajectory:
         servo_commands: (n_time, 4) front, left, right, tail.
         servo_positions: (n_time, 4).
         flapping: (n, 2) a, b in rad.
-        rotor: (n_time, 4) thrust N, torque N m, inflow ratio, tail thrust N.
+        rotor: (n_time, 5) thrust N, torque N m, inflow ratio, tail thrust N, speed ratio.
+        power: (n_time, 4) W: of the drive, of main and tail shaft, lost to the air.
         air: (n, 6) velocity in m/s and rotation in rad/s of the air itself, body axes.
         rates: (n_time, 3) p, q, r in rad/s.
         attitudes: (n_time, 3) phi, theta, psi in rad, psi unwrapped.
@@ -85,6 +86,7 @@ class Trajectory:
     servo_positions: NDArray[np.float64]
     flapping: NDArray[np.float64]
     rotor: NDArray[np.float64]
+    power: NDArray[np.float64]
     air: NDArray[np.float64]
     rates: NDArray[np.float64]
     attitudes: NDArray[np.float64]
@@ -174,6 +176,7 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         servo_positions=seen("servo_position"),
         flapping=seen("flapping"),
         rotor=seen("rotor"),
+        power=seen("power"),
         air=seen("air"),
         rates=rates,
         attitudes=attitudes,

@@ -26,8 +26,11 @@ if TYPE_CHECKING:
 
 MOTION = tuple(field.name for field in fields(Motion))
 OUTPUTS = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS
-_DRIVEN = STATE.air_u
-"""The first states of a vehicle, those of servos and rotor."""
+_OPTIONAL = {
+    "main_dynamic_inflow": ("inflow_0", "inflow_s", "inflow_c"),
+    "drive_governor": ("speed", "engine", "governor"),
+}
+"""States that there are where a force law has them: its number, not 0."""
 _STEP = 1e-5
 """Central difference: truncation of order 1e-10 beside rounding of order 1e-11, in SI."""
 
@@ -176,6 +179,17 @@ def linearize(model: mujoco.MjModel, trim: Trim) -> Linearization:
     return Linearization(system, {}, trim)
 
 
+def driven_states(par: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return the states of servos and rotor that a vehicle's parameters, (n_param,), let move."""
+    off = [
+        name
+        for law, names in _OPTIONAL.items()
+        if par[getattr(PARAM, law)] == 0.0
+        for name in names
+    ]
+    return tuple(name for name in StateIndex._fields[: STATE.air_u] if name not in off)
+
+
 class _Dynamics:
     """Deviations of states and inputs from the trim -> rates of the states, and outputs."""
 
@@ -185,7 +199,9 @@ class _Dynamics:
         self.model.actuator_user[self.where.rotor, PARAM.gyro_on] = 0.0
         self.model.actuator_user[self.where.rotor, PARAM.pilot_on] = 0.0
         self.plate = Swashplate.in_block(self.model.actuator_user[self.where.rotor])
-        self.states = (*MOTION, *StateIndex._fields[:_DRIVEN])
+        driven = driven_states(self.model.actuator_user[self.where.rotor])
+        self.states = (*MOTION, *driven)
+        self.driven = np.array([self.where.state + getattr(STATE, name) for name in driven])
         self.size = len(self.states) + len(IN1)
         self.data = mujoco.MjData(self.model)
         place(self.model, self.data, trim)
@@ -198,11 +214,10 @@ class _Dynamics:
         motion = Motion(*(self.motion + deviation[:n_motion]))
         write_motion(self.model, self.data, motion)
         self.data.act[:] = self.act
-        driven = slice(self.where.state, self.where.state + _DRIVEN)
-        self.data.act[driven] += deviation[n_motion:n]
+        self.data.act[self.driven] += deviation[n_motion:n]
         self._command(deviation[n:])
         mujoco.mj_forward(self.model, self.data)
-        rates = self.data.act_dot[driven]
+        rates = self.data.act_dot[self.driven]
         felt = specific_force(self.data, self.model, motion)
         seen = [getattr(motion, name) for name in OUTPUTS[:-3]]
         control = self.data.ctrl[self.where.control : self.where.control + ROTOR]

@@ -1,0 +1,49 @@
+"""The flow of the air past a vehicle, and what its rotors do in it."""
+
+from typing import NamedTuple
+
+from helisim.physics import air
+from helisim.physics.body import Velocities
+from helisim.physics.kernel import kernel
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.main_rotor import MainRotor, main_rotor
+from helisim.physics.memory import from_element, speed_ratio
+from helisim.physics.servo import unmix
+from helisim.physics.tail_rotor import TailRotor, tail_rotor
+from helisim.physics.timing import position_ahead
+
+
+class Flow(NamedTuple):
+    """The flow past a vehicle, and what its rotors do in it.
+
+    Attributes:
+        motion: velocities of the body through the air.
+        speed: rotor speed over the nominal one.
+        main: what the main rotor does.
+        tail: what the tail rotor does.
+        air: velocities of the air itself.
+    """
+
+    motion: Velocities
+    speed: float
+    main: MainRotor
+    tail: TailRotor
+    air: Velocities
+
+
+@kernel()
+def flow(view, ahead):
+    """Return the `Flow` past a vehicle; the blades' pitch is that of a time `ahead` (s)."""
+    moving = air.motion(view)
+    motion = air.relative_motion(view, moving)
+    speed = speed_ratio(view)
+    collective, _, _ = unmix(
+        from_element(view.par, PARAM.mix_front_col),
+        position_ahead(view, STATE.front_position, ahead),
+        position_ahead(view, STATE.left_position, ahead),
+        position_ahead(view, STATE.right_position, ahead),
+    )
+    nearness = air.ground_nearness(view)
+    main = main_rotor(view.par, motion, speed, collective, nearness)
+    pedal = position_ahead(view, STATE.tail_position, ahead)
+    return Flow(motion, speed, main, tail_rotor(view.par, motion, speed, pedal), moving)

@@ -1,0 +1,60 @@
+"""What the tail rotor does in the air that passes it."""
+
+import math
+from typing import NamedTuple
+
+from helisim.physics import rotor
+from helisim.physics.kernel import kernel
+from helisim.physics.layout import PARAM
+from helisim.physics.main_rotor import STOPPED
+
+
+class TailRotor(NamedTuple):
+    """What the tail rotor does.
+
+    Attributes:
+        thrust: N.
+        inflow: ratio of the air's velocity through the disc to the tip speed.
+    """
+
+    thrust: float
+    inflow: float
+
+
+@kernel()
+def tail_rotor(par, motion, speed, pedal):
+    """Return what the tail rotor does, a `TailRotor`.
+
+    Under blades that turn clockwise it pushes the tail to the left (nose right), and more so with
+    the pedals; under others to the right, and less so: pedals forward is nose right for both.
+
+    Args:
+        par: parameters.
+        motion: `Velocities` of the body through the air.
+        speed: rotor speed over the nominal one.
+        pedal: of the tail servo, unitised.
+    """
+    tip_speed = par[PARAM.tail_speed] * speed * par[PARAM.tail_radius]
+    if speed < STOPPED:
+        return TailRotor(0.0, 0.0)
+    hand = par[PARAM.main_direction]
+    pitch = par[PARAM.tail_pitch_trim] + hand * par[PARAM.tail_pitch_range] * pedal
+    climb = -hand * tail_v(par, motion) / tip_speed
+    inflow, ct = rotor.inflow_and_thrust(
+        pitch,
+        climb,
+        0.0,
+        par[PARAM.tail_solidity],
+        par[PARAM.tail_lift_slope],
+        par[PARAM.tail_stall],
+        par[PARAM.tail_inflow_floor],
+        0.0,
+    )
+    force = par[PARAM.air_density] * math.pi * par[PARAM.tail_radius] ** 2 * tip_speed**2
+    return TailRotor(force * ct, inflow)
+
+
+@kernel()
+def tail_v(par, motion):
+    """Return the velocity through the air of the tail rotor and fin to the right, m/s."""
+    return motion.v + motion.r * par[PARAM.tail_x] - motion.p * par[PARAM.tail_z]
