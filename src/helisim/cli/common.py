@@ -112,13 +112,29 @@ def add_parameters(command: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=VALUE",
         help="replace a physical parameter, such as "
-        "main_rotor.hub_stiffness=100 (SI); may be given again",
+        "main_rotor.hub_stiffness=100 (SI) or drive.governor=ideal; may be given again",
     )
 
 
-def parameters(options: argparse.Namespace) -> dict[str, float]:
-    """Return what --set gives. Raises InputError."""
-    return named_numbers("--set", options.set)
+def parameters(options: argparse.Namespace) -> dict[str, float | str]:
+    """Return what --set gives: numbers, and words where a parameter is a choice.
+
+    Raises:
+        InputError: neither.
+    """
+    from helisim.vehicle.choices import CHOICES, number_of
+
+    chosen = [item for item in options.set if item.partition("=")[0].strip() in CHOICES]
+    numbers = named_numbers("--set", [item for item in options.set if item not in chosen])
+    words = {}
+    for item in chosen:
+        name, _, word = map(str.strip, item.partition("="))
+        try:
+            number_of(name, word)
+        except InputError as error:
+            raise InputError(f"--set {error}") from None
+        words[name] = word
+    return numbers | words
 
 
 def imported(option: str, word: str) -> Any:

@@ -54,7 +54,7 @@ def recover(
     flights: int = 3,
     seed: int = 1,
     jobs: int | None = None,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, float | str] | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> Results:
     """Fly sweeps on all four axes, identify yaw, roll-pitch and heave, compare with the truth.

@@ -50,7 +50,7 @@ class Arguments:
 
     flights: int
     seed: int
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, float | str]
     timestep: float | None
     rotor: bool
 
@@ -61,7 +61,7 @@ def reproduce(
     flights: int = 10,
     seed: int = 1,
     jobs: int | None = None,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, float | str] | None = None,
     timestep: float | None = None,
     rotor: bool = False,
     reuse: bool = False,

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from helisim.records.files import read_toml
 
-OPTIONAL = ("swashplate", "recorder_latency", "tuning", "targets", "geometry", "band")
+OPTIONAL = ("drive", "swashplate", "recorder_latency", "tuning", "targets", "geometry", "band")
 """Sections that a vehicle may leave out, whole or in part."""
 
 _OPTIONAL = ("main_rotor.direction",)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from helisim.errors import InputError, ModelError, StorageError, UnknownNameError
 from helisim.records.files import read_toml
+from helisim.vehicle.choices import CHOICES, number_of, word_of
 from helisim.vehicle.glossary import glossary, sections, term
 from helisim.vehicle.written_unit import unit_fault
 
@@ -58,22 +59,23 @@ class Parameters(Mapping[str, float]):
         except KeyError:
             raise UnknownNameError("parameter", name, sorted(self._entries)) from None
 
+    def word(self, name: str) -> str | float:
+        """Return what is chosen of a parameter's `CHOICES`, such as "ideal"; else its number."""
+        return word_of(name, self[name])
+
     def replace(
-        self, changes: Mapping[str, float], source: str = "set by the user"
+        self, changes: Mapping[str, float | str], source: str = "set by the user"
     ) -> "Parameters":
         """Return a copy with some values changed.
 
         Raises:
             UnknownNameError: no such parameter.
-            InputError: a value is not a finite number.
+            InputError: a value is not a finite number, or not among the words that it can be.
         """
         entries = dict(self._entries)
         for name, value in changes.items():
             old = self.entry(name)
-            number = float(value)
-            if not math.isfinite(number):
-                raise InputError(f"parameter {name!r} must be a finite number, got {value!r}")
-            entries[name] = PhysicalParameter(name, number, old.unit, source)
+            entries[name] = PhysicalParameter(name, number_of(name, value), old.unit, source)
         return Parameters(entries)
 
 
@@ -128,6 +130,7 @@ def untuned(parameters: Parameters) -> Parameters:
 
 _LEFT_OUT = {
     "main_rotor.direction": (1.0, "1", "clockwise seen from above"),
+    "drive.governor": (0.0, "1", "the rotor keeps the speed that is asked for"),
     "swashplate.front_angle": (0.0, "rad", "at the nose"),
     "swashplate.left_angle": (2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),
     "swashplate.right_angle": (-2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),
@@ -137,7 +140,7 @@ _LEFT_OUT = {
 
 
 def completed(parameters: Parameters) -> Parameters:
-    """Return the parameters with what a vehicle may leave out: rotor's direction, swashplate."""
+    """Return the parameters with what a vehicle may leave out: direction, drive, swashplate."""
     plain = {
         name: PhysicalParameter(name, value, unit, f"not given: {meaning}")
         for name, (value, unit, meaning) in _LEFT_OUT.items()
@@ -160,8 +163,10 @@ def _read(path: Path) -> dict[str, PhysicalParameter]:
             name = f"{section}.{key}"
             try:
                 entries[name] = PhysicalParameter(
-                    name, plain_number(item["value"]), str(item["unit"]), str(item["source"])
+                    name, plain_number(name, item["value"]), str(item["unit"]), str(item["source"])
                 )
+            except InputError as error:
+                raise ModelError(f"{path}: {error}") from None
             except (TypeError, KeyError, ValueError):
                 raise ModelError(
                     f"{path}: {name} needs value (a number), unit and source, got {item!r}"
@@ -174,8 +179,15 @@ def _read(path: Path) -> dict[str, PhysicalParameter]:
     return entries
 
 
-def plain_number(value: object) -> float:
-    """Return a number of a parameter file. Raises TypeError for text and true or false."""
+def plain_number(name: str, value: object) -> float:
+    """Return the value of a parameter as its file has it.
+
+    Raises:
+        TypeError: text, or true or false.
+        InputError: it is a choice, and of other words.
+    """
+    if name in CHOICES:
+        return number_of(name, value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r} is no number")
     return float(value)
@@ -222,8 +234,10 @@ def to_toml(
                 continue
             entry = parameters.entry(name)
             lines += [f"# {line}" for line in comment(name)]
+            value = word_of(name, entry.value)
+            written = json.dumps(value) if isinstance(value, str) else repr(value)
             lines.append(
-                f"{key} = {{ value = {entry.value!r}, unit = {json.dumps(entry.unit)}, "
+                f"{key} = {{ value = {written}, unit = {json.dumps(entry.unit)}, "
                 f"source = {json.dumps(entry.source)} }}"
             )
     return "\n".join(lines) + "\n"

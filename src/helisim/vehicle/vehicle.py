@@ -338,7 +338,7 @@ def _passed(
 def load(
     vehicle: str | PathLike[str] = "jr700",
     *,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, float | str] | None = None,
     timestep: float | None = None,
     tuned: bool = True,
     integrator: Integrator | None = None,
@@ -348,7 +348,8 @@ def load(
     Args:
         vehicle: name of a shipped one, such as "jr700", or path of a folder of your own.
         parameters: values that replace the calibrated ones, such as
-            {"main_rotor.hub_stiffness": 100.0}; the truth then follows them.
+            {"main_rotor.hub_stiffness": 100.0}, or a word where one is chosen, such as
+            {"drive.governor": "ideal"}; the truth then follows them.
         timestep: s; the MJCF's own if None.
         tuned: False accepts a vehicle whose gyro is not tuned yet, to tune it.
         integrator: "RK4", fourth order, the MJCF's own and the default; or "Euler", staggered to
@@ -356,7 +357,7 @@ def load(
 
     Raises:
         UnknownNameError: no such vehicle or parameter.
-        InputError: a value is not finite, or no such integrator.
+        InputError: a value is not finite or no such choice, or no such integrator.
         ModelError: the model can't be built.
         TrimError: it can't hover.
     """

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from helisim.errors import ModelError, StorageError, similar
+from helisim.errors import InputError, ModelError, StorageError, similar
 from helisim.records.files import read_text
 from helisim.study.check.problem import Problem, command, sentence
 from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS
@@ -127,8 +127,11 @@ class ParameterFiles:
         known = term(name)
         unit = known.unit if known else "1"
         try:
-            value, written = plain_number(item["value"]), str(item["unit"])
+            value, written = plain_number(name, item["value"]), str(item["unit"])
             entry = PhysicalParameter(name, value, written, str(item["source"]))
+        except InputError as error:
+            self.add(str(error), name)
+            return None
         except (TypeError, KeyError, ValueError):
             example = f'{{ value = 1.0, unit = "{unit}", source = "measured" }}'
             self.add(f"{name} needs a value (a number), a unit and a source: {example}", name)

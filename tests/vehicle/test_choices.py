@@ -1,0 +1,58 @@
+"""Parameters that are a choice between words: the same in Python, in files, on the command line."""
+
+import pytest
+
+from command import fails
+from helisim.errors import InputError, ModelError
+from helisim.vehicle import load, read_parameters, standard_parameters
+from helisim.vehicle.choices import CHOICES, number_of, word_of
+from helisim.vehicle.glossary import glossary
+from helisim.vehicle.parameters import to_toml
+from own_vehicle import copied
+
+
+@pytest.mark.parametrize("name", CHOICES)
+def test_every_word_stands_for_a_number_and_back(name):
+    """Also in a file, which is written with the word and read again."""
+    assert name in glossary()
+    for word in CHOICES[name]:
+        assert word_of(name, number_of(name, word)) == word
+        assert number_of(name, number_of(name, word)) == number_of(name, word)
+        chosen = standard_parameters("jr700").replace({name: word})
+        assert chosen.word(name) == word
+        assert f'value = "{word}"' in to_toml(chosen, "header")
+
+
+@pytest.mark.parametrize("value", ["perfect", "Ideal", 7, 0.5, True, None])
+def test_another_word_is_refused_with_those_that_exist(value):
+    """In one line."""
+    with pytest.raises(InputError, match=r"^drive\.governor must be ideal.*, got "):
+        load(parameters={"drive.governor": value})
+
+
+def test_a_word_where_a_number_is_expected_is_refused():
+    """In place of a traceback."""
+    with pytest.raises(InputError, match=r"'air\.density' must be a finite number, got 'thin'"):
+        load(parameters={"air.density": "thin"})
+
+
+def test_a_file_may_say_the_word(tmp_path, capsys):
+    """A wrong one is refused with the file's name, and found by `vehicle check`."""
+    own = copied(tmp_path / "own")
+    file = own / "parameters.toml"
+    before = file.read_text()
+    line = '\n[drive]\ngovernor = {{ value = "{}", unit = "1", source = "mine" }}\n'
+    file.write_text(before + line.format("ideal"))
+    assert read_parameters(file).word("drive.governor") == "ideal"
+    file.write_text(before + line.format("perfect"))
+    with pytest.raises(ModelError, match=r"parameters\.toml: drive\.governor must be ideal"):
+        read_parameters(file)
+    assert "drive.governor must be ideal" in fails(capsys, "trim", own)
+
+
+def test_the_command_line_takes_the_word(capsys):
+    """And refuses another in one line."""
+    said = fails(capsys, "trim", "--set", "drive.governor=perfect")
+    assert "--set drive.governor must be ideal" in said
+    assert "'perfect'" in said
+    assert "--set takes NAME=VALUE with a number" in fails(capsys, "trim", "--set", "air.density=x")
