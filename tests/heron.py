@@ -36,6 +36,7 @@ _SENSORS = {
     "rotor": "seen_rotor",
     "power": "seen_power",
     "air": "seen_air",
+    "contact": "seen_contact",
     "clock": "seen_time",
 }
 
@@ -317,6 +318,7 @@ def _mjcf(n: float) -> str:
     <user name="{s["rotor"]}" dim="5" {user}/>
     <user name="{s["power"]}" dim="4" {user}/>
     <user name="{s["air"]}" dim="6" {user}/>
+    <user name="{s["contact"]}" dim="3" {user}/>
     <clock name="{s["clock"]}"/>
   </sensor>
   <keyframe>

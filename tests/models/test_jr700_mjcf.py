@@ -33,6 +33,7 @@ SENSORS = {
     "rotor": 5,
     "power": 4,
     "air": 6,
+    "contact": 3,
     "clock": 1,
 }
 SAFETY_BARS = ["safety_bar_1", "safety_bar_2"]
@@ -246,7 +247,7 @@ def test_sensors(model):
     assert names == SENSORS
     assert list(names) == list(SENSORS)
     users = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_USER)
-    assert [model.sensor(i).name for i in users] == list(SENSORS)[6:13]
+    assert [model.sensor(i).name for i in users] == list(SENSORS)[6:-1]
     assert np.all(model.sensor_needstage[users] == mujoco.mjtStage.mjSTAGE_ACC)
 
 

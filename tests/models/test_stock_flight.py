@@ -57,6 +57,7 @@ def attached(*vehicles, gravity=None):
             child.option.integrator,
             child.option.timestep,
         )
+        world.option.cone, world.option.impratio = child.option.cone, child.option.impratio
         world.option.gravity = child.option.gravity if gravity is None else gravity
         world.attach(child, prefix=f"{k}/", frame=world.worldbody.add_frame())
     model = world.compile()

@@ -58,6 +58,7 @@ def artificial(**changes):
         rotor=wave(5),
         power=wave(4),
         air=wave(6),
+        contact=wave(3),
         rates=wave(3),
         attitudes=wave(3),
         velocities=wave(3),

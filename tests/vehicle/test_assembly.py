@@ -127,6 +127,7 @@ def test_sensors_are_where_the_layout_says(jr700):
         "thrust",
         "drive_power",
         "air_u",
+        "contact_north",
         "clock",
     ]
     assert sum(SENSORS.values()) == len(SENSOR)

@@ -1,4 +1,4 @@
-"""The air where a vehicle is: steady wind, gust and turbulence, and the ground below.
+"""The air where a vehicle is: steady wind, gust and turbulence.
 
 The steady wind is MuJoCo's own `opt.wind`; gust and turbulence are the vehicle's, set in its
 parameters, and turbulence has its states among the vehicle's activations.
@@ -10,20 +10,16 @@ gyro's tick, held for the tick, so it depends neither on threads nor on the time
 
 import math
 
-from helisim.physics import frames, rotor
+from helisim.physics import frames
 from helisim.physics.body import Velocities, rates, rotation, velocity
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.memory import buffer, double, doubles, doubles_at, from_element
+from helisim.physics.memory import buffer, double, doubles_at, from_element
 from helisim.physics.pilot import hashed_noise
 from helisim.physics.timing import clock, tick_number
 
 _ROOT_3 = math.sqrt(3.0)
 _TURBULENCE_STATES = 8
-_DEEPEST = 0.4
-"""Limit of (R / 4z)^2, reached within half a radius of the ground, where no rotor gets."""
-_CORE = 0.625
-"""Up to this part of the limit, at z = R/2, Cheeseman and Bennett's formula holds exactly."""
 
 
 @kernel()
@@ -61,18 +57,6 @@ def relative_motion(view, air):
     u, v, w = frames.to_body(rotation(view), *velocity(view))
     p, q, r = rates(view)
     return Velocities(u - air.u, v - air.v, w - air.w, p - air.p, q - air.q, r - air.r)
-
-
-@kernel()
-def ground_nearness(view):
-    """Return (R / 4z)^2 of the hub above the ground (z = 0), kept finite at any height."""
-    par = view.par
-    if par[PARAM.ground_effect] == 0.0:
-        return 0.0
-    _, _, rise = frames.to_world(rotation(view), par[PARAM.hub_x], 0.0, par[PARAM.hub_z])
-    height = doubles(view.d, view.offsets.xpos)[3 * view.body + 2] + rise
-    ratio = par[PARAM.main_radius] / (4.0 * height)
-    return rotor.soft_limit(par[PARAM.ground_effect] * ratio**2, _DEEPEST, _CORE)
 
 
 @kernel()

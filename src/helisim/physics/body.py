@@ -65,6 +65,14 @@ def velocity(view):
 
 
 @kernel()
+def contact_force(view):
+    """Return the force of all that touches or holds a free body, north-east-down, N."""
+    dof = ints(view.m, view.offsets.body_dofadr)[view.body]
+    force = doubles_from(view.d, view.offsets.qfrc_constraint, dof)
+    return frames.flip(force[0], force[1], force[2])
+
+
+@kernel()
 def apply_wrench(view, wrench):
     """Add a wrench at the body's origin, body axes, to the passive forces of its joints."""
     m, d, offsets, body = view.m, view.d, view.offsets, view.body

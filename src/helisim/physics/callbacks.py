@@ -10,7 +10,7 @@ import mujoco
 
 from helisim.physics import controller, faults
 from helisim.physics.air import write_turbulence_rates
-from helisim.physics.body import apply_wrench
+from helisim.physics.body import apply_wrench, contact_force
 from helisim.physics.commands import notice_others, remember
 from helisim.physics.examination import examine, examine_idle, examine_idler
 from helisim.physics.flapping import tilt_rates
@@ -179,6 +179,8 @@ def report(view):
     out[SENSOR.flap_a] = act[STATE.flap_a] + since * rate[STATE.flap_a]
     out[SENSOR.flap_b] = act[STATE.flap_b] + since * rate[STATE.flap_b]
     report_rotors(view, flow(view, 0.0))
+    held = contact_force(view)
+    out[SENSOR.contact_north], out[SENSOR.contact_east], out[SENSOR.contact_down] = held
 
 
 @kernel()

@@ -48,7 +48,7 @@ _DIMS = tuple(SENSORS.values())
 _TYPES = tuple(
     int(getattr(mujoco.mjtSensor, f"mjSENS_{kind}"))
     for kind in ("GYRO", "ACCELEROMETER", "VELOCIMETER", "FRAMEQUAT", "FRAMEPOS", "GYRO")
-    + ("USER",) * 7
+    + ("USER",) * (len(SENSORS) - 7)
     + ("CLOCK",)
 )
 _GYRO_RATE = list(SENSORS).index("gyro_rate")

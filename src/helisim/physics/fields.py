@@ -41,6 +41,7 @@ class Offsets(NamedTuple):
     nuser_actuator: int
     nuserdata: int
     nsensor: int
+    ngeom: int
     timestep: int
     wind: int
     integrator: int
@@ -63,6 +64,11 @@ class Offsets(NamedTuple):
     body_dofadr: int
     body_dofnum: int
     dof_parentid: int
+    geom_type: int
+    geom_contype: int
+    geom_conaffinity: int
+    geom_bodyid: int
+    geom_size: int
     sensor_type: int
     sensor_dim: int
     sensor_adr: int
@@ -83,7 +89,10 @@ class Offsets(NamedTuple):
     cvel: int
     cdof: int
     subtree_com: int
+    geom_xpos: int
+    geom_xmat: int
     qfrc_passive: int
+    qfrc_constraint: int
     sensordata: int
     userdata: int
     fingerprint: int = 0
@@ -102,7 +111,10 @@ _DATA = (
     "cvel",
     "cdof",
     "subtree_com",
+    "geom_xpos",
+    "geom_xmat",
     "qfrc_passive",
+    "qfrc_constraint",
     "sensordata",
     "userdata",
 )

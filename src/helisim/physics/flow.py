@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from helisim.physics import air
+from helisim.physics import air, ground
 from helisim.physics.body import Velocities
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
@@ -43,7 +43,7 @@ def flow(view, ahead):
         position_ahead(view, STATE.left_position, ahead),
         position_ahead(view, STATE.right_position, ahead),
     )
-    nearness = air.ground_nearness(view)
+    nearness = ground.nearness(view)
     main = main_rotor(view.par, motion, speed, collective, nearness)
     pedal = position_ahead(view, STATE.tail_position, ahead)
     return Flow(motion, speed, main, tail_rotor(view.par, motion, speed, pedal), moving)

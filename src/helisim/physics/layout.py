@@ -62,6 +62,7 @@ SENSORS = {
     "rotor": 5,
     "power": 4,
     "air": 6,
+    "contact": 3,
     "clock": 1,
 }
 """The sensors that a vehicle needs, consecutive and in this order, and the numbers of each.
@@ -131,6 +132,10 @@ class SensorIndex(NamedTuple):
     air_p: int
     air_q: int
     air_r: int
+    # contact: N, of all that is touched, world axes, north-east-down
+    contact_north: int
+    contact_east: int
+    contact_down: int
     # s, of the start of the step
     clock: int
 

@@ -63,6 +63,7 @@ class Trajectory:
         rotor: (n_time, 5) thrust N, torque N m, inflow ratio, tail thrust N, speed ratio.
         power: (n_time, 4) W: of the drive, of main and tail shaft, lost to the air.
         air: (n, 6) velocity in m/s and rotation in rad/s of the air itself, body axes.
+        contact: (n_time, 3) force of all that is touched, north, east, down, N.
         rates: (n_time, 3) p, q, r in rad/s.
         attitudes: (n_time, 3) phi, theta, psi in rad, psi unwrapped.
         velocities: (n_time, 3) u, v, w in m/s at the IMU.
@@ -88,6 +89,7 @@ class Trajectory:
     rotor: NDArray[np.float64]
     power: NDArray[np.float64]
     air: NDArray[np.float64]
+    contact: NDArray[np.float64]
     rates: NDArray[np.float64]
     attitudes: NDArray[np.float64]
     velocities: NDArray[np.float64]
@@ -178,6 +180,7 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         rotor=seen("rotor"),
         power=seen("power"),
         air=seen("air"),
+        contact=seen("contact"),
         rates=rates,
         attitudes=attitudes,
         velocities=velocities,

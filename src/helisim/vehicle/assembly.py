@@ -1,7 +1,7 @@
 """From a model folder to a compiled MuJoCo model that carries the vehicle's parameters."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -36,6 +36,8 @@ from helisim.vehicle.parameters import Parameters
 from helisim.vehicle.roles import ROLES, Roles
 
 Integrator = Literal["RK4", "Euler"]
+Around = Callable[[mujoco.MjSpec, mujoco.MjModel], None]
+"""What adds something that a vehicle can touch to its specification, of which a model is given."""
 _INTEGRATORS = {
     name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }
@@ -56,6 +58,7 @@ def assemble(
     delays: bool = True,
     visual: bool = False,
     rig: str | None = None,
+    around: Around | None = None,
     states: int = 0,
 ) -> mujoco.MjModel:
     """Compile a vehicle's MJCF with its parameters in place.
@@ -72,6 +75,8 @@ def assemble(
         visual: True keeps every part, and adds ground, light and sky: a model to look at.
         rig: that holds the vehicle, one of `rig_names`; none, to fly. A rig's MJCF includes
             the vehicle's and holds it by constraints, so joint and channels stay as they are.
+        around: adds what is around the vehicle, such as the ground; without it, nothing can be
+            touched, which makes a step cheaper.
         states: how many the control laws have, where these are more than the shipped ones'.
 
     Raises:
@@ -87,6 +92,7 @@ def assemble(
         delays=delays,
         visual=visual,
         rig=rig,
+        around=around,
     )
     folder = model_folder(vehicle)
     with _named(_mjcf(folder, read_roles(folder), visual=visual, rig=rig)):
@@ -98,14 +104,22 @@ def assemble(
 
 
 def with_room(
-    model: mujoco.MjModel, folder: Path, parameters: Parameters, states: int
+    model: mujoco.MjModel,
+    folder: Path,
+    parameters: Parameters,
+    states: int,
+    around: Around | None = None,
 ) -> mujoco.MjModel:
-    """Return a vehicle's model once more, with room for so many states of control laws."""
+    """Return a vehicle's model once more, with room for so many states of control laws.
+
+    And with what is `around` it, to be touched.
+    """
     larger = assemble(
         folder,
         parameters,
         timestep=float(model.opt.timestep),
         integrator="RK4" if model.opt.integrator == _INTEGRATORS["RK4"] else "Euler",
+        around=around,
         states=states,
     )
     there, here = addresses(larger).rotor, addresses(model).rotor
@@ -123,6 +137,7 @@ def specified(
     delays: bool = True,
     visual: bool = False,
     rig: str | None = None,
+    around: Around | None = None,
 ) -> mujoco.MjSpec:
     """Return what `assemble` compiles; arguments and errors as there."""
     if timestep is not None and not (math.isfinite(timestep) and timestep > 0.0):
@@ -156,7 +171,9 @@ def specified(
         _set_gyro_rate(spec, parameters["gyro.period"], parameters["gyro.latency"], delays)
         _set_force_laws(spec, block)
         spec.nuserdata = max(spec.nuserdata, len(INJECTION))  # what a manoeuvre adds
-        if rig is None and not visual:  # alone in the air there is nothing to touch
+        if around is not None:
+            around(spec, parts)
+        elif rig is None and not visual:  # alone in the air there is nothing to touch
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         wanted = [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
         fuselage = spec.body(roles.body("fuselage"))

@@ -21,7 +21,7 @@ from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
 from helisim.records.display import Displayed
 from helisim.records.value import Value
-from helisim.vehicle.assembly import Integrator, assemble, with_room
+from helisim.vehicle.assembly import Around, Integrator, assemble, with_room
 from helisim.vehicle.controller import (
     DIRECT,
     GYRO,
@@ -294,10 +294,20 @@ class Vehicle(Value, Displayed):
     def _unsampled(self) -> mujoco.MjModel:
         return assemble(self.folder, self.parameters, delays=False)
 
-    def visual_model(self) -> mujoco.MjModel:
-        """Return the same vehicle with all its parts and the scene around it, to look at."""
+    def grounded_model(self, around: Around) -> mujoco.MjModel:
+        """Return its model with something around it that it can touch, such as the ground."""
+        return with_room(
+            self.model, self.folder, self.parameters, law_room(self.model), around=around
+        )
+
+    def visual_model(self, around: Around | None = None) -> mujoco.MjModel:
+        """Return the same vehicle with all its parts and the scene around it, to look at.
+
+        Args:
+            around: changes the scene, as for `assemble`.
+        """
         states = sum(self.controller.state_counts)
-        model = assemble(self.folder, self.parameters, visual=True, states=states)
+        model = assemble(self.folder, self.parameters, visual=True, around=around, states=states)
         if not self.controller.is_shipped:
             self.controller.put_into(model)
         return model
