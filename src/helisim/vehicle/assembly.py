@@ -160,6 +160,9 @@ def specified(
             spec.option.timestep = timestep
         if integrator is not None:
             spec.option.integrator = _INTEGRATORS[integrator]
+        if not visual:  # MuJoCo moves them along in each evaluation
+            for seen in [*spec.cameras, *spec.lights]:
+                spec.delete(seen)
         spec.compiler.discardvisual = not visual
         _drop_old_states(spec)
         parts = spec.compile()
