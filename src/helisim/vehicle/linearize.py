@@ -16,6 +16,7 @@ from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOC
 from helisim.records.display import Displayed, shower
 from helisim.records.value import FrozenMap, Value
 from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
+from helisim.vehicle.rigid_body import PLACE, RIGID_BODY, residualised
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import Trim, place
 
@@ -113,6 +114,19 @@ class Linearization(Value, Displayed):
             "delays_s": dict(self.delays),
             "trim": asdict(self.trim),
         }
+
+    def rigid_body(self) -> "Linearization":
+        """Return six degrees of freedom: u, v, w, p, q, r, phi, theta, as textbooks print them.
+
+        Servos, disc and inflow follow at once, so the derivatives are quasi-static: those of
+        flight mechanics, such as `derivative("q", "u")` for M_u. Holds well below the rotor's
+        modes. Heading and height stay.
+
+        Raises:
+            InputError: the model is sampled or has other states.
+        """
+        system = residualised(self.system, RIGID_BODY, without=PLACE)
+        return Linearization(system, self.delays, self.trim)
 
     def response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the frequency response with delays, (n_out, n_in, n_freq).
