@@ -9,15 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helisim.physics import rotor
+from helisim.physics.inflow import ground_share
 from helisim.physics.native import installed
 from helisim.vehicle import load
 
 SOLIDITY = 2 * 0.065 / (math.pi * 0.767)
-SLOPE, NEVER, UNROUNDED = 6.0, 1e3, 1e-6
+SLOPE, NEVER = 6.0, 1e3
 
 
 def solve(pitch, nearness, advance=0.0):
-    return rotor.inflow_and_thrust(pitch, 0.0, advance, SOLIDITY, SLOPE, NEVER, UNROUNDED, nearness)
+    return rotor.inflow_and_thrust(pitch, 0.0, advance, SOLIDITY, SLOPE, NEVER, nearness)
 
 
 @given(pitch=st.floats(0.03, 0.25), height=st.floats(0.5, 20.0))
@@ -49,9 +50,9 @@ def test_ground_effect_fades_with_speed(pitch, height, advance):
 def test_slope_of_the_share_is_its_derivative(nearness, induced, advance):
     """What Newton's method is told is what central differences find."""
     step = 1e-6 * abs(induced)
-    after, _ = rotor.ground_share(nearness, induced + step, advance)
-    before, _ = rotor.ground_share(nearness, induced - step, advance)
-    _, slope = rotor.ground_share(nearness, induced, advance)
+    after, _ = ground_share(nearness, induced + step, advance)
+    before, _ = ground_share(nearness, induced - step, advance)
+    _, slope = ground_share(nearness, induced, advance)
     # rounding of 1e-16 over a step of at least 1e-9; truncation is 1e-12 of the curvature
     assert (after - before) / (2.0 * step) == pytest.approx(slope, rel=1e-6, abs=1e-6)
 

@@ -9,16 +9,18 @@ import mujoco
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from helisim.physics import rotor
+from helisim.physics.inflow import mass_flow
 from helisim.physics.native import installed
 from helisim.vehicle.motion import Motion, write_motion
 
-SOLIDITY, SLOPE, NEVER, FLOOR = 0.054, 6.0, 1e3, 1e-6
+SOLIDITY, SLOPE, NEVER = 0.054, 6.0, 1e3
 
 
 def solve(pitch, climb=0.0, advance=0.0):
-    return rotor.inflow_and_thrust(pitch, climb, advance, SOLIDITY, SLOPE, NEVER, FLOOR)
+    return rotor.inflow_and_thrust(pitch, climb, advance, SOLIDITY, SLOPE, NEVER)
 
 
 @given(pitch=st.floats(0.03, 0.2), advance=st.floats(0.0, 0.4))
@@ -31,9 +33,9 @@ def test_level_flight_is_glauerts_quartic(pitch, advance):
     assert induced == pytest.approx(closed, abs=1e-14 * (1.0 + (advance / closed) ** 2))
 
 
-@given(pitch=st.floats(0.05, 0.2), ratio=st.floats(0.0, 1.5))
+@given(pitch=st.floats(0.05, 0.2), ratio=st.floats(0.0, 0.28))
 def test_slow_descent_stays_on_the_hover_branch(pitch, ratio):
-    """Down to 1.5 v_h, v = -V / 2 + sqrt(V^2 / 4 + v_h^2): the root that joins the hover."""
+    """Down to 0.28 v_h, v = -V / 2 + sqrt(V^2 / 4 + v_h^2): the root that joins the hover."""
     hover, _ = solve(pitch)
     climb = -ratio * hover
     inflow, thrust = solve(pitch, climb)
@@ -85,7 +87,7 @@ def test_hover_power_of_the_vehicle_is_the_textbooks(jr700):
     assert thrust == pytest.approx(8.01 * 9.8015, rel=0.01)
 
 
-@pytest.mark.parametrize("climb", [-3.0, -1.0, 2.0, 5.0])
+@pytest.mark.parametrize("climb", [-1.0, 2.0, 5.0])
 def test_climb_power_of_the_vehicle_is_the_textbooks(jr700, climb):
     """P = T (V + kappa v) + profile, with v the quadratic's root, climbing and sinking slowly."""
     own = jr700.parameters
@@ -98,3 +100,28 @@ def test_climb_power_of_the_vehicle_is_the_textbooks(jr700, climb):
     profile = still * own["main_rotor.speed"] - ideal
     power = thrust * (climb + own["main_rotor.induced_factor"] * induced) + profile
     assert torque * own["main_rotor.speed"] == pytest.approx(power, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "watts", "within"),
+    [(-1.75, 583.0, 1.0), (-2.0, 198.0, 15.0), (-3.0, -371.0, 1.0)],
+)
+def test_descent_power_of_the_vehicle_is_the_measured_one(jr700, ratio, watts, within):
+    """P = T (V + kappa v) + profile at the hover's thrust, in W, v from fit and windmill theory.
+
+    At the windmill's edge the fit has 1.026 v_h where theory has 1: 10 W of the 198.
+    """
+    own = jr700.parameters
+    disc = math.pi * own["main_rotor.radius"] ** 2
+    weight = 8.01 * 9.8015
+    tip = own["main_rotor.speed"] * own["main_rotor.radius"]
+    unit = own["air.density"] * disc * tip**2
+    hover = math.sqrt(weight / (2.0 * own["air.density"] * disc)) / tip
+    climb = ratio * hover
+    induced = brentq(
+        lambda v: 2.0 * v * mass_flow(v, climb, 0.0)[0] - weight / unit, 1e-9, 1.0, xtol=1e-15
+    )
+    solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / (math.pi * 0.767)
+    factor, drag = own["main_rotor.induced_factor"], own["main_rotor.profile_drag"]
+    power = rotor.power(weight / unit, climb + induced, climb, 0.0, solidity, factor, drag)
+    assert power * unit * tip == pytest.approx(watts, abs=within)

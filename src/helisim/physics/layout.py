@@ -276,7 +276,6 @@ class ParamIndex(NamedTuple):
     main_pitch_trim: int
     main_pitch_range: int
     main_stall: int
-    main_inflow_floor: int
     main_dynamic_inflow: int
     hub_x: int
     hub_z: int
@@ -299,7 +298,6 @@ class ParamIndex(NamedTuple):
     tail_pitch_trim: int
     tail_pitch_range: int
     tail_stall: int
-    tail_inflow_floor: int
     tail_x: int
     tail_z: int
     # drive: 0 keeps the rotor's speed as commanded, 1 is a motor

@@ -55,7 +55,6 @@ def main_rotor(par, motion, speed, collective, nearness=0.0):
         par[PARAM.main_solidity],
         par[PARAM.main_lift_slope],
         par[PARAM.main_stall],
-        par[PARAM.main_inflow_floor],
         nearness,
     )
     cp = rotor.power(

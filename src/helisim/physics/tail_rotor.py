@@ -47,7 +47,6 @@ def tail_rotor(par, motion, speed, pedal):
         par[PARAM.tail_solidity],
         par[PARAM.tail_lift_slope],
         par[PARAM.tail_stall],
-        par[PARAM.tail_inflow_floor],
         0.0,
     )
     force = par[PARAM.air_density] * math.pi * par[PARAM.tail_radius] ** 2 * tip_speed**2

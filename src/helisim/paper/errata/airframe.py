@@ -23,7 +23,7 @@ def _tail_speed() -> dict[str, Any]:
         area = math.pi * radius**2
         solidity = par["tail_rotor.blades"] * par["tail_rotor.chord"] / (math.pi * radius)
         pitch = par["tail_rotor.pitch_trim"] + pedal * par["tail_rotor.pitch_range"]
-        law = (par[f"tail_rotor.{name}"] for name in ("lift_slope", "stall", "inflow_floor"))
+        law = (par[f"tail_rotor.{name}"] for name in ("lift_slope", "stall"))
         _, ct = rotor.inflow_and_thrust(pitch, 0.0, 0.0, solidity, *law)
         return density * area * (speed * radius) ** 2 * ct
 
