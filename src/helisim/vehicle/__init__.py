@@ -1,6 +1,7 @@
 """The vehicle: MJCF and parameters to a model that is trimmed and can be linearised."""
 
 from helisim.vehicle.atmosphere import isa_density
+from helisim.vehicle.blade import Flapping, flapping_from_blade
 from helisim.vehicle.calibrate import calibrate
 from helisim.vehicle.controller import Controller, ControllerLike, set_controller
 from helisim.vehicle.linearize import Linearization, linearize
@@ -11,6 +12,7 @@ from helisim.vehicle.vehicle import Vehicle, load, standard_parameters
 __all__ = [
     "Controller",
     "ControllerLike",
+    "Flapping",
     "GyroSettings",
     "Linearization",
     "Parameters",
@@ -19,6 +21,7 @@ __all__ = [
     "Vehicle",
     "calibrate",
     "find_trim",
+    "flapping_from_blade",
     "isa_density",
     "linearize",
     "load",

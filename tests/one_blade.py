@@ -1,0 +1,102 @@
+"""One rigid blade that flaps, from first principles: no tip-path plane, no closed form.
+
+In the rotating frame, about a hinge at the mast with a spring: the inertia of its elements from
+vectors, the air's force on strips from the velocity there, both in body axes (forward, right,
+down). Small flapping, linear lift, no stall, no reversed flow, no drag; the second derivative of
+flapping stays. Angles by azimuth come out of it as what a fit of one turn finds.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneBlade:
+    """A blade, its flight and its air.
+
+    Attributes:
+        lock: gamma = rho a c R^4 / I.
+        spring: nu^2 - 1, stiffness over inertia and square of speed.
+        speed: rad/s.
+        direction: 1 clockwise seen from above, -1 the other way.
+        pitch: collective, rad, at the root.
+        twist: rad from root to tip.
+        cyclic: tilts against the shaft a, b (rad) that the swashplate asks for.
+        rates: p, q of the body, rad/s, and how they begin: share of them by time.
+        air: p, q of the air, rad/s.
+        advance: of the hub through the air, forward and right, over the tip's speed.
+        inflow: through the disc, over the tip's speed.
+        rear: how much more of it there is at the trailing tip, where the advance comes from ahead.
+    """
+
+    lock: float
+    spring: float = 0.0
+    speed: float = 100.0
+    direction: float = -1.0
+    pitch: float = 0.0
+    twist: float = 0.0
+    cyclic: Pair = (0.0, 0.0)
+    rates: Pair = (0.0, 0.0)
+    begin: Callable[[float], float] = lambda t: 1.0
+    air: Pair = (0.0, 0.0)
+    advance: Pair = (0.0, 0.0)
+    inflow: float = 0.0
+    rear: float = 0.0
+    strips: int = 60
+
+    def flapping(self, start: Pair = (0.0, 0.0), turns: float = 60.0):
+        """Integrate; return angle and rate by time as a function of time, from a start."""
+        speed, hand = self.speed, self.direction
+        r = (np.arange(self.strips) + 0.5) / self.strips
+        ahead = np.array([*self.advance, 0.0])
+        length = np.linalg.norm(ahead)
+        upstream = ahead / length if length else np.array([1.0, 0.0, 0.0])
+
+        def rate(t, state):
+            up, rising = state
+            psi = speed * t  # from the tail, in the sense of rotation
+            out = np.array([-np.cos(psi), -hand * np.sin(psi), 0.0])
+            along = np.array([np.sin(psi), -hand * np.cos(psi), 0.0])
+            share, tiny = self.begin(t), 1e-6
+            growth = (self.begin(t + tiny) - self.begin(t - tiny)) / (2.0 * tiny)
+            body = np.array([*self.rates, 0.0])
+            # the inertia of an element at `out`: of the shaft that turns about itself and is turned
+            spin = np.array([0.0, 0.0, hand * speed])
+            turning = share * body + spin
+            angular = np.cross(share * body, spin) + growth * body
+            lifted = -(np.cross(angular, out) + np.cross(turning, np.cross(turning, out)))[2]
+            # the air at the strips, over the tip's speed
+            tangential = r + ahead @ along
+            swing = share * body - np.array([*self.air, 0.0])
+            blown = self.inflow - self.rear * r * (out @ upstream)
+            upward = -np.cross(swing, out)[2] / speed * r + r * rising / speed + up * (ahead @ out)
+            a, b = self.cyclic
+            angle = self.pitch + self.twist * r + a * np.sin(psi) + hand * b * np.cos(psi)
+            lift = tangential**2 * angle - tangential * (blown + upward)
+            moment = 0.5 * self.lock * speed**2 * np.mean(r * lift)
+            return [rising, moment - (1.0 + self.spring) * speed**2 * up - lifted]
+
+        turn = 2.0 * np.pi / speed
+        # to 1e-9 of angles near 0.01: six digits
+        done = solve_ivp(
+            rate, (0.0, turns * turn), start, rtol=1e-8, atol=1e-11, dense_output=True,
+            max_step=turn / 16,
+        )  # fmt: skip
+        return done.sol
+
+    def steady(self) -> tuple[float, float, float]:
+        """Return coning and the tilts a and b, rad, after the blade's own motion has died."""
+        turns = 8.0 + 14.0 * 16.0 / (2.0 * np.pi * self.lock)  # 1e-6 of it left
+        return self.tilts(self.flapping(turns=turns), turns * 2.0 * np.pi / self.speed)
+
+    def tilts(self, flapping, until: float) -> tuple[float, float, float]:
+        """Return coning and tilts of the turn that ends at a time, rad."""
+        t = until - 2.0 * np.pi / self.speed * np.arange(1, 361) / 360.0
+        up, psi = flapping(t)[0], self.speed * t
+        sideways = -2.0 * np.mean(up * np.sin(psi))
+        return np.mean(up), -2.0 * np.mean(up * np.cos(psi)), -self.direction * sideways
