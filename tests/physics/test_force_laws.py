@@ -35,7 +35,8 @@ def wrench(par, act, motion, speed_ratio=1.0):
     pedal, a, b = act[[STATE.tail_position, STATE.flap_a, STATE.flap_b]]
     motion = Velocities(*motion)
     tail = tail_rotor.tail_rotor(par, motion, speed_ratio, pedal)
-    return np.array(loads.wrench(par, a, b, Flow(motion, speed_ratio, main, tail, CALM)))
+    flow = Flow(motion, speed_ratio, main, tail, CALM)
+    return np.array(loads.wrench(par, a, b, flow, main.torque))
 
 
 def lifting(par, u=0.0, v=0.0, w=0.0, p=0.0, q=0.0, r=0.0, *, speed_ratio=1.0, col=0.0):

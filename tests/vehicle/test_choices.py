@@ -8,7 +8,7 @@ from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.choices import CHOICES, number_of, word_of
 from helisim.vehicle.glossary import glossary
 from helisim.vehicle.parameters import to_toml
-from own_vehicle import copied
+from own_vehicle import copied, edited
 
 
 @pytest.mark.parametrize("name", CHOICES)
@@ -37,17 +37,16 @@ def test_a_word_where_a_number_is_expected_is_refused():
 
 
 def test_a_file_may_say_the_word(tmp_path, capsys):
-    """A wrong one is refused with the file's name, and found by `vehicle check`."""
+    """A wrong one is refused with the file's name."""
     own = copied(tmp_path / "own")
-    file = own / "parameters.toml"
-    before = file.read_text()
-    line = '\n[drive]\ngovernor = {{ value = "{}", unit = "1", source = "mine" }}\n'
-    file.write_text(before + line.format("ideal"))
+    file, there = own / "parameters.toml", 'governor = { value = "ideal"'
     assert read_parameters(file).word("drive.governor") == "ideal"
-    file.write_text(before + line.format("perfect"))
+    edited(own, file.name, there, 'governor = { value = "motor"')
+    assert read_parameters(file).word("drive.governor") == "motor"
+    edited(own, file.name, 'governor = { value = "motor"', 'governor = { value = "perfect"')
     with pytest.raises(ModelError, match=r"parameters\.toml: drive\.governor must be ideal"):
         read_parameters(file)
-    assert "drive.governor must be ideal" in fails(capsys, "trim", own)
+    assert "drive.governor must be ideal or motor, got 'perfect'" in fails(capsys, "trim", own)
 
 
 def test_the_command_line_takes_the_word(capsys):

@@ -12,6 +12,7 @@ from helisim.physics import controller, faults
 from helisim.physics.air import write_turbulence_rates
 from helisim.physics.body import apply_wrench, contact_force
 from helisim.physics.commands import notice_others, remember
+from helisim.physics.drive import drive
 from helisim.physics.examination import examine, examine_idle, examine_idler
 from helisim.physics.flapping import tilt_rates
 from helisim.physics.flow import flow
@@ -50,19 +51,28 @@ def passive(m, d, offsets):
     for view in vehicles(m, d, offsets):
         step = held_for(view)
         past = flow(view, 0.5 * step)
-        keep_rotor_rates(view, past, step)
+        mast = keep_rotor_rates(view, past, step)
         a = view.act[STATE.flap_a] + step * view.act[STATE.flap_a_rate]
         b = view.act[STATE.flap_b] + step * view.act[STATE.flap_b_rate]
-        apply_wrench(view, wrench(view.par, a, b, past))
+        apply_wrench(view, wrench(view.par, a, b, past, mast))
 
 
 @kernel()
 def keep_rotor_rates(view, past, step):
-    """Keep the derivatives of the rotor's states, their mean over a step (s), or now at 0."""
+    """Keep the derivatives of the rotor's states, their mean over a step (s), or now at 0.
+
+    Returns:
+        The torque that turns the main rotor, N m.
+    """
     act = view.act
     act[STATE.flap_a_rate], act[STATE.flap_b_rate] = tilt_rates(view, past, step)
-    for k in range(STATE.inflow_0_rate, STATE.governor_rate + 1):
+    for k in range(STATE.inflow_0_rate, STATE.inflow_c_rate + 1):
         act[k] = 0.0
+    driven = drive(view, past, step)
+    act[STATE.speed_rate] = driven.speed_rate
+    act[STATE.engine_rate] = driven.engine_rate
+    act[STATE.governor_rate] = driven.governor_rate
+    return driven.mast
 
 
 @kernel()
@@ -193,7 +203,10 @@ def report_rotors(view, past):
         main.inflow,
     )
     out[SENSOR.tail_thrust], out[SENSOR.speed] = past.tail.thrust, past.speed
-    for k in range(SENSOR.drive_power, SENSOR.heat + 1):
-        out[k] = 0.0
+    spin = past.speed * view.par[PARAM.main_speed]
+    out[SENSOR.drive_power] = drive(view, past, 0.0).power
+    out[SENSOR.main_power] = main.torque * spin
+    out[SENSOR.tail_power] = past.tail.torque * past.speed * view.par[PARAM.tail_speed]
+    out[SENSOR.heat] = 0.0
     out[SENSOR.air_u], out[SENSOR.air_v], out[SENSOR.air_w] = air.u, air.v, air.w
     out[SENSOR.air_p], out[SENSOR.air_q], out[SENSOR.air_r] = air.p, air.q, air.r

@@ -46,4 +46,5 @@ def flow(view, ahead):
     nearness = ground.nearness(view)
     main = main_rotor(view.par, motion, speed, collective, nearness)
     pedal = position_ahead(view, STATE.tail_position, ahead)
-    return Flow(motion, speed, main, tail_rotor(view.par, motion, speed, pedal), moving)
+    tail = tail_rotor(view.par, motion, speed, pedal)
+    return Flow(motion, speed, main, tail, moving)

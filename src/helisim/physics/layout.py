@@ -300,8 +300,25 @@ class ParamIndex(NamedTuple):
     tail_stall: int
     tail_x: int
     tail_z: int
-    # drive: 0 keeps the rotor's speed as commanded, 1 is a motor
+    # drive: 0 keeps the rotor's speed as commanded, 1 is a motor; then all that follow count
     drive_governor: int
+    drive_engine: int
+    drive_inertia: int
+    drive_friction: int
+    drive_gear: int
+    drive_voltage: int
+    drive_speed_constant: int
+    drive_resistance: int
+    drive_no_load_current: int
+    drive_current_limit: int
+    drive_power: int
+    drive_power_speed: int
+    drive_lag: int
+    drive_k_p: int
+    drive_k_i: int
+    drive_collective_gain: int
+    drive_spool_up: int
+    drive_bail_out: int
     # drag areas
     drag_x: int
     drag_y: int

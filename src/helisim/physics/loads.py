@@ -11,7 +11,7 @@ from helisim.physics.tail_rotor import tail_v
 
 
 @kernel()
-def wrench(par, a, b, flow):
+def wrench(par, a, b, flow, mast):
     """Return the aerodynamic force and moment at the body's origin, a `Wrench`.
 
     Args:
@@ -19,6 +19,7 @@ def wrench(par, a, b, flow):
         a: rearward tilt, rad.
         b: right tilt, rad.
         flow: the `Flow` past it.
+        mast: torque that turns the main rotor, N m.
     """
     motion, main = flow.motion, flow.main
     u, v, w = motion.u, motion.v, motion.w
@@ -33,7 +34,7 @@ def wrench(par, a, b, flow):
     arm_x, arm_z = par[PARAM.hub_x], par[PARAM.hub_z]
     moment_l = stiffness * b - arm_z * hub_y
     moment_m = stiffness * a + arm_z * hub_x - arm_x * hub_z
-    moment_n = arm_x * hub_y - par[PARAM.main_direction] * main.torque
+    moment_n = arm_x * hub_y - par[PARAM.main_direction] * mast
     # drag of fuselage and fin
     density = par[PARAM.air_density]
     pressure = 0.5 * density * math.sqrt(u**2 + v**2 + w**2)

@@ -250,12 +250,15 @@ def sensor_numbers(view):
 
 @kernel()
 def speed_ratio(view):
-    """Return the rotor's speed over its nominal one.
-
-    An ideal governor keeps what is commanded, and a pilot flies with it on.
-    """
+    """Return the rotor's speed over its nominal one; an ideal governor keeps what is asked for."""
     if view.par[PARAM.drive_governor] != 0.0:
         return view.act[STATE.speed]
+    return commanded_speed(view)
+
+
+@kernel()
+def commanded_speed(view):
+    """Return the rotor speed that is asked for, over the nominal one; 1 where a pilot flies."""
     if view.par[PARAM.pilot_on] != 0.0:
         return 1.0
     return view.controls[CONTROL.rotor]

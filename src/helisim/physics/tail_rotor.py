@@ -15,10 +15,12 @@ class TailRotor(NamedTuple):
     Attributes:
         thrust: N.
         inflow: ratio of the air's velocity through the disc to the tip speed.
+        torque: at its own shaft, N m.
     """
 
     thrust: float
     inflow: float
+    torque: float
 
 
 @kernel()
@@ -36,7 +38,7 @@ def tail_rotor(par, motion, speed, pedal):
     """
     tip_speed = par[PARAM.tail_speed] * speed * par[PARAM.tail_radius]
     if speed < STOPPED:
-        return TailRotor(0.0, 0.0)
+        return TailRotor(0.0, 0.0, 0.0)
     hand = par[PARAM.main_direction]
     pitch = par[PARAM.tail_pitch_trim] + hand * par[PARAM.tail_pitch_range] * pedal
     climb = -hand * tail_v(par, motion) / tip_speed
@@ -49,8 +51,18 @@ def tail_rotor(par, motion, speed, pedal):
         par[PARAM.tail_stall],
         0.0,
     )
-    force = par[PARAM.air_density] * math.pi * par[PARAM.tail_radius] ** 2 * tip_speed**2
-    return TailRotor(force * ct, inflow)
+    cp = rotor.power(
+        ct,
+        inflow,
+        climb,
+        0.0,
+        par[PARAM.tail_solidity],
+        par[PARAM.main_induced_factor],
+        par[PARAM.main_profile_drag],
+    )
+    radius = par[PARAM.tail_radius]
+    force = par[PARAM.air_density] * math.pi * radius**2 * tip_speed**2
+    return TailRotor(force * ct, inflow, force * radius * cp)
 
 
 @kernel()

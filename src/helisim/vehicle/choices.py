@@ -10,7 +10,8 @@ from helisim.errors import InputError
 
 CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "drive.governor": ("ideal",),
+        "drive.governor": ("ideal", "motor"),
+        "drive.engine": ("electric", "combustion"),
     }
 )
 """Parameter -> the words that it can be. Inside, each is its place in the row, from 0 on."""

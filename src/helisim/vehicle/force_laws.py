@@ -52,6 +52,24 @@ _DIRECT = {
     "tail_stall": "tail_rotor.stall",
     "tail_x": "tail_rotor.arm_x",
     "tail_z": "tail_rotor.arm_z",
+    "drive_governor": "drive.governor",
+    "drive_engine": "drive.engine",
+    "drive_inertia": "drive.inertia",
+    "drive_friction": "drive.friction",
+    "drive_gear": "drive.gear",
+    "drive_voltage": "drive.voltage",
+    "drive_speed_constant": "drive.speed_constant",
+    "drive_resistance": "drive.resistance",
+    "drive_no_load_current": "drive.no_load_current",
+    "drive_current_limit": "drive.current_limit",
+    "drive_power": "drive.power",
+    "drive_power_speed": "drive.power_speed",
+    "drive_lag": "drive.lag",
+    "drive_k_p": "drive.k_p",
+    "drive_k_i": "drive.k_i",
+    "drive_collective_gain": "drive.collective_gain",
+    "drive_spool_up": "drive.spool_up",
+    "drive_bail_out": "drive.bail_out",
     "drag_x": "airframe.drag_area_x",
     "drag_y": "airframe.drag_area_y",
     "drag_z": "airframe.drag_area_z",
@@ -134,6 +152,13 @@ _NOT_NEGATIVE = (
     "gyro.lead",
 )
 
+_MOTOR = ("inertia", "gear", "lag", "k_i", "spool_up", "bail_out")
+_ENGINE = {
+    "electric": ("voltage", "speed_constant", "resistance", "current_limit"),
+    "combustion": ("power", "power_speed"),
+}
+"""Of [drive], what must be positive where a motor turns the rotor, and of which engine."""
+
 
 def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     """Return the numbers that the compiled force laws read, (n_param,) by `PARAM`, pilot at rest.
@@ -156,6 +181,7 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     for name in _NOT_NEGATIVE:
         if parameters[name] < 0.0:
             raise ModelError(f"parameter {name!r} must be 0 or more, got {parameters[name]:g}")
+    _check_drive(parameters)
     block = np.zeros(len(PARAM))
     block[PARAM.magic] = MAGIC
     block[PARAM.ordinal] = ROTOR
@@ -190,6 +216,23 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block[PARAM.excitation_duration] = 1.0
     block[PARAM.sweep_fade] = 1.0
     return block
+
+
+def _check_drive(parameters: Parameters) -> None:
+    for name in ("friction", "no_load_current", "k_p", "collective_gain"):
+        if parameters[f"drive.{name}"] < 0.0:
+            given = parameters[f"drive.{name}"]
+            raise ModelError(f"parameter 'drive.{name}' must be 0 or more, got {given:g}")
+    if parameters.word("drive.governor") != "motor":
+        return
+    engine = str(parameters.word("drive.engine"))
+    for name in (*_MOTOR, *_ENGINE[engine]):
+        entry = parameters.entry(f"drive.{name}")
+        if entry.value <= 0.0:
+            raise ModelError(
+                f"drive.governor is 'motor', and with its {engine} engine that needs a positive "
+                f"{entry.name} ({entry.unit}), got {entry.value:g}"
+            )
 
 
 def _travel(parameters: Parameters, rate: str) -> float:

@@ -131,6 +131,28 @@ def untuned(parameters: Parameters) -> Parameters:
 _LEFT_OUT = {
     "main_rotor.direction": (1.0, "1", "clockwise seen from above"),
     "drive.governor": (0.0, "1", "the rotor keeps the speed that is asked for"),
+    **{
+        f"drive.{name}": (0.0, unit, "the governor is ideal")
+        for name, unit in {
+            "engine": "1",
+            "inertia": "kg m^2",
+            "friction": "N m",
+            "gear": "1",
+            "voltage": "V",
+            "speed_constant": "rad/s/V",
+            "resistance": "ohm",
+            "no_load_current": "A",
+            "current_limit": "A",
+            "power": "W",
+            "power_speed": "rad/s",
+            "lag": "s",
+            "k_p": "1",
+            "k_i": "1/s",
+            "collective_gain": "1",
+            "spool_up": "s",
+            "bail_out": "s",
+        }.items()
+    },
     "swashplate.front_angle": (0.0, "rad", "at the nose"),
     "swashplate.left_angle": (2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),
     "swashplate.right_angle": (-2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),

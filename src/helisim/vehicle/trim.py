@@ -1,5 +1,6 @@
 """The steady state in the air: attitude and controls at which nothing accelerates."""
 
+import copy
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -8,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from helisim.errors import TrimError
-from helisim.physics import gyro
+from helisim.physics import drive, gyro
+from helisim.physics.drive import IDEAL
 from helisim.physics.frames import flip
 from helisim.physics.layout import FIRST_LAW_STATE, PARAM, ROTOR, SHIPPED_LAW, STATE
 from helisim.physics.native import installed
@@ -37,6 +39,7 @@ class Trim:
         b: right tilt, rad.
         speed: m/s over the ground, level, in the direction of the heading.
         height: m above the ground.
+        throttle: of the engine, 0 to 1; 0 under an ideal governor, which has none.
     """
 
     phi: float
@@ -49,6 +52,7 @@ class Trim:
     b: float
     speed: float = 0.0
     height: float = HEIGHT
+    throttle: float = 0.0
 
     def __str__(self) -> str:
         """Return what is solved for, to three digits."""
@@ -79,6 +83,9 @@ def find_trim(
     Raises:
         TrimError: no equilibrium within the controls' range.
     """
+    given, model = model, copy.copy(model)  # at a steady speed nothing depends on what keeps it
+    user = model.actuator_user[addresses(model).rotor]
+    user[PARAM.drive_governor] = IDEAL
     data = mujoco.MjData(model)
     unknowns = [getattr(near, name) if near else 0.0 for name in _UNKNOWNS]
 
@@ -113,7 +120,23 @@ def find_trim(
                 f"the {_named(speed)} needs {name} = {value:.3f}, outside [-0.5, 0.5]; "
                 "change pitch_trim, pitch_range or gyro.pitch_rate, or fly slower"
             )
-    return trim
+    return replace(trim, throttle=_throttle(given, data, _named(speed)))
+
+
+def _throttle(model: mujoco.MjModel, data: mujoco.MjData, flight: str) -> float:
+    """Return the throttle of a steady flight that `data` has just been evaluated in."""
+    par = model.actuator_user[addresses(model).rotor]
+    if par[PARAM.drive_governor] == IDEAL:
+        return 0.0
+    _, main, tail, _ = data.sensor("power").data
+    torque = float(main + tail) / par[PARAM.main_speed]
+    throttle = drive.throttle_for(par, torque)
+    if throttle > 1.0:
+        raise TrimError(
+            f"the {flight} takes a torque of {torque:.3g} N m at the main shaft, and at full "
+            f"throttle the engine gives {drive.shaft_torque(par, 1.0, 1.0):.3g}; change [drive]"
+        )
+    return throttle
 
 
 def _named(speed: float) -> str:
@@ -150,6 +173,7 @@ def place(
     act = data.act[where.state :]
     act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*swash, trim.ped]
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b
+    _settle_drive(act, model.actuator_user[where.rotor], trim)
     act[STATE.feels_x : STATE.feels_z + 1] = steady_force(model, trim)
     _settle_gyro(act, model.actuator_user[where.rotor], trim)
     control = data.ctrl[where.control : where.control + ROTOR + 1]
@@ -165,6 +189,13 @@ def steady_force(model: mujoco.MjModel, trim: Trim) -> NDArray[np.float64]:
 def collective_stick(model: mujoco.MjModel, trim: Trim) -> float:
     """Return where the collective stick stands in a hover, unitised."""
     return trim.col / float(model.actuator_user[addresses(model).rotor, PARAM.gyro_collective])
+
+
+def _settle_drive(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim) -> None:
+    """Let the rotor turn at its speed, with the throttle and the integral that keep it."""
+    if par[PARAM.drive_governor] != IDEAL:
+        act[STATE.speed], act[STATE.engine] = 1.0, trim.throttle
+        act[STATE.governor] = trim.throttle - par[PARAM.drive_collective_gain] * trim.col
 
 
 def _settle_gyro(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from helisim.units import METRE_PER_FOOT, RAD_PER_DEG, RAD_S_PER_RPM
 
+_WATT = {"kg": 1, "m": 2, "s": -3}
 _BASE: dict[str, tuple[float, dict[str, int]]] = {
     "1": (1.0, {}),
     "-": (1.0, {}),
@@ -34,6 +35,15 @@ _BASE: dict[str, tuple[float, dict[str, int]]] = {
     "kg": (1.0, {"kg": 1}),
     "g": (1e-3, {"kg": 1}),
     "n": (1.0, {"kg": 1, "m": 1, "s": -2}),
+    "w": (1.0, _WATT),
+    "kw": (1e3, _WATT),
+    "hp": (745.7, _WATT),
+    "a": (1.0, {"a": 1}),
+    "v": (1.0, _WATT | {"a": -1}),
+    "ohm": (1.0, _WATT | {"a": -2}),
+    "ω": (1.0, _WATT | {"a": -2}),
+    "mohm": (1e-3, _WATT | {"a": -2}),
+    "mω": (1e-3, _WATT | {"a": -2}),
 }
 _GLUED = {"kgm": "kg m", "nm": "n m", "nmm": "n mm", "gm": "g m", "rads": "rad s"}
 _FACTOR = re.compile(r"([a-zµ°%]+|1|-)(?:\^?(-?\d+))?")
