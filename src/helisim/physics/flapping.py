@@ -5,7 +5,7 @@ Wu and Chen, eq. (8) of section 3.2, rows three and four; with the flap-back of 
 
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.main_rotor import STOPPED
+from helisim.physics.main_rotor import turning
 from helisim.physics.memory import from_element
 from helisim.physics.servo import unmix
 
@@ -83,14 +83,14 @@ def tilt_rates(view, flow, step):
     )
     a_target = par[PARAM.a_lat] * lat + par[PARAM.a_lon] * lon
     b_target = par[PARAM.b_lat] * lat + par[PARAM.b_lon] * lon
-    if flow.speed >= STOPPED:
-        ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
-        a_target += par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, ahead)
-        b_target -= par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, right)
-        a_turn, b_turn = cyclic_of_turning_air(
-            air.p, air.q, flow.speed * par[PARAM.main_speed], par[PARAM.main_direction]
-        )
-        a_target, b_target = a_target + a_turn, b_target + b_turn
+    speed, share = turning(flow.speed)
+    ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
+    a_target += share * par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, ahead)
+    b_target -= share * par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, right)
+    a_turn, b_turn = cyclic_of_turning_air(
+        air.p, air.q, speed * par[PARAM.main_speed], par[PARAM.main_direction]
+    )
+    a_target, b_target = a_target + share * a_turn, b_target + share * b_turn
     p, q = motion.p + air.p, motion.q + air.q  # the blades' inertia knows no air
     a, b = act[STATE.flap_a], act[STATE.flap_b]
     tau_f, a_b, b_a = par[PARAM.tau_f], par[PARAM.a_b], par[PARAM.b_a]

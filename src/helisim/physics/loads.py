@@ -6,7 +6,7 @@ from helisim.physics import rotor
 from helisim.physics.body import Wrench
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
-from helisim.physics.main_rotor import STOPPED
+from helisim.physics.main_rotor import turning
 from helisim.physics.tail_rotor import tail_v
 
 
@@ -26,7 +26,8 @@ def wrench(par, a, b, flow, mast):
     stop = par[PARAM.flap_stop]
     a = rotor.soft_limit(a, stop, 0.7)
     b = rotor.soft_limit(b, stop, 0.7)
-    stiffness = par[PARAM.hub_stiffness] if flow.speed >= STOPPED else 0.0
+    _, share = turning(flow.speed)
+    stiffness = share * par[PARAM.hub_stiffness]
     # hub: thrust along the tip-path plane's normal, springs, torque, against the blades' turning
     hub_x = -main.thrust * math.sin(a)
     hub_y = main.thrust * math.sin(b)

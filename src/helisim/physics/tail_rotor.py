@@ -6,7 +6,7 @@ from typing import NamedTuple
 from helisim.physics import rotor
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
-from helisim.physics.main_rotor import STOPPED
+from helisim.physics.main_rotor import turning
 
 
 class TailRotor(NamedTuple):
@@ -36,9 +36,8 @@ def tail_rotor(par, motion, speed, pedal):
         speed: rotor speed over the nominal one.
         pedal: of the tail servo, unitised.
     """
+    speed, share = turning(speed)
     tip_speed = par[PARAM.tail_speed] * speed * par[PARAM.tail_radius]
-    if speed < STOPPED:
-        return TailRotor(0.0, 0.0, 0.0)
     hand = par[PARAM.main_direction]
     pitch = par[PARAM.tail_pitch_trim] + hand * par[PARAM.tail_pitch_range] * pedal
     climb = -hand * tail_v(par, motion) / tip_speed
@@ -61,7 +60,7 @@ def tail_rotor(par, motion, speed, pedal):
         par[PARAM.main_profile_drag],
     )
     radius = par[PARAM.tail_radius]
-    force = par[PARAM.air_density] * math.pi * radius**2 * tip_speed**2
+    force = share * par[PARAM.air_density] * math.pi * radius**2 * tip_speed**2
     return TailRotor(force * ct, inflow, force * radius * cp)
 
 
