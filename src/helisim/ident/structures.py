@@ -6,6 +6,7 @@ several scattered points and solves the input gains from the data first.
 
 from helisim.errors import UnknownNameError
 from helisim.ident.structure import Parameter, Structure
+from helisim.ident.structures_inflow import heave_inflow, with_inflow
 from helisim.ident.transfer import (
     delay_parameter,
     first_order_delay,
@@ -18,10 +19,12 @@ __all__ = [
     "BUILT_IN",
     "first_order_delay",
     "heave",
+    "heave_inflow",
     "hover",
     "hover_imu",
     "named",
     "rollpitch",
+    "rollpitch_inflow",
     "rollpitch_tied",
     "second_order_delay",
     "transfer_function",
@@ -230,6 +233,8 @@ rollpitch_tied = Structure(
     input_delays=rollpitch.input_delays,
 )
 
+rollpitch_inflow = with_inflow(rollpitch)
+
 _HOVER_STATES = ("u", "v", "p", "q", "phi", "theta", "a", "b")
 
 _hover_parameters = (
@@ -307,12 +312,14 @@ BUILT_IN: dict[str, Structure] = {
     structure.name: structure
     for structure in (
         heave,
+        heave_inflow,
         yaw_base,
         yaw_sway,
         yaw_gyro,
         yaw_overall,
         rollpitch,
         rollpitch_tied,
+        rollpitch_inflow,
         hover,
         hover_imu,
     )
