@@ -6,14 +6,24 @@ bit with any others.
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import DivergedError, InputError
 from helisim.records.channels import IN2, SERVOS
-from helisim.sim.clearance import outline
+from helisim.sim.clearance import Outline, outline
+from helisim.sim.ground import Ground
+from helisim.sim.landing import (
+    HARDEST_LANDING,
+    ditchings,
+    hard_landings,
+    strikes,
+    touched_before,
+    touching,
+)
+from helisim.sim.plain import UNSAID
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import root_body
@@ -35,7 +45,10 @@ class FlightEnvelope:
     Attributes:
         tilt: rad, of roll or pitch; beyond it the hover's small angles, and the pilot, are lost.
         rate: rad/s, of any axis.
-        clearance: m, between the ground and the lowest point of landing gear and rotor discs.
+        clearance: m, between the ground and the lowest point of landing gear and rotor discs;
+            where the plan has a ground, of the discs alone: landing gear is to touch it.
+        touchdown: m/s, at which landing gear meets a plan's ground. It stands a drop from 13
+            inches (14 CFR 27.725).
         flapping: of the tip-path plane, in tilts at which the head's dampers bottom.
         descent: through the air along the shaft, in induced velocities of the hover, slower than
             one of which the flight is across it. A vortex ring forms from 0.7 on and is unsteady
@@ -53,6 +66,7 @@ class FlightEnvelope:
     tilt: float | None = 1.2
     rate: float | None = 20.0
     clearance: float | None = 0.0
+    touchdown: float | None = field(default=HARDEST_LANDING, metadata=UNSAID)
     flapping: float | None = 1.0
     descent: float | None = 2.0
     advance: float | None = 0.3
@@ -80,6 +94,7 @@ class FlightEnvelope:
             tilt=None,
             rate=None,
             clearance=None,
+            touchdown=None,
             flapping=None,
             descent=None,
             advance=None,
@@ -105,15 +120,22 @@ class FlightEnvelope:
         self, vehicle: Vehicle, trajectory: Trajectory
     ) -> Iterator[tuple[str, NDArray[np.bool_]]]:
         """Yield what each limit says where it is exceeded, and at which samples, (n_time,)."""
+        ground, shape = trajectory.ground, outline(vehicle)
         if self.tilt is not None:
-            tilt = np.abs(trajectory.attitudes[:, :2]).max(axis=1)
-            yield f"rolled or pitched beyond {self.tilt:g} rad", tilt > self.tilt
+            tilt = np.abs(trajectory.attitudes[:, :2]).max(axis=1) > self.tilt
+            tipped = ground is not None and touched_before(trajectory, tilt)
+            yield (
+                f"{'tipped over' if tipped else 'rolled or pitched'} beyond {self.tilt:g} rad",
+                tilt,
+            )
         if self.rate is not None:
             rate = np.abs(trajectory.rates).max(axis=1)
             yield f"turned faster than {self.rate:g} rad/s", rate > self.rate
-        if self.clearance is not None:
+        if ground is not None:
+            yield from self._beyond_ground(shape, ground, trajectory)
+        elif self.clearance is not None:
             positions, attitudes = trajectory.positions, trajectory.attitudes
-            near = outline(vehicle).closer_than(self.clearance, positions, attitudes)
+            near = shape.closer_than(self.clearance, positions, attitudes)
             low = f"came within {self.clearance:g} m of the ground"
             yield low if self.clearance else "touched the ground", near
         if self.flapping is not None:
@@ -122,10 +144,21 @@ class FlightEnvelope:
         yield from self._beyond_momentum_theory(vehicle, trajectory)
         if self.saturation is not None:
             window = f"{self.saturation:g} s of {self.saturation_window:g} s"
+            aloft = ~touching(trajectory)  # on the ground a stick may lie at its stop
             for name, at_limit in _saturated(vehicle, trajectory):
+                at_limit = at_limit & aloft
                 if np.count_nonzero(at_limit) * trajectory.timestep > self.saturation:
                     times = _time_in_window(at_limit, self.saturation_window, trajectory.timestep)
                     yield f"had {name} at its limit for {window}", times > self.saturation
+
+    def _beyond_ground(
+        self, shape: Outline, ground: Ground, trajectory: Trajectory
+    ) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+        if self.clearance is not None:
+            yield from strikes(shape, ground, trajectory, self.clearance)
+            yield from ditchings(shape, ground, trajectory)
+        if self.touchdown is not None:
+            yield from hard_landings(shape, ground, trajectory, self.touchdown)
 
     def _beyond_momentum_theory(
         self, vehicle: Vehicle, trajectory: Trajectory

@@ -11,6 +11,9 @@ A plan file is TOML; every key but the excitation is optional:
     wind = 4.0
     turbulence = "light"
 
+    [ground]
+    slope = 0.1
+
     [envelope]
     tilt = 0.8
     descent = "off"
@@ -26,7 +29,7 @@ Faults may stand as on the command line too: `faults = ["servo_tail:weak@30,rate
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
@@ -39,6 +42,7 @@ from helisim.records.record import FlightRecord
 from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.excitation import EXCITATIONS, Excitation, check_excitation
 from helisim.sim.faults import FAULTS, Fault, FlightFault, check_faults, parse_fault
+from helisim.sim.ground import Ground
 from helisim.sim.manoeuvres.history import Manoeuvre
 from helisim.sim.pilot import Pilot
 from helisim.sim.plain import (
@@ -66,6 +70,7 @@ class FlightPlan(Displayed):
         pilot: who flies.
         recorder: the flight computer; the vehicle's own if None.
         weather: that is flown through; each flight has its own turbulence.
+        ground: to land on; None: the flight is in the air alone.
         faults: of servos, gyro and recorder, in each flight; a recorder's, in this order.
         envelope: limits beyond which a flight is terminated early.
 
@@ -77,6 +82,7 @@ class FlightPlan(Displayed):
     pilot: Pilot = field(default_factory=Pilot)
     recorder: Recorder | None = None
     weather: Weather = field(default_factory=Weather)
+    ground: Ground | None = None
     faults: tuple[Fault, ...] = ()
     envelope: FlightEnvelope = field(default_factory=FlightEnvelope)
 
@@ -84,7 +90,7 @@ class FlightPlan(Displayed):
         check_excitation(self.excitation)
         for name, kind in _PARTS.items():
             part = getattr(self, name)
-            if not isinstance(part, kind) and not (name == "recorder" and part is None):
+            if not isinstance(part, kind) and not (name in _OPTIONAL and part is None):
                 raise InputError(f"{name} must be a {kind.__name__}, got {part!r}")
         object.__setattr__(self, "faults", tuple(self.faults))
         check_faults(self.faults, self.excitation.duration)
@@ -117,7 +123,7 @@ class FlightPlan(Displayed):
         self._check_written()
         return {
             "excitation": with_kind(self.excitation),
-            **{name: to_plain(getattr(self, name)) for name in _PARTS},
+            **{name: to_plain(getattr(self, name)) for name in self._said()},
             "faults": [with_kind(fault) for fault in self.faults],
         }
 
@@ -177,13 +183,17 @@ class FlightPlan(Displayed):
         """Return the plan as the text of a plan file; errors as for `to_dict`."""
         self._check_written()
         tables: dict[str, Any] = {"excitation": with_kind(self.excitation, toml_settings)}
-        for name in _PARTS:
+        for name in self._said():
             part = getattr(self, name)
             if part is not None:
                 tables[name] = toml_settings(part)
         if self.faults:
             tables["faults"] = [with_kind(fault, toml_settings) for fault in self.faults]
         return toml_text(tables)
+
+    def _said(self) -> Iterator[str]:
+        """Yield the names of the parts that plain data have: no ground is not spoken of."""
+        return (name for name in _PARTS if name != "ground" or self.ground is not None)
 
     def _check_written(self) -> None:
         if not self.excitation.written:
@@ -195,7 +205,7 @@ class FlightPlan(Displayed):
         """Return each part's name, and its settings that aren't the defaults, in words."""
         return (
             ("excitation", _in_words(self.excitation)),
-            *((name, _in_words(getattr(self, name))) for name in _PARTS),
+            *((name, _in_words(getattr(self, name))) for name in self._said()),
             ("faults", "; ".join(map(_in_words, self.faults)) or "none"),
         )
 
@@ -209,9 +219,11 @@ _PARTS: dict[str, type] = {
     "pilot": Pilot,
     "recorder": Recorder,
     "weather": Weather,
+    "ground": Ground,
     "envelope": FlightEnvelope,
 }
 _KEYS = ("excitation", *_PARTS, "faults")
+_OPTIONAL = ("recorder", "ground")
 
 
 _LONGEST_WORD = 60

@@ -4,6 +4,7 @@ import copy
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import TypeVar
 
 import mujoco
@@ -17,8 +18,9 @@ from helisim.physics.native import installed
 from helisim.physics.own_laws import Failure
 from helisim.sim.envelope import FlightEnvelope, terminated_early
 from helisim.sim.faults import write_faults
+from helisim.sim.ground import Ground
 from helisim.sim.injection import injection
-from helisim.sim.plan import Flyable, as_plan
+from helisim.sim.plan import FlightPlan, Flyable, as_plan
 from helisim.sim.trajectory import End, Trajectory, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
@@ -89,17 +91,19 @@ def simulated(
     threads = thread_count(jobs)
     _check_at_least("seed", seed, 0)
     plan = as_plan(plan)
-    vehicle = plan.weather.trimmed(vehicle)
-    buffers = _state_buffers(vehicle, min(threads, len(numbers)), plan.excitation.duration)
+    vehicle, grounded = _placed(vehicle, plan)
+    buffers = _state_buffers(grounded, min(threads, len(numbers)), plan.excitation.duration)
     added = injection(plan.excitation.on(vehicle.parameters), vehicle)
 
     def flown(number: int, buffer: NDArray[np.float64]) -> Result:
-        model = prepare(vehicle, plan, seed=seed, number=number)
-        start = _start(vehicle, plan.weather, seed=seed, number=number)
+        model = prepare(vehicle, plan, seed=seed, number=number, model=grounded)
+        start = _start(vehicle, plan.weather, plan.ground, grounded, seed=seed, number=number)
         with vehicle.controller.flying(model) as flying:
             sensordata = _run(model, start, buffer, added)
             failure = flying.failure()
-        flight = until_end(vehicle, plan.envelope, model, start, sensordata, added, failure)
+        flight = until_end(
+            vehicle, plan.envelope, model, start, sensordata, added, failure, ground=plan.ground
+        )
         return then(number, flight.injected(added, plan.excitation.places))
 
     def batches() -> Iterator[Result]:
@@ -113,13 +117,25 @@ def simulated(
     return batches()
 
 
-def _state_buffers(vehicle: Vehicle, flights: int, duration: float) -> list[NDArray[np.float64]]:
+def _placed(vehicle: Vehicle, plan: FlightPlan) -> tuple[Vehicle, mujoco.MjModel]:
+    """Return a vehicle trimmed where a plan has it hover, and its model with what is there."""
+    ground = plan.ground
+    if ground is None:
+        vehicle = plan.weather.trimmed(vehicle)
+        return vehicle, vehicle.model
+    vehicle = plan.weather.trimmed(ground.felt_by(vehicle))
+    return vehicle, vehicle.grounded_model(ground.put_into)
+
+
+def _state_buffers(
+    model: mujoco.MjModel, flights: int, duration: float
+) -> list[NDArray[np.float64]]:
     """Return memory for the states of a flight in each thread, (1, n_step, n_state), never read.
 
     New memory for each flight would cost a fifth of the time: the threads wait for its pages.
     """
-    size = mujoco.mj_stateSize(vehicle.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    steps = round(duration / vehicle.model.opt.timestep) + 1
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    steps = round(duration / model.opt.timestep) + 1
     return [np.empty((1, steps, size)) for _ in range(flights)]
 
 
@@ -152,7 +168,14 @@ def _userdata(
     return np.pad(added, ((0, 0), (0, model.nuserdata - added.shape[1])))[None]
 
 
-def prepare(vehicle: Vehicle, plan: Flyable, *, seed: int, number: int) -> mujoco.MjModel:
+def prepare(
+    vehicle: Vehicle,
+    plan: Flyable,
+    *,
+    seed: int,
+    number: int,
+    model: mujoco.MjModel | None = None,
+) -> mujoco.MjModel:
     """Return a copy of the vehicle's model that flies one flight of a plan.
 
     What no compiled formula adds comes in `mjData.userdata`: before each step, the row of the
@@ -163,9 +186,10 @@ def prepare(vehicle: Vehicle, plan: Flyable, *, seed: int, number: int) -> mujoc
         plan: of the flight.
         seed: of pilot and turbulence.
         number: of the flight.
+        model: to copy in place of the vehicle's own: of the same vehicle on the ground.
     """
     plan = as_plan(plan)
-    model = copy.copy(vehicle.model)
+    model = copy.copy(vehicle.model if model is None else model)
     par = model.actuator_user[addresses(model).rotor]
     pilot_seed, air_seed = (
         int(generator(seed, number, purpose).integers(2**31)) for purpose in ("pilot", "air")
@@ -180,15 +204,26 @@ def prepare(vehicle: Vehicle, plan: Flyable, *, seed: int, number: int) -> mujoc
     return model
 
 
-def _start(vehicle: Vehicle, weather: Weather, *, seed: int, number: int) -> NDArray[np.float64]:
+def _start(
+    vehicle: Vehicle,
+    weather: Weather,
+    ground: Ground | None = None,
+    model: mujoco.MjModel | None = None,
+    *,
+    seed: int,
+    number: int,
+) -> NDArray[np.float64]:
     """Return the full physics state in which a flight starts, (n_state,)."""
-    data = mujoco.MjData(vehicle.model)
-    place(vehicle.model, data, vehicle.trim, height=weather.height)
-    first = addresses(vehicle.model).state
+    model = vehicle.model if model is None else model
+    data = mujoco.MjData(model)
+    place(model, data, vehicle.trim, height=weather.height)
+    if ground is not None:
+        ground.begin(vehicle, model, data)
+    first = addresses(model).state
     rough = weather.start(vehicle, generator(seed, number, "first air"))
     data.act[first + STATE.air_u : first + STATE.feels_x] = rough
-    state = np.empty(mujoco.mj_stateSize(vehicle.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
-    mujoco.mj_getState(vehicle.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     return state
 
 
@@ -205,6 +240,7 @@ def until_end(
     sensordata: NDArray[np.float64],
     added: NDArray[np.float64] | None = None,
     failure: Failure | None = None,
+    ground: Ground | None = None,
 ) -> Trajectory:
     """Return the trajectory of a flight, cut where it leaves the envelope or its states break.
 
@@ -216,6 +252,7 @@ def until_end(
         sensordata: (n_step, nsensordata), of the time before each step.
         added: (n_step, n_injection) `injection` of the excitation.
         failure: of the controller, None if it didn't fail.
+        ground: that was below; None if nothing was.
 
     Raises:
         DivergedError: not one sample is within the envelope.
@@ -225,7 +262,7 @@ def until_end(
         why = f"controller {vehicle.controller.name!r} {failure.why}"
     if count == 0:
         raise terminated_early(0.0, why, failure.traceback) if failure else DivergedError(why)
-    trajectory = read_trajectory(vehicle, sensordata[:count])
+    trajectory = replace(read_trajectory(vehicle, sensordata[:count]), ground=ground)
     found = envelope.end(vehicle, trajectory)
     if found is None and count == len(sensordata):
         return trajectory

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from helisim.errors import DivergedError
 from helisim.physics.frames import flip
 from helisim.physics.layout import INJECTION
+from helisim.sim.ground import Ground
 from helisim.vehicle import Vehicle
 from helisim.vehicle.swashplate import Swashplate
 
@@ -77,6 +78,7 @@ class Trajectory:
         rates_added: (n_time, 3) likewise to the rates that the gyro reads, rad/s.
         hold: s, for which sticks and servo commands are held; 0 if they are not.
         imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
+        ground: that was below; None in a flight in the air alone.
         end: why the flight was terminated early; None if it wasn't.
     """
 
@@ -102,6 +104,7 @@ class Trajectory:
     actuators_added: NDArray[np.float64] | None = None
     rates_added: NDArray[np.float64] | None = None
     hold: float = 0.0
+    ground: Ground | None = None
     end: End | None = None
 
     def injected(self, added: NDArray[np.float64] | None, places: Collection[str]) -> "Trajectory":
@@ -124,17 +127,18 @@ class Trajectory:
         each = round(self.hold / self.timestep)
         if each <= 1:
             return self
-        return replace(self._rows(slice(None, None, each)), timestep=each * self.timestep)
+        return replace(self.rows(slice(None, None, each)), timestep=each * self.timestep)
 
     def until(self, count: int, end: End) -> "Trajectory":
         """Return only so many samples, of a flight that is terminated then."""
-        return replace(self._rows(slice(count)), end=end)
+        return replace(self.rows(slice(count)), end=end)
 
     def since(self, time: float) -> "Trajectory":
         """Return only the samples from a time on, s."""
-        return self._rows(slice(int(np.searchsorted(self.time, time)), None))
+        return self.rows(slice(int(np.searchsorted(self.time, time)), None))
 
-    def _rows(self, rows: slice) -> "Trajectory":
+    def rows(self, rows: slice | NDArray[np.bool_]) -> "Trajectory":
+        """Return only some of the samples, by a slice or flags (n_time,)."""
         histories = {
             field.name: getattr(self, field.name)[rows]
             for field in fields(self)

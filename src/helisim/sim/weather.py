@@ -12,6 +12,7 @@ from helisim.physics import air as law
 from helisim.physics.layout import PARAM
 from helisim.units import METRE_PER_FOOT, METRE_S_PER_KNOT
 from helisim.vehicle import Vehicle
+from helisim.vehicle.motion import addresses
 
 LEVELS = {
     "light": 15.0 * METRE_S_PER_KNOT,
@@ -207,7 +208,8 @@ class Weather:
         Raises:
             TrimError: it can't hover in this wind.
         """
-        if self.wind == 0.0 and vehicle.parameters["air.ground_effect"] == 0.0:
+        par = vehicle.model.actuator_user[addresses(vehicle.model).rotor]
+        if self.wind == 0.0 and par[PARAM.ground_effect] == 0.0:
             return vehicle
         return vehicle.trimmed(height=self.height, wind=self.wind_to)
 

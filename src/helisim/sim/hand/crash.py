@@ -7,11 +7,9 @@ import numpy as np
 
 from helisim.physics.frames import flip
 from helisim.sim.clearance import outline
+from helisim.sim.landing import HARDEST_LANDING
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import root_body
-
-HARDEST_LANDING = 2.5
-"""m/s, of sinking, that landing gear stands: a drop from 13 inches (14 CFR 27.725)."""
 
 
 class Crash:

@@ -1,0 +1,324 @@
+"""The ground of a flight: level, a slope, or a deck that a sea moves, to land on and take off."""
+
+import copy
+import math
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from helisim.errors import InputError
+from helisim.physics.layout import CONTROL, PARAM, STATE
+from helisim.physics.native import installed
+from helisim.sim.clearance import outline
+from helisim.vehicle import Vehicle
+from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import place
+
+_HEAVIER = 1e6
+"""Mass of a deck over that of who lands on it: what the landing does to its motion."""
+_THICK = 0.5
+"""m, of a deck."""
+_SETTLING = 2.0
+"""s, in which a vehicle comes to rest on its landing gear."""
+_DECK = "deck"
+_AXES = {
+    "surge": (1.0, 0.0, 0.0),
+    "sway": (0.0, -1.0, 0.0),
+    "heave": (0.0, 0.0, 1.0),
+    "pitch": (0.0, -1.0, 0.0),
+    "roll": (1.0, 0.0, 0.0),
+}
+"""A deck's freedoms, the outermost first, and each one's axis, north-west-up."""
+_TURNS = ("pitch", "roll")
+_COLOURS = {"deck": (0.33, 0.34, 0.35, 1.0), "ground": (0.37, 0.46, 0.32, 1.0)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swing:
+    """A harmonic motion, amplitude x sin(2 pi t / period + phase).
+
+    Attributes:
+        amplitude: m or rad.
+        period: s.
+        phase: rad, at the start of a flight.
+    """
+
+    amplitude: float
+    period: float = 8.0
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.amplitude) and math.isfinite(self.phase)):
+            raise InputError(f"a swing needs a finite amplitude and phase, got {self}")
+        if not 0.0 < self.period < math.inf:
+            raise InputError(f"a swing's period must be above 0 s, got {self.period}")
+
+    @property
+    def frequency(self) -> float:
+        """Of the motion, rad/s."""
+        return 2.0 * math.pi / self.period
+
+    def at(self, time: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        """Return where it is at times (n_time,), s, of the same shape."""
+        return self.amplitude * np.sin(self.frequency * np.asarray(time) + self.phase)
+
+    def rate(self, time: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        """Return how fast it moves at times (n_time,), s, of the same shape."""
+        return (
+            self.amplitude * self.frequency * np.cos(self.frequency * np.asarray(time) + self.phase)
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deck:
+    """A rectangular landing deck, its middle below the start of the flight, its bow north.
+
+    Attributes:
+        length: m, from stern to bow.
+        width: m.
+        above: m from the water (or whatever is around and level) up to the deck at rest.
+        surge: motion to the bow; None for none, as for those that follow.
+        sway: to starboard.
+        heave: upwards.
+        roll: starboard side down.
+        pitch: bow up.
+    """
+
+    length: float = 6.0
+    width: float = 6.0
+    above: float = 3.0
+    surge: Swing | None = None
+    sway: Swing | None = None
+    heave: Swing | None = None
+    roll: Swing | None = None
+    pitch: Swing | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("length", "width", "above"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise InputError(f"a deck's {name} must be above 0 m, got {getattr(self, name)}")
+        for name in _TURNS:
+            swing = getattr(self, name)
+            if swing is not None and abs(swing.amplitude) >= 0.5:
+                raise InputError(
+                    f"a deck's {name} must stay below 0.5 rad, got {swing.amplitude:g}"
+                )
+
+    @property
+    def swings(self) -> dict[str, Swing]:
+        """The motions that it has by name, the outermost first."""
+        return {name: one for name in _AXES if (one := getattr(self, name)) is not None}
+
+    def pose(self, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where the middle of the deck is and how it is turned, north-east-down.
+
+        Args:
+            time: (n_time,) s.
+
+        Returns:
+            (n_time, 3) m, and (n_time, 3, 3) from the deck's axes.
+        """
+        still = np.zeros_like(time)
+        at = {
+            name: still if (one := getattr(self, name)) is None else one.at(time) for name in _AXES
+        }
+        place = np.column_stack([at["surge"], at["sway"], -at["heave"]])
+        turn = Rotation.from_euler("YX", np.column_stack([at["pitch"], at["roll"]]))
+        return place, turn.as_matrix()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """What is below a flight, to take off from and to land on: level, sloping, or a deck.
+
+    A flight without a ground is flown in the air alone, in half of the time, and ends where it
+    touches the plane at height 0. Over a ground its landing gear may touch: a rotor may not, and
+    no landing may be harder than the envelope says.
+
+    Attributes:
+        slope: rad, by which it rises.
+        uphill: rad, the heading towards which it rises; flights head north.
+        friction: of the landing gear on it; None: as the vehicle's MJCF has it.
+        effect: share of Cheeseman and Bennett's ground effect that is felt, 0 to 1.
+        deck: that is landed on instead, at height 0 where it is at rest.
+        parked: whether the flight starts there, standing on its landing gear with its rotor at
+            flying speed, instead of in the hover above.
+    """
+
+    slope: float = 0.0
+    uphill: float = 0.0
+    friction: float | None = None
+    effect: float = 1.0
+    deck: Deck | None = None
+    parked: bool = False
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.slope < 0.5 * math.pi and math.isfinite(self.uphill)):
+            raise InputError(
+                "a ground needs a slope from 0 to pi/2 rad and a finite heading uphill, got "
+                f"{self.slope} and {self.uphill}"
+            )
+        if self.friction is not None and not 0.0 < self.friction < math.inf:
+            raise InputError(f"the ground's friction must be above 0, got {self.friction}")
+        if not 0.0 <= self.effect <= 1.0:
+            raise InputError(f"the ground's effect must be from 0 to 1, got {self.effect}")
+        if self.deck is not None and self.slope != 0.0:
+            raise InputError("a deck is level at rest: a ground has a slope or a deck, not both")
+
+    def put_into(self, spec: mujoco.MjSpec, vehicle: mujoco.MjModel) -> None:
+        """Add the ground to a specification: what `assemble` takes as `around`.
+
+        Args:
+            spec: of a vehicle, with a scene or without; the scene's own ground is laid so.
+            vehicle: compiled of it.
+        """
+        drawn = list(spec.worldbody.geoms)
+        for geom in spec.geoms if self.friction is not None else ():
+            if geom.parent.name != "world" and (geom.contype or geom.conaffinity):
+                geom.friction = [self.friction, *geom.friction[1:]]
+        below = 0.0 if self.deck is None else self.deck.above
+        turn = self._quaternion()
+        for geom in drawn:
+            self._lay(geom, turn, below)
+        if not any(geom.type == mujoco.mjtGeom.mjGEOM_PLANE for geom in drawn):
+            spec.worldbody.add_geom(
+                name="ground",
+                type=mujoco.mjtGeom.mjGEOM_PLANE,
+                size=[0.0, 0.0, 0.05],
+                pos=[0.0, 0.0, -below],
+                quat=turn,
+                rgba=_COLOURS["ground"],
+            )
+        if self.deck is not None:
+            _add_deck(spec, self.deck, _HEAVIER * float(np.sum(vehicle.body_mass)))
+
+    def felt_by(self, vehicle: Vehicle) -> Vehicle:
+        """Return a vehicle that feels the ground's effect, its trim as it was."""
+        model = copy.copy(vehicle.model)
+        model.actuator_user[addresses(model).rotor, PARAM.ground_effect] = self.effect
+        return Vehicle(vehicle.folder, vehicle.parameters, model, vehicle.trim, vehicle.controller)
+
+    def begin(self, vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Set a deck where it is, and as fast as it is, when a flight begins.
+
+        And where the flight starts parked, the vehicle on its landing gear at flat pitch.
+
+        Args:
+            vehicle: that flies.
+            model: of it on this ground.
+            data: with the vehicle in its hover.
+        """
+        standing = self._standing(vehicle, model) if self.parked else None
+        if self.deck is not None:
+            for name, swing in self.deck.swings.items():
+                joint = data.joint(f"{_DECK}_{name}")
+                joint.qpos[0], joint.qvel[0] = swing.at(0.0), swing.rate(0.0)
+        if standing is None:
+            return
+        par = model.actuator_user[addresses(model).rotor]
+        flat = -par[PARAM.main_pitch_trim] / par[PARAM.main_pitch_range]
+        trim = replace(vehicle.trim, col=max(-0.5, flat), lon=0.0, lat=0.0, a=0.0, b=0.0)
+        deck = data.qpos[7:].copy(), data.qvel[6:].copy()
+        place(model, data, trim)
+        data.qpos[:7], data.qpos[7:], data.qvel[6:] = standing, *deck
+        if self.deck is not None:
+            _carry(model, data)
+
+    def _standing(self, vehicle: Vehicle, model: mujoco.MjModel) -> NDArray[np.float64]:
+        """Return position and orientation in which a vehicle stands, a deck at rest, (7,)."""
+        model = copy.copy(model)
+        model.actuator_user[addresses(model).rotor, PARAM.gyro_on] = 0.0
+        model.opt.wind[:] = 0.0
+        data = mujoco.MjData(model)
+        where, turn = addresses(model), self._quaternion()
+        data.ctrl[where.control + CONTROL.rotor] = data.act[where.state + STATE.speed] = 0.0
+        shape = outline(vehicle)
+        lowest = float(np.max(shape.points[:, 2] + shape.radii)) + vehicle.imu_offset[2]
+        mujoco.mju_rotVecQuat(data.qpos[:3], np.array([0.0, 0.0, lowest]), turn)
+        data.qpos[3:7] = turn
+        with installed():
+            while data.time < _SETTLING:
+                mujoco.mj_step(model, data)
+        return data.qpos[:7].copy()
+
+    def heights(
+        self, time: NDArray[np.float64], points: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return how high points are above what is below them, along its normal, m.
+
+        Args:
+            time: (n_time,) s.
+            points: (n_time, n, 3) north, east, down, m.
+
+        Returns:
+            (n_time, n); beside a deck, above what is around it.
+        """
+        if self.deck is None:
+            leaning = math.sin(self.slope)
+            normal = np.array([leaning * math.cos(self.uphill), leaning * math.sin(self.uphill)])
+            return -points[..., 2] * math.cos(self.slope) - points[..., :2] @ normal
+        place, turn = self.deck.pose(time)
+        own = np.einsum("tji,tnj->tni", turn, points - place[:, None])
+        over = np.abs(own[..., 0]) < 0.5 * self.deck.length
+        over &= np.abs(own[..., 1]) < 0.5 * self.deck.width
+        over &= own[..., 2] < _THICK
+        return np.where(over, -own[..., 2], self.deck.above - points[..., 2])
+
+    def _quaternion(self) -> NDArray[np.float64]:
+        """Return the slope's rotation, north-west-up, w first, (4,)."""
+        half = 0.5 * self.slope
+        along, across = math.cos(self.uphill), math.sin(self.uphill)
+        return np.array([math.cos(half), -math.sin(half) * across, -math.sin(half) * along, 0.0])
+
+    def _lay(self, geom: mujoco.MjsGeom, turn: NDArray[np.float64], below: float) -> None:
+        """Turn one of a scene's geoms with the slope, or put it below the deck."""
+        place, quaternion = np.zeros(3), np.zeros(4)
+        mujoco.mju_rotVecQuat(place, geom.pos, turn)
+        mujoco.mju_mulQuat(quaternion, turn, geom.quat)
+        geom.pos, geom.quat = place - [0.0, 0.0, below], quaternion
+
+
+def _carry(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Move a vehicle that stands on a deck at rest to where the deck is, and let it move along."""
+    mujoco.mj_forward(model, data)
+    deck, moving = data.body(_DECK), np.zeros(6)
+    kind = mujoco.mjtObj.mjOBJ_BODY
+    mujoco.mj_objectVelocity(model, data, kind, model.body(_DECK).id, moving, 0)
+    arm, turned = np.zeros(3), np.zeros(4)
+    mujoco.mju_rotVecQuat(arm, data.qpos[:3], deck.xquat)
+    mujoco.mju_mulQuat(turned, deck.xquat, data.qpos[3:7])
+    data.qpos[:3], data.qpos[3:7] = deck.xpos + arm, turned
+    data.qvel[:3] = moving[3:] + np.cross(moving[:3], arm)
+    own = np.zeros(4)
+    mujoco.mju_negQuat(own, turned)
+    mujoco.mju_rotVecQuat(data.qvel[3:6], moving[:3], own)
+
+
+def _add_deck(spec: mujoco.MjSpec, deck: Deck, mass: float) -> None:
+    """Add a deck on springs whose own motion is the one that is wanted, so heavy that it keeps it.
+
+    A body that MuJoCo is told the place of (mocap) has no velocity, and what stands on it is not
+    carried along.
+    """
+    body = spec.worldbody.add_body(
+        name=_DECK, mass=mass, inertia=[mass] * 3, explicitinertial=True, gravcomp=1.0
+    )
+    for name, swing in deck.swings.items():
+        turns = name in _TURNS
+        body.add_joint(
+            name=f"{_DECK}_{name}",
+            type=mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=_AXES[name],
+            stiffness=[mass * swing.frequency**2, 0.0, 0.0],
+        )
+    body.add_geom(
+        name=_DECK,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[0.5 * deck.length, 0.5 * deck.width, 0.5 * _THICK],
+        pos=[0.0, 0.0, -0.5 * _THICK],
+        mass=0.0,
+        rgba=_COLOURS["deck"],
+    )
