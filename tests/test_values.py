@@ -44,6 +44,7 @@ def values(jr700, tmp_path_factory):
         pilot=hs.Pilot(remnant=0.0),
         recorder=hs.Recorder.of(jr700),
         weather=hs.Weather(gust=hs.Gust(north=1.0)),
+        ground=hs.Ground(deck=hs.Deck(heave=hs.Swing(amplitude=0.3))),
         faults=(
             hs.ServoStuck(servo="servo_tail", at=30.0),
             hs.SensorDropout(channels=("p",), at=3.0, lasts=1.0),
@@ -79,6 +80,9 @@ def values(jr700, tmp_path_factory):
         "Seen": hs.Seen(*(0.1 * number for number in range(len(hs.Seen._fields)))),
         "Weather": plan.weather,
         "Gust": plan.weather.gust,
+        "Ground": plan.ground,
+        "Deck": plan.ground.deck,
+        "Swing": plan.ground.deck.heave,
         "FlightEnvelope": plan.envelope,
         "StickFeel": hs.StickFeel(),
         "ServoStuck": plan.faults[0],
@@ -114,7 +118,7 @@ NAMES = [
     *("FlightPlan", "Sweep", "Doublet", "ThreeTwoOneOne", "Step", "Pulse", "Chirp", "Multisine"),
     *("History", "Manoeuvre", "Sequence", "Together", "plan of a History"),
     *("Pilot", "Recorder", "default Recorder", "Controller", "Seen"),
-    *("Weather", "Gust", "FlightEnvelope", "StickFeel"),
+    *("Weather", "Gust", "Ground", "Deck", "Swing", "FlightEnvelope", "StickFeel"),
     *("ServoStuck", "SensorDropout", "ServoWeak"),
     *("GyroRestart", "GyroDropout", "SensorSpikes", "SampleLoss", "RecordGap", "ClockDrift"),
     *(

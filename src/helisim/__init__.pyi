@@ -23,10 +23,12 @@ from helisim.records.storage import read_record as read_record
 from helisim.records.storage import write_record as write_record
 from helisim.sim import Chirp as Chirp
 from helisim.sim import ClockDrift as ClockDrift
+from helisim.sim import Deck as Deck
 from helisim.sim import Doublet as Doublet
 from helisim.sim import Excitation as Excitation
 from helisim.sim import FlightEnvelope as FlightEnvelope
 from helisim.sim import FlightPlan as FlightPlan
+from helisim.sim import Ground as Ground
 from helisim.sim import Gust as Gust
 from helisim.sim import GyroDropout as GyroDropout
 from helisim.sim import GyroRestart as GyroRestart
@@ -45,6 +47,7 @@ from helisim.sim import ServoStuck as ServoStuck
 from helisim.sim import ServoWeak as ServoWeak
 from helisim.sim import Step as Step
 from helisim.sim import Sweep as Sweep
+from helisim.sim import Swing as Swing
 from helisim.sim import ThreeTwoOneOne as ThreeTwoOneOne
 from helisim.sim import Together as Together
 from helisim.sim import Weather as Weather

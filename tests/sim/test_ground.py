@@ -167,7 +167,7 @@ def test_energy_never_grows_while_it_stands(jr700):
         while data.time < 20.0:
             mujoco.mj_step(model, data)
             energy.append(data.energy.sum())
-    energy = np.array(energy)
+    energy = np.array(energy[:10000])
     assert np.diff(energy[2500:]).max() < 1e-9  # J, rounding of 80
     highest = energy.reshape(20, -1).max(axis=1)  # while the skids have some of it on loan
     assert (np.diff(highest) < 1e-9).all()

@@ -11,9 +11,11 @@ from helisim.errors import InputError, StorageError
 from helisim.ident import frequency_response
 from helisim.records.storage import read_record, write_record
 from helisim.sim import (
+    Deck,
     Doublet,
     FlightEnvelope,
     FlightPlan,
+    Ground,
     Gust,
     GyroDropout,
     Pilot,
@@ -21,6 +23,7 @@ from helisim.sim import (
     SensorSpikes,
     ServoStuck,
     Sweep,
+    Swing,
     Weather,
     fly,
     fly_to,
@@ -40,7 +43,8 @@ FULL = FlightPlan(
         ServoStuck(servo="servo_tail", at=3.0),
         GyroDropout(at=4.0, lasts=0.1, rates=("p",)),
     ),
-    envelope=FlightEnvelope(tilt=0.8, descent=None),
+    ground=Ground(friction=0.4, deck=Deck(width=4.0, heave=Swing(amplitude=0.5, period=6.0))),
+    envelope=FlightEnvelope(tilt=0.8, descent=None, touchdown=1.0),
 )
 PLANS = {
     "all else default": FlightPlan(excitation=SHORT),
@@ -93,6 +97,8 @@ def test_a_recorder_in_a_file_keeps_the_vehicles_latencies(jr700):
         {"weather": replace(FULL.weather, gust=None)},
         {"faults": FULL.faults[::-1]},
         {"faults": ()},
+        {"ground": None},
+        {"ground": Ground(slope=0.1)},
         {"envelope": FlightEnvelope(tilt=0.8)},
     ],
 )
@@ -127,7 +133,9 @@ def test_a_plan_in_words_says_what_is_not_default():
         "0.4",
     ]
     assert lines[2] == "  pilot       remnant 0.001"
-    assert lines[5] == "  envelope    tilt 0.8, descent None"
+    swing = "heave (amplitude 0.5, period 6, phase 0)"
+    assert lines[5] == f"  ground      friction 0.4, deck (length 6, width 4, above 3, {swing})"
+    assert lines[6] == "  envelope    tilt 0.8, touchdown 1, descent None"
     plain = str(FlightPlan(excitation=SHORT)).splitlines()
     assert plain[3] == "  recorder    the vehicle's own"
     assert plain[4] == "  weather     as by default"
@@ -285,7 +293,7 @@ def test_options_beside_a_plan_change_it(tmp_path, capsys):
     plan = FlightPlan.from_dict(tomllib.loads(capsys.readouterr().out))
     assert plan.excitation == replace(FULL.excitation, duration=9.0, amplitude=0.03)
     assert plan.weather == Weather(wind=3.0, turbulence=4.5)
-    assert plan.envelope == FlightEnvelope(tilt=0.8, rate=15.0, descent=None)
+    assert plan.envelope == FlightEnvelope(tilt=0.8, rate=15.0, descent=None, touchdown=1.0)
     assert plan.faults[:-1] == FULL.faults
     assert plan.pilot == FULL.pilot
     assert main(["fly", "--plan", str(path), "--excitation", "sweep", "--print-plan"]) == 0

@@ -17,6 +17,7 @@ from helisim.sim.faults import (
 )
 from helisim.sim.fly import Flight, fly, fly_all, fly_each
 from helisim.sim.folder import fly_to
+from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.manoeuvres import (
     Chirp,
     Doublet,
@@ -40,6 +41,7 @@ from helisim.sim.weather import Gust, Weather
 __all__ = [
     "Chirp",
     "ClockDrift",
+    "Deck",
     "Doublet",
     "End",
     "Excitation",
@@ -47,6 +49,7 @@ __all__ = [
     "Flight",
     "FlightEnvelope",
     "FlightPlan",
+    "Ground",
     "Gust",
     "GyroDropout",
     "GyroRestart",
@@ -65,6 +68,7 @@ __all__ = [
     "ServoWeak",
     "Step",
     "Sweep",
+    "Swing",
     "ThreeTwoOneOne",
     "Together",
     "Trajectory",

@@ -287,7 +287,9 @@ def _default(one: Field[Any]) -> Any:
 
 def _value_in_words(value: Any) -> str:
     if isinstance(value, dict):
-        inner = ", ".join(f"{key} {_value_in_words(one)}" for key, one in value.items())
+        inner = ", ".join(
+            f"{key} {_value_in_words(one)}" for key, one in value.items() if one is not None
+        )
         return f"({inner})"
     if isinstance(value, list):
         return f"({', '.join(map(_value_in_words, value))})"
