@@ -41,6 +41,8 @@ _REACH = 0.05
 """Error of speed, over the nominal one, beyond which the governor doesn't act any harder."""
 _HEADROOM = 0.05
 """Throttle left, or share of the current's limit, at which the integral begins to be held."""
+_BEHIND = 0.1
+"""Throttle that the engine is yet to take up, at which the integral is held."""
 _LINEAR = 0.9
 """Share of its limit up to which the current is not limited at all."""
 
@@ -98,10 +100,10 @@ def governing(par, commanded, collective, speed, throttle, integral):
 
     Proportional and integral in the error of speed, and in the collective, whose torque it meets
     before the speed has fallen. The integral grows no faster than from nothing to full throttle in
-    the time of a spool-up, which makes that from rest; it is held where throttle or current can't
-    grow, and where the freewheel has let go. While the throttle is cut it is kept as long as the
-    rotor turns, for the engine to catch it again (bail-out), which takes the throttle up at a rate
-    of its own.
+    the time of a spool-up, which makes that from rest. It is held where throttle or current can't
+    grow, where the engine is behind, and where the freewheel has let go. While the throttle is cut
+    it is kept as long as the rotor turns, for the engine to catch it again (bail-out), which takes
+    the throttle up at a rate of its own.
 
     Args:
         par: parameters.
@@ -139,7 +141,7 @@ def room(par, raw, throttle, speed, error):
     if error < 0.0:
         held = engine_torque(par, throttle, speed) / grip(par)
         return min(1.0, max(0.0, min(raw / _HEADROOM, held)))
-    left = (1.0 - raw) / _HEADROOM
+    left = min(1.0 - raw, _BEHIND - (raw - throttle)) / _HEADROOM
     if par[PARAM.drive_engine] == ELECTRIC:
         share = motor_current(par, throttle, speed) / par[PARAM.drive_current_limit]
         left = min(left, (1.0 - share) / _HEADROOM)

@@ -1,0 +1,320 @@
+"""What turns the rotor: against data sheets, closed forms and conservation."""
+
+import copy
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from helisim.physics import drive
+from helisim.physics.body import Velocities
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.main_rotor import main_rotor, turning
+from helisim.physics.native import installed
+from helisim.physics.tail_rotor import tail_rotor
+from helisim.units import RAD_S_PER_RPM
+from helisim.vehicle import load
+from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import place
+
+MAXON = {
+    "drive_engine": drive.ELECTRIC,
+    "drive_gear": 1.0,
+    "drive_voltage": 48.0,
+    "drive_resistance": 1.13,
+    "drive_speed_constant": 158.0 * RAD_S_PER_RPM,
+    "drive_no_load_current": 0.0686,
+    "drive_current_limit": 100.0,
+    "main_speed": 1.0,
+}
+"""maxon RE 40, 48 V, 150 W, data sheet 148877: voltage, resistance, rpm/V and A without load."""
+
+
+def block(**numbers):
+    par = np.zeros(len(PARAM))
+    for name, number in numbers.items():
+        par[getattr(PARAM, name)] = number
+    return par
+
+
+@pytest.fixture(scope="module")
+def motor():
+    """The JR700 with its electric motor."""
+    return load("jr700", parameters={"drive.governor": "motor"})
+
+
+@pytest.fixture(scope="module")
+def glow():
+    """The JR700 with a glow engine."""
+    parameters = {"drive.engine": "combustion", "drive.lag": 0.15, "drive.k_p": 5.0}
+    parameters |= {"drive.collective_gain": 1.0, "drive.friction": 0.05}
+    return load("jr700", parameters={"drive.governor": "motor", **parameters})
+
+
+class Bench:
+    """A vehicle that hangs still in weightlessness, all its blades without pitch.
+
+    Attributes:
+        model: with a body a million times as heavy, unless it is `free`.
+        data: at full speed, the motor cut.
+        par: parameters.
+        act: the vehicle's activations.
+    """
+
+    def __init__(self, vehicle, *, free=False, integrator=None, **numbers):
+        self.model = model = copy.copy(vehicle.model)
+        where = addresses(model)
+        self.par = model.actuator_user[where.rotor]
+        for name, number in {"gyro_on": 0.0, **numbers}.items():
+            self.par[getattr(PARAM, name)] = number
+        model.opt.gravity[:] = 0.0
+        if integrator is not None:
+            model.opt.integrator = integrator
+        self.data = mujoco.MjData(model)
+        place(model, self.data, vehicle.trim)
+        self.data.qpos[3:7], self.data.qvel[:] = [1.0, 0.0, 0.0, 0.0], 0.0
+        if not free:
+            model.body_mass[:] *= 1e6
+            model.body_inertia[:] *= 1e6
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+        self.act = self.data.act[where.state :]
+        self.ctrl = self.data.ctrl[where.control :]
+        flat = -self.par[PARAM.main_pitch_trim] / self.par[PARAM.main_pitch_range]
+        still = -self.par[PARAM.tail_pitch_trim] / self.par[PARAM.tail_pitch_range]
+        positions = [
+            *vehicle.swashplate.mix(flat, 0.0, 0.0),
+            still * self.par[PARAM.main_direction],
+        ]
+        self.act[: STATE.flap_a : 2] = self.ctrl[4:8] = positions
+        self.act[STATE.flap_a : STATE.flap_b + 1] = 0.0
+        self.act[STATE.engine] = self.act[STATE.governor] = 0.0
+        self.ctrl[8] = 0.0
+
+    @property
+    def speed(self):
+        return float(self.act[STATE.speed])
+
+    def run(self, seconds):
+        """Step on, and return the speed at the end of each step."""
+        steps = round(seconds / self.model.opt.timestep)
+        history = np.empty(steps)
+        with installed():
+            for k in range(steps):
+                mujoco.mj_step(self.model, self.data)
+                history[k] = self.speed
+        return history
+
+
+def test_the_motor_has_the_data_sheet_of_one():
+    """From four numbers of the sheet its other four: no load, nominal load, standstill.
+
+    3e-3: the sheet prints three digits.
+    """
+    par = block(**MAXON)
+    torque_constant = 1.0 / par[PARAM.drive_speed_constant]
+    assert torque_constant == pytest.approx(60.3e-3, rel=3e-3)
+    free = 7590.0 * RAD_S_PER_RPM
+    per_speed = drive.engine_torque(par, 1.0, free) / drive.engine_torque(par, 1.0, 0.0)
+    assert per_speed == pytest.approx(0.0, abs=3e-3)
+    assert drive.motor_current(par, 1.0, 0.0) == pytest.approx(42.4, rel=3e-3)
+    assert drive.engine_torque(par, 1.0, 0.0) == pytest.approx(2.560, rel=3e-3)
+    nominal = 7000.0 * RAD_S_PER_RPM
+    slope = (drive.engine_torque(par, 1.0, nominal) - 0.187) / drive.engine_torque(par, 1.0, 0.0)
+    assert slope == pytest.approx(0.0, abs=3e-3)  # of the whole line, from standstill to no load
+
+
+def test_the_engine_has_its_greatest_power_where_it_should():
+    """At full throttle, at the speed that its data sheet says; half of it at half throttle."""
+    par = block(
+        drive_engine=drive.COMBUSTION,
+        drive_gear=8.8,
+        drive_power=2400.0,
+        drive_power_speed=15000.0 * RAD_S_PER_RPM,
+        main_speed=15000.0 * RAD_S_PER_RPM / 8.8,
+    )
+    speeds = np.linspace(0.0, 1.5, 301)
+    power = [drive.engine_torque(par, 1.0, s) * s * par[PARAM.main_speed] for s in speeds]
+    assert speeds[np.argmax(power)] == pytest.approx(1.0)
+    assert max(power) == pytest.approx(2400.0)
+    assert drive.engine_torque(par, 0.5, 1.0) == pytest.approx(
+        0.5 * drive.engine_torque(par, 1.0, 1.0)
+    )
+
+
+@given(throttle=st.floats(0.0, 1.0), speed=st.floats(0.0, 2.0))
+def test_the_freewheel_never_brakes(motor, throttle, speed):
+    """Whatever the motor would do, the shaft is turned or let go; with grip, by all the torque."""
+    par = motor.model.actuator_user[addresses(motor.model).rotor]
+    free, whole = drive.engine_torque(par, throttle, speed), drive.grip(par)
+    found = drive.shaft_torque(par, throttle, speed)
+    assert 0.0 <= found <= max(free, whole)
+    assert found == (free if free >= whole else 0.0 if free <= 0.0 else found)
+
+
+def test_the_freewheel_lets_go_smoothly(motor):
+    """Torque and its slope by speed are continuous: no faster than 4/3 of the motor's own mode."""
+    par = motor.model.actuator_user[addresses(motor.model).rotor]
+    speeds = np.linspace(0.99, 1.03, 40001)
+    torque = np.array([drive.shaft_torque(par, 0.75, speed) for speed in speeds])
+    slope = np.diff(torque) / np.diff(speeds)
+    assert torque[0] > drive.grip(par)
+    assert torque[-1] == 0.0
+    assert np.abs(slope).max() == pytest.approx(4.0 / 3.0 * abs(slope[0]), rel=1e-3)
+    assert np.abs(np.diff(slope)).max() < 1e-2 * abs(slope[0])  # no kink: 1/700 of the fade a step
+
+
+@pytest.mark.parametrize("name", ["RK4", "Euler"])
+def test_a_rotor_without_load_runs_down_as_profile_drag_has_it(motor, name):
+    """Omega = Omega0 / (1 + k t), the closed form of a torque that goes with Omega^2.
+
+    k from the books' CQ = sigma c_d0 / 8 of both rotors, without a line of the force laws. 1e-6
+    is the last digit of the speed in ten seconds of Runge-Kutta; Euler holds the aerodynamic
+    torque for the step, which is k dt = 1e-3 of it late.
+    """
+    kind = getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")
+    bench = Bench(motor, integrator=kind, drive_friction=0.0)
+    own = motor.parameters
+    load_ = 0.0
+    for part in ("main_rotor", "tail_rotor"):
+        radius, spin = own[f"{part}.radius"], own[f"{part}.speed"]
+        solidity = own[f"{part}.blades"] * own[f"{part}.chord"] / (math.pi * radius)
+        area = math.pi * radius**2
+        coefficient = solidity * own["main_rotor.profile_drag"] / 8.0
+        power = own["air.density"] * area * (spin * radius) ** 3 * coefficient
+        load_ += power / own["main_rotor.speed"]
+    k = load_ / (own["drive.inertia"] * own["main_rotor.speed"])
+    history = bench.run(10.0)
+    time = bench.model.opt.timestep * np.arange(1, history.size + 1)
+    assert history == pytest.approx(1.0 / (1.0 + k * time), rel=1e-6 if name == "RK4" else 1e-3)
+    assert history[-1] < 0.6
+
+
+def test_the_rotor_stops(motor):
+    """Friction takes it to rest in the end, and it never turns backwards."""
+    bench = Bench(motor)
+    history = bench.run(120.0)
+    assert np.all(np.diff(history) <= 0.0)
+    assert 0.0 <= history[-1] < 1e-3
+
+
+@pytest.mark.parametrize("time", [6.0, 12.0, 24.0])
+def test_spool_up_takes_its_time(motor, time):
+    """From rest to 95 %: the throttle's ramp to the back-EMF there, and the motor's own lag.
+
+    Without load a motor runs at throttle x voltage x kV, so the ramp reaches a speed after
+    spool_up x speed / (voltage x kV), less what the proportional part adds, 5 % of the speed times
+    k_p; behind it lag the speed controller and the back-EMF against the inertia. 1 %: of the
+    ramp, which the integral is held back from by the throttle's lag.
+    """
+    idle = {"air_density": 1e-9, "drive_friction": 0.0, "drive_no_load_current": 0.0}
+    idle["drive_collective_gain"] = 0.0
+    bench = Bench(motor, drive_spool_up=time, **idle)
+    bench.act[STATE.speed], bench.ctrl[8] = 0.0, 1.0
+    history = bench.run(1.2 * time)
+    own = motor.parameters
+    shaft = own["main_rotor.speed"] * own["drive.gear"]
+    share = shaft / (own["drive.voltage"] * own["drive.speed_constant"])
+    stiffness = (own["drive.gear"] / own["drive.speed_constant"]) ** 2 / own["drive.resistance"]
+    lag = own["drive.lag"] + own["drive.inertia"] / stiffness
+    share -= 0.05 * own["drive.k_p"]
+    reached = bench.model.opt.timestep * (np.argmax(history > 0.95) + 1)
+    assert reached == pytest.approx(0.95 * share * time + lag, rel=0.01)
+    assert history.max() < 1.02
+    assert np.all(np.diff(history[: np.argmax(history > 0.95)]) > -1e-6)
+
+
+def test_after_a_cut_the_motor_catches_the_rotor(motor):
+    """Bail-out: back at its speed a second after two seconds of cut, not in a spool-up's ten."""
+    bench = Bench(motor)
+    place(bench.model, bench.data, motor.trim)
+    bench.data.qpos[3:7] = [1.0, 0.0, 0.0, 0.0]
+    bench.ctrl[8] = 0.0
+    cut = bench.run(2.0)
+    assert cut[-1] < 0.75
+    bench.ctrl[8] = 1.0
+    caught = bench.run(1.5)
+    assert caught[-1] == pytest.approx(1.0, abs=0.02)
+    assert caught.max() < 1.03
+
+
+@pytest.mark.parametrize("name", ["motor", "glow"])
+def test_the_governor_leaves_no_droop(name, request):
+    """With more collective the speed falls, and comes back to the last digit."""
+    vehicle = request.getfixturevalue(name)
+    bench = Bench(vehicle)
+    place(bench.model, bench.data, vehicle.trim)
+    bench.data.qpos[3:7] = [1.0, 0.0, 0.0, 0.0]
+    positions = [*vehicle.swashplate.mix(0.05, 0.0, 0.0), 0.0]
+    bench.ctrl[4:8] = positions
+    history = bench.run(20.0)
+    assert 1e-4 < np.abs(history - 1.0).max() < 0.05
+    assert history[-1] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_turning_the_rotor_turns_the_body_back(motor):
+    """Angular momentum about the mast is kept where the air takes none.
+
+    Free in space, blades without pitch or drag: I_zz r + I Omega stays what it was while the motor
+    takes the rotor from rest to speed. The law of conservation, to rounding of the steps.
+    """
+    bench = Bench(motor, free=True, main_profile_drag=0.0, air_density=1e-9)
+    bench.act[STATE.speed], bench.ctrl[8] = 0.0, 1.0
+    bench.run(10.0)
+    own = motor.parameters
+    spin = own["drive.inertia"] * own["main_rotor.speed"] * bench.speed
+    yaw = own["airframe.izz"] * -bench.data.qvel[5]  # clockwise, as the blades turn
+    assert bench.speed > 0.9
+    assert yaw == pytest.approx(-spin, rel=1e-6)
+
+
+def test_in_autorotation_the_body_feels_friction_alone(motor):
+    """Cut, with no load on the tail: what the mast hands on is the friction of the gears."""
+    bench = Bench(motor, free=True, tail_solidity=1e-12)
+    with installed():
+        mujoco.mj_forward(bench.model, bench.data)
+    yaw = -bench.data.qacc[5] * motor.parameters["airframe.izz"]
+    assert yaw == pytest.approx(motor.parameters["drive.friction"], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["motor", "glow"])
+def test_placed_in_the_trim_nothing_moves(name, request):
+    """Speed, throttle and integral are settled: after a second they are where they were."""
+    vehicle = request.getfixturevalue(name)
+    data = vehicle.hovering()
+    first = addresses(vehicle.model).state + STATE.speed
+    before = data.act[first : first + 3].copy()
+    assert before[0] == 1.0
+    assert 0.2 < before[1] < 0.9
+    with installed():
+        for _ in range(500):
+            mujoco.mj_step(vehicle.model, data)
+    assert data.act[first : first + 3] == pytest.approx(before, abs=1e-10)  # of the trim's residual
+
+
+@given(
+    speed=st.floats(0.0, 0.2),
+    wind=st.tuples(*[st.floats(-30.0, 30.0)] * 3),
+    col=st.floats(-0.5, 0.5),
+)
+def test_a_slow_rotor_has_finite_forces_in_any_wind(jr700, speed, wind, col):
+    """An advance ratio of a hundred, or none: numbers, and small ones where the rotor stands."""
+    par = jr700.model.actuator_user[addresses(jr700.model).rotor]
+    motion = Velocities(*wind, 0.1, 0.1, 0.1)
+    main = main_rotor(par, motion, speed, col)
+    tail = tail_rotor(par, motion, speed, col)
+    assert np.all(np.isfinite([*main, *tail]))
+    if speed == 0.0:
+        assert [main.thrust, main.torque, tail.thrust, tail.torque] == [0.0] * 4
+
+
+def test_forces_fade_without_a_step():
+    """Share and slope are continuous where the fade begins and ends."""
+    edges = np.array([0.0, 0.05])
+    for edge in edges:
+        before, after = turning(edge - 1e-9)[1], turning(edge + 1e-9)[1]
+        assert after == pytest.approx(before, abs=1e-12)
+    assert turning(1.0) == (1.0, 1.0)
+    assert turning(-0.1) == (0.05, 0.0)
