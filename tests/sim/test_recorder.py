@@ -21,7 +21,7 @@ from helisim.records.channels import (
     SERVOS,
     VELOCITIES,
 )
-from helisim.sim import Sweep
+from helisim.sim import Doublet, Sweep
 from helisim.sim.fly import fly
 from helisim.sim.plan import FlightPlan
 from helisim.sim.recorder import Recorder
@@ -311,3 +311,16 @@ def test_settings_are_read_only():
     with pytest.raises(TypeError):
         recorder.latency["p"] = 1.0
     assert set(recorder.to_dict()["latency"]) <= set(CHANNELS)
+
+
+def test_rotor_speed_is_recorded_where_it_moves(jr700):
+    """A flight computer counts the rotor's turns; an ideal governor leaves it nothing to record."""
+    vehicle = load("jr700", parameters={"drive.governor": "motor"})
+    doublet = Doublet(axis="col", amplitude=0.05)
+    (moved,) = fly(vehicle, doublet, seed=1)
+    assert CHANNELS["rotor_speed"] in moved.channels
+    off = moved["rotor_speed"] / vehicle.parameters["main_rotor.speed"] - 1.0
+    assert abs(off[0]) < 1e-3
+    assert 1e-4 < abs(off).max() < 1e-2
+    (kept,) = fly(jr700, doublet, seed=1)
+    assert "rotor_speed" not in kept

@@ -34,6 +34,7 @@ from helisim.records.channels import (
     POSITIONS,
     RATES,
     ROTOR,
+    ROTOR_SPEED,
     SERVO_POSITIONS,
     SERVOS,
     VELOCITIES,
@@ -55,6 +56,7 @@ _FAMILIES = {
     "specific force": ACCELERATIONS,
     "position": POSITIONS,
     "rotor": ROTOR,
+    "rotor speed": ROTOR_SPEED,
     "air": AIR,
     "servo positions": SERVO_POSITIONS,
 }

@@ -32,6 +32,8 @@ ATTITUDES = ("phi", "theta", "psi")
 VELOCITIES = ("u", "v", "w")
 ACCELERATIONS = ("ax", "ay", "az")
 POSITIONS = ("north", "east", "down")
+ROTOR_SPEED = ("rotor_speed",)
+"""Measured where a motor turns the rotor; there is none under an ideal governor, which keeps it."""
 ROTOR = ("a", "b", "thrust", "torque", "tail_thrust")
 AIR = ("air_u", "air_v", "air_w", "air_p", "air_q", "air_r")
 SERVO_POSITIONS = tuple(f"{servo}_position" for servo in SERVOS)
@@ -78,6 +80,7 @@ _STANDARD = (
     Channel("north", "m", "OUT", "position north of the start"),
     Channel("east", "m", "OUT", "position east of the start"),
     Channel("down", "m", "OUT", "position below the start"),
+    Channel("rotor_speed", "rad/s", "OTHER", "speed of the main rotor, where a motor turns it"),
     Channel("a", "rad", "OTHER", "true rearward tilt of the tip-path plane"),
     Channel("b", "rad", "OTHER", "true rightward tilt of the tip-path plane"),
     Channel("thrust", "N", "OTHER", "true main rotor thrust"),

@@ -31,6 +31,7 @@ from helisim.records.channels import (
     RATE_SUM,
     RATES,
     ROTOR,
+    ROTOR_SPEED,
     SERVO_POSITIONS,
     SERVOS,
     VELOCITIES,
@@ -53,6 +54,7 @@ _MEASURED: _Columns = {
     VELOCITIES: lambda flight: flight.velocities,
     ACCELERATIONS: lambda flight: flight.specific_forces,
     POSITIONS: lambda flight: flight.positions,
+    ROTOR_SPEED: lambda flight: np.asarray(flight.rotor_speed),
 }
 """What a flight computer measures: channels, and the columns (n, channels) that they are of."""
 
@@ -163,7 +165,8 @@ class Recorder:
         sampling = _Sampling(self, trajectory, rng)
         columns = {name: sampling.inputs(name) for name in (*IN1, *IN2, *SERVOS)}
         columns |= sampling.motion()
-        columns |= sampling.plain(set(_MEASURED) - {IN2, SERVOS, *_MOTION})
+        if trajectory.rotor_speed is not None:
+            columns |= sampling.plain({ROTOR_SPEED})
         if self.rotor:
             columns |= sampling.plain(_TRUE)
         columns |= sampling.injected(columns)
@@ -339,6 +342,8 @@ def last_second(trajectory: Trajectory, provenance: Mapping[str, Any]) -> Flight
     """
     trajectory = trajectory.since(trajectory.time[-1] - _LAST)
     groups = {**_MEASURED, **_TRUE}
+    if trajectory.rotor_speed is None:
+        del groups[ROTOR_SPEED]
     values = np.column_stack([columns(trajectory) for columns in groups.values()])
     channels = tuple(_channel(name) for names in groups for name in names)
     return FlightRecord(trajectory.time, values, channels, provenance)

@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from helisim.errors import DivergedError
 from helisim.physics.frames import flip
-from helisim.physics.layout import INJECTION
+from helisim.physics.layout import INJECTION, PARAM, SENSOR
 from helisim.sim.ground import Ground
 from helisim.vehicle import Vehicle
+from helisim.vehicle.motion import addresses
 from helisim.vehicle.swashplate import Swashplate
 
 _INJECTED = {
@@ -71,6 +72,7 @@ class Trajectory:
         specific_forces: (n_time, 3) ax, ay, az in m/s^2 at the IMU.
         positions: (n_time, 3) north, east, down in m of the IMU.
         swashplate: of the vehicle, by which servo commands are col, lon and lat.
+        rotor_speed: (n_time, 1) rad/s, where a motor turns the rotor; None under an ideal governor.
         gyro_rates: (n_time, 3) p, q, r in rad/s as the gyro senses them, at its ticks and late.
         commands_added: (n_time, 4) what a manoeuvre adds to the commands, servo by servo; None
             where it adds nothing there.
@@ -100,6 +102,7 @@ class Trajectory:
     imu_offset: NDArray[np.float64]
     swashplate: Swashplate
     gyro_rates: NDArray[np.float64]
+    rotor_speed: NDArray[np.float64] | None = None
     commands_added: NDArray[np.float64] | None = None
     actuators_added: NDArray[np.float64] | None = None
     rates_added: NDArray[np.float64] | None = None
@@ -174,6 +177,8 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         turned = 0.5 * model.opt.timestep * rates  # rad, of the attitude since the velocity
         velocities = velocities + np.cross(turned, velocities)
         attitudes, forces, positions = map(_halfway, (attitudes, forces, positions))
+    par = model.actuator_user[addresses(model).rotor]
+    ratio = seen("rotor")[:, SENSOR.speed - SENSOR.thrust :]
     return Trajectory(
         time=time,
         timestep=float(model.opt.timestep),
@@ -193,6 +198,7 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         imu_offset=imu_offset(vehicle),
         swashplate=vehicle.swashplate,
         gyro_rates=_flipped(seen("gyro_rate")),
+        rotor_speed=par[PARAM.main_speed] * ratio if par[PARAM.drive_governor] != 0.0 else None,
         hold=vehicle.parameters["gyro.period"],
     )
 

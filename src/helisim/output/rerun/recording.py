@@ -61,6 +61,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "velocities": channels.VELOCITIES,
     "accelerations": channels.ACCELERATIONS,
     "positions": channels.POSITIONS,
+    "rotor_speed": channels.ROTOR_SPEED,
     "tilt": channels.ROTOR[:2],
     "loads": channels.ROTOR[2:],
 }
