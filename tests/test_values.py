@@ -60,6 +60,7 @@ def values(jr700, tmp_path_factory):
         "GyroSettings": jr700.settings,
         "FlightPlan": plan,
         "Sweep": sweep,
+        "Mission": hs.missions.Forward(speed=20.0),
         "Doublet": hs.Doublet(axis="ped"),
         "ThreeTwoOneOne": hs.ThreeTwoOneOne(axis="lon"),
         "Step": hs.Step(axis="lat"),
@@ -115,7 +116,17 @@ def values(jr700, tmp_path_factory):
 
 NAMES = [
     *("Vehicle", "Linearization", "sampled Linearization", "Parameters", "Trim", "GyroSettings"),
-    *("FlightPlan", "Sweep", "Doublet", "ThreeTwoOneOne", "Step", "Pulse", "Chirp", "Multisine"),
+    *(
+        "FlightPlan",
+        "Sweep",
+        "Mission",
+        "Doublet",
+        "ThreeTwoOneOne",
+        "Step",
+        "Pulse",
+        "Chirp",
+        "Multisine",
+    ),
     *("History", "Manoeuvre", "Sequence", "Together", "plan of a History"),
     *("Pilot", "Recorder", "default Recorder", "Controller", "Seen"),
     *("Weather", "Gust", "Ground", "Deck", "Swing", "FlightEnvelope", "StickFeel"),

@@ -34,6 +34,7 @@ from helisim.sim import GyroDropout as GyroDropout
 from helisim.sim import GyroRestart as GyroRestart
 from helisim.sim import History as History
 from helisim.sim import Manoeuvre as Manoeuvre
+from helisim.sim import Mission as Mission
 from helisim.sim import Multisine as Multisine
 from helisim.sim import Pilot as Pilot
 from helisim.sim import Pulse as Pulse
@@ -54,6 +55,7 @@ from helisim.sim import Weather as Weather
 from helisim.sim import fly as fly
 from helisim.sim import fly_each as fly_each
 from helisim.sim import fly_to as fly_to
+from helisim.sim import missions as missions
 from helisim.sim import read_plan as read_plan
 from helisim.sim import write_plan as write_plan
 from helisim.sim.hand import HandFlight as HandFlight

@@ -157,7 +157,7 @@ def test_kinds_are_listed_with_settings_and_defaults(capsys):
         (["--at", "sensors"], "--at is of a manoeuvre: say which, by --axis or --excitation"),
         (["--sequence", "1"], "--sequence is of a manoeuvre"),
         (["--axis", "lat", "--duration", "1e9"], "too much for this machine: Unable to allocate"),
-        ([], "--axis col|lon|lat|ped, --excitation KIND, or --plan FILE"),
+        ([], "--axis col|lon|lat|ped, --excitation KIND, --mission NAME, or --plan FILE"),
     ],
 )
 def test_what_can_not_be_flown_is_one_line(tmp_path, monkeypatch, capsys, arguments, says):

@@ -154,7 +154,7 @@ def test_a_plan_in_words_says_what_is_not_default():
         ("[excitation]\nkind = 'Sweep'\naxis = 'lat'\nwidth = 1", "'width'; available: axis, "),
         ("[excitation]\nkind = 'Sweep'\naxis = 'roll'", "'roll'; available: col, lon"),
         ("[excitation]\nkind = 'Sweep'\naxis = 'lat'\nduration = '9'", "duration must be a num"),
-        ("@wind = 3", "'wind'; available: excitation, pilot, recorder, weather"),
+        ("@wind = 3", "'wind'; available: excitation, mission, pilot, recorder"),
         ("@weather = 'light'", "weather must be a table"),
         ("@weather = {winds = 3}", "'winds'; available: wind, wind_from"),
         ("@weather = {turbulence = true}", "turbulence must be text or a number"),
@@ -316,7 +316,10 @@ def test_another_axis_does_not_keep_the_amplitude_of_the_first(tmp_path, capsys)
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--out", "a.parquet"], "--axis col|lon|lat|ped, --excitation KIND, or --plan FILE"),
+        (
+            ["--out", "a.parquet"],
+            "--axis col|lon|lat|ped, --excitation KIND, --mission NAME, or --plan FILE",
+        ),
         (["--axis", "lat"], "--out FILE, or --out DIR"),
         (["--plan", "none.toml", "--out", "a.parquet"], "none.toml: no such file"),
         (

@@ -29,7 +29,16 @@ examples:
   helisim verify model.json doublet.parquet
 """
 
-_SHARED = {"by_hand", "common", "logs", "manoeuvres", "progress", "responses", "weather"}
+_SHARED = {
+    "by_hand",
+    "common",
+    "logs",
+    "manoeuvres",
+    "missions",
+    "progress",
+    "responses",
+    "weather",
+}
 """Modules here that are no commands."""
 
 

@@ -20,6 +20,8 @@ from helisim.cli.common import (
 )
 from helisim.cli.manoeuvres import EPILOG as MANOEUVRES
 from helisim.cli.manoeuvres import add_manoeuvre, is_asked, manoeuvre
+from helisim.cli.missions import EPILOG as MISSIONS
+from helisim.cli.missions import add_mission, mission
 from helisim.cli.progress import Progress
 from helisim.cli.weather import add_weather, weather
 from helisim.errors import DivergedError, InputError, UnknownNameError
@@ -27,7 +29,8 @@ from helisim.records.channels import AXES
 
 if TYPE_CHECKING:
     from helisim.records.record import FlightRecord
-    from helisim.sim import FlightEnvelope, FlightPlan
+    from helisim.sim import Excitation, FlightEnvelope, FlightPlan
+    from helisim.sim.missions import Mission
     from helisim.vehicle import Vehicle
 
 _EPILOG = """\
@@ -39,12 +42,14 @@ examples:
   helisim fly --axis lat --turbulence light --print-plan > gusty.toml
   helisim fly --plan gusty.toml --seed 2 --out lat.parquet
   helisim fly --axis ped --controller my_laws:yaw --out ped.parquet
+  helisim fly --mission forward,speed=20 --out forward.parquet
 
-a plan is a TOML file with all that is flown: excitation, pilot, recorder,
+a plan is a TOML file with all that is flown: excitation, mission, pilot, recorder,
 weather, faults, envelope. Options beside --plan change what it says, but
 --fault adds to its faults.
 
 {manoeuvres}
+{missions}
 a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
   servo_front:stuck@30                   where it is; with position=P, at P
   servo_tail:weak@30,rate_limit=1        slow; with travel=T, short
@@ -72,10 +77,10 @@ def add(commands: Any) -> None:
     """Add the command to the parser."""
     command = commands.add_parser(
         "fly",
-        help="fly sweeps and other plans and record them",
-        description="Fly one frequency sweep, or another plan, once or many times, and write what "
-        "the flight computer records.",
-        epilog=_EPILOG.format(manoeuvres=MANOEUVRES),
+        help="fly sweeps, missions and other plans and record them",
+        description="Fly one frequency sweep, a mission or another plan, once or many times, and "
+        "write what the flight computer records.",
+        epilog=_EPILOG.format(manoeuvres=MANOEUVRES, missions=MISSIONS),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_vehicle(command)
@@ -86,6 +91,7 @@ def add(commands: Any) -> None:
         help="print the whole plan as TOML, which --plan reads, and fly nothing",
     )
     add_manoeuvre(command, alone="")
+    add_mission(command)
     command.add_argument(
         "--count",
         type=int,
@@ -149,21 +155,33 @@ def _plan(options: argparse.Namespace) -> "FlightPlan":
     from helisim.sim import FlightPlan, parse_fault, read_plan
 
     faults = tuple(parse_fault(text) for text in options.fault)
-    if options.plan is None:
-        if not is_asked(options):
+    plan = None if options.plan is None else read_plan(options.plan)
+    flown = mission(options, None if plan is None else plan.mission)
+    if plan is None:
+        if flown is None and not is_asked(options):
             raise InputError(
-                f"say what is flown: --axis {'|'.join(AXES)}, --excitation KIND, or --plan FILE"
+                f"say what is flown: --axis {'|'.join(AXES)}, --excitation KIND, --mission NAME, "
+                "or --plan FILE"
             )
-        plan = FlightPlan(excitation=manoeuvre(options))
+        plan = FlightPlan(excitation=_excitation(options, flown, None), mission=flown)
     else:
-        plan = read_plan(options.plan)
-        plan = replace(plan, excitation=manoeuvre(options, plan.excitation))
+        excitation = _excitation(options, flown, plan.excitation)
+        plan = replace(plan, excitation=excitation, mission=flown)
     return replace(
         plan,
         faults=(*plan.faults, *faults),
         weather=weather(options, plan.weather),
         envelope=_envelope(options.envelope, plan.envelope),
     )
+
+
+def _excitation(
+    options: argparse.Namespace, flown: "Mission | None", planned: "Excitation | None"
+) -> "Excitation | None":
+    """Return what is flown on purpose, or on top of a mission, None for nothing."""
+    if flown is not None and planned is None and not is_asked(options):
+        return None
+    return manoeuvre(options, planned)
 
 
 def _envelope(items: Sequence[str], envelope: "FlightEnvelope") -> "FlightEnvelope":
@@ -212,6 +230,7 @@ def _one(options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan") ->
         if error.record is not None:
             beside = write_flight(Flight(error.record, error.last_second), options.out)
             print_written(options, f"{options.out}, as far as the flight went, and {beside}")
+            _print_reached(options, error.record)
             _write_recording(options, vehicle, plan, error.record)
         for traceback in getattr(error, "__notes__", ()):  # of a controller that raised
             print(traceback, file=sys.stderr)
@@ -222,15 +241,24 @@ def _one(options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan") ->
         f"{options.out} ({record.duration:.2f} s, {len(record)} samples, "
         f"{len(record.names)} channels)",
     )
+    _print_reached(options, record)
     _write_recording(options, vehicle, plan, record)
     return 0
+
+
+def _print_reached(options: argparse.Namespace, record: "FlightRecord") -> None:
+    """Print what a mission reached, unless --quiet."""
+    from helisim.sim.missions.reached import Reached
+
+    if not options.quiet and "reached" in record.provenance:
+        print(f"Reached: {Reached.from_dict(record.provenance['reached'])}")
 
 
 def _write_recording(
     options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan", record: "FlightRecord"
 ) -> None:
     if options.rerun is not None:
-        flown, quiet = {plan.excitation.axis: record}, options.quiet
+        flown, quiet = {plan.name: record}, options.quiet
         write_recording(options.rerun, flown, vehicle=vehicle.folder, quiet=quiet)
 
 
@@ -250,7 +278,7 @@ def _many(options: argparse.Namespace, vehicle: "Vehicle", plan: "FlightPlan") -
     there = f", {flown.found} of them there before" if flown.found else ""
     print_written(
         options,
-        f"{options.out} ({len(flown.paths)} flights of {plan.excitation.duration:g} s{there})",
+        f"{options.out} ({len(flown.paths)} flights of {plan.duration:g} s{there})",
     )
     for path, why in flown.ended.items():
         print(f"helisim fly: {path}: {why}, where the flight was terminated early", file=sys.stderr)

@@ -142,7 +142,7 @@ def _kind(text: str, given: dict[str, Any], planned: "Excitation | None") -> "Ex
     from helisim.sim.plain import from_plain
 
     word, *items = text.split(",")
-    settings = _settings("--excitation", items)
+    settings = stated("--excitation", items)
     if ":" in word:
         return _function(word.strip(), {**given, **settings})
     kinds = {name.lower(): kind for name, kind in EXCITATIONS.items()}
@@ -165,7 +165,7 @@ def _history(text: str, given: dict[str, Any]) -> "Excitation":
     from helisim.sim import History
 
     path, *items = text.split(",")
-    settings = {**given, **_settings("--history", items)}
+    settings = {**given, **stated("--history", items)}
     _check_settings("--history", settings, ("axis", "at", "method", "duration"))
     return History.read(Path(path), **settings)
 
@@ -184,7 +184,7 @@ def _check_settings(option: str, settings: dict[str, Any], known: Sequence[str])
             raise UnknownNameError(f"setting of {option}", name, known)
 
 
-def _settings(option: str, items: Sequence[str]) -> dict[str, Any]:
+def stated(option: str, items: Sequence[str]) -> dict[str, Any]:
     """Return NAME=VALUE items: numbers, several numbers as 3:42, or text. Raises InputError."""
     found = {}
     for item in items:

@@ -195,9 +195,9 @@ def _linearization_page(model: Linearization) -> tuple[str, ...]:
 
 
 def _plan_page(plan: FlightPlan) -> tuple[str, ...]:
-    drawn = draw_excitation("", plan.excitation)
+    drawn = None if plan.excitation is None else draw_excitation("", plan.excitation)
     return (
-        f"Flight plan {plan.digest[:8]}" if plan.excitation.written else "Flight plan",
+        f"Flight plan {plan.digest[:8]}" if plan.written else "Flight plan",
         html.table(summaries.plan(plan)),
         _figures([drawn] if drawn is not None and drawn.panels else []),
     )
@@ -359,6 +359,9 @@ def _title(record: FlightRecord) -> str:
     flown = record.provenance.get("excitation")
     if isinstance(flown, dict) and {"kind", "axis"} <= set(flown):
         return f"{flown['kind']}, {flown['axis']}"
+    mission = record.provenance.get("mission")
+    if isinstance(mission, dict) and "kind" in mission:
+        return f"mission {mission['kind']}"
     return "Flight record"
 
 

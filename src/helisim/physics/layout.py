@@ -495,6 +495,10 @@ DOUBLET = 2
 HISTORY = 3
 """What `PARAM.excitation` says; 0 is no excitation, and `HISTORY` is what `INJECTION` holds."""
 
+HANDS_OFF_ROTOR = 2
+"""What `PARAM.pilot_on` says of a pilot who leaves the rotor's control to the caller; 1 is one who
+keeps it at its nominal speed."""
+
 READS_ZERO = 1
 READS_HELD = 2
 """How a rate that dropped out reads: what `PARAM.dropout_p` and the like say; 0 is as ever."""

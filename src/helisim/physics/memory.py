@@ -10,7 +10,17 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, LAYOUT, MAGIC, PARAM, ROTOR, SENSOR, SENSORS, STATE
+from helisim.physics.layout import (
+    CONTROL,
+    HANDS_OFF_ROTOR,
+    LAYOUT,
+    MAGIC,
+    PARAM,
+    ROTOR,
+    SENSOR,
+    SENSORS,
+    STATE,
+)
 
 _USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
@@ -258,7 +268,11 @@ def speed_ratio(view):
 
 @kernel()
 def commanded_speed(view):
-    """Return the rotor speed that is asked for, over the nominal one; 1 where a pilot flies."""
-    if view.par[PARAM.pilot_on] != 0.0:
+    """Return the rotor speed that is asked for, over the nominal one; 1 where a pilot flies.
+
+    Unless he leaves it to the caller.
+    """
+    pilot = view.par[PARAM.pilot_on]
+    if pilot != 0.0 and pilot != HANDS_OFF_ROTOR:
         return 1.0
     return view.controls[CONTROL.rotor]

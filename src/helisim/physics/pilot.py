@@ -12,7 +12,7 @@ from helisim.physics import frames
 from helisim.physics.body import rotation, velocity
 from helisim.physics.injection import injected, is_injected
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, DOUBLET, INJECTION, PARAM, SWEEP
+from helisim.physics.layout import CONTROL, DOUBLET, HANDS_OFF_ROTOR, INJECTION, PARAM, SWEEP
 from helisim.physics.memory import double, doubles_from
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -159,7 +159,7 @@ def hold(par, matrix, north, east, down, u, v, w):
 
 @kernel()
 def fly(view):
-    """Write the pilot's four sticks, and keep the rotor's governor on."""
+    """Write the pilot's four sticks, and keep the rotor's governor on, unless he leaves it."""
     par, controls = view.par, view.controls
     time = double(view.d, view.offsets.time)
     matrix = rotation(view)
@@ -178,4 +178,5 @@ def fly(view):
         if level > 0.0:
             stick += level * remnant(time, interval, seed, axis)
         controls[CONTROL.col + axis] = min(0.5, max(-0.5, stick))
-    controls[CONTROL.rotor] = 1.0
+    if par[PARAM.pilot_on] != HANDS_OFF_ROTOR:
+        controls[CONTROL.rotor] = 1.0

@@ -1,5 +1,6 @@
 """Fly a plan and record it: the simulated experiment, and the benches on the ground (`rigs`)."""
 
+from helisim.sim import missions
 from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.excitation import Excitation
 from helisim.sim.faults import (
@@ -31,6 +32,7 @@ from helisim.sim.manoeuvres import (
     ThreeTwoOneOne,
     Together,
 )
+from helisim.sim.missions import Mission
 from helisim.sim.pilot import Pilot
 from helisim.sim.plan import FlightPlan, read_plan, write_plan
 from helisim.sim.recorder import Recorder
@@ -55,6 +57,7 @@ __all__ = [
     "GyroRestart",
     "History",
     "Manoeuvre",
+    "Mission",
     "Multisine",
     "Pilot",
     "Pulse",
@@ -77,6 +80,7 @@ __all__ = [
     "fly_all",
     "fly_each",
     "fly_to",
+    "missions",
     "parse_fault",
     "read_plan",
     "simulate",

@@ -10,6 +10,7 @@ from helisim.records.record import FlightRecord
 from helisim.sim.envelope import terminated_early
 from helisim.sim.faults import RecorderFault
 from helisim.sim.injection import injection_digest
+from helisim.sim.missions.reached import Reached
 from helisim.sim.plain import to_plain
 from helisim.sim.plan import Flyable, as_plan
 from helisim.sim.recorder import Recorder, last_second
@@ -54,8 +55,8 @@ def fly(
 
     Args:
         vehicle: that flies.
-        plan: of the flights; a bare manoeuvre, or a function of time in s that gives what is
-            added to the four sticks, is a plan with all else default.
+        plan: of the flights; a bare manoeuvre or mission, or a function of time in s that gives
+            what is added to the four sticks, is a plan with all else default.
         controller: that flies in place of the vehicle's own: a law of (seen, state, settings), a
             `Controller`, or None: then the servos stay where they are trimmed, but for what the
             plan adds to their commands.
@@ -153,6 +154,8 @@ def flown(
     def recorded(number: int, trajectory: Trajectory) -> Result:
         provenance = flight_provenance(vehicle, plan, seed=seed, number=number)
         end = trajectory.end
+        if trajectory.script is not None:
+            provenance["reached"] = Reached.of(vehicle, trajectory).to_dict()
         if end is not None:
             provenance["ended"] = end.to_dict()
             if trajectory.time[-1] * recorder.rate_hz < _FEWEST_SAMPLES:
@@ -172,7 +175,7 @@ def flight_provenance(vehicle: Vehicle, plan: Flyable, *, seed: int, number: int
     plan = as_plan(plan).on(vehicle)
     facts = plan.to_dict()
     facts["weather"]["dryden"] = to_plain(plan.weather.dryden)
-    added = injection_digest(plan.excitation, vehicle)
+    added = None if plan.excitation is None else injection_digest(plan.excitation, vehicle)
     if added is not None:
         facts["sticks_digest"] = added
     return made_by(

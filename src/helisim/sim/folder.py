@@ -18,6 +18,8 @@ from helisim.vehicle import Vehicle
 
 LAST_SECONDS = "last_second"
 """Folder beside records, of the last seconds of those flights that were terminated early."""
+_OUTCOMES = ("ended", "reached")
+"""What a record says of how its flight went."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,7 @@ def fly_to(
         StorageError: the folder can't be made or written.
     """
     plan = as_plan(plan).on(vehicle)
-    axis = plan.excitation.axis
-    paths = [folder / f"{axis}_{k + 1:04d}.parquet" for k in flight_numbers(count)]
+    paths = [folder / f"{plan.name}_{k + 1:04d}.parquet" for k in flight_numbers(count)]
     ended: dict[Path, str] = {}
     missing = []
 
@@ -123,7 +124,7 @@ def _found(path: Path, expected: Mapping[str, Any]) -> FlightRecord | None:
         found = read_record(path)
     except (StorageError, RecordError):
         return None
-    origin = {key: value for key, value in found.provenance.items() if key != "ended"}
+    origin = {key: value for key, value in found.provenance.items() if key not in _OUTCOMES}
     change = difference(origin, expected)
     if "excitation" in origin and "plan_digest" not in origin:
         change = "an earlier version of helisim flew it, and stated no plan_digest"

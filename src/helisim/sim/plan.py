@@ -1,6 +1,6 @@
 """The flight plan: all that a flight is flown with, as one value.
 
-A plan file is TOML; every key but the excitation is optional:
+A plan file is TOML; every key but the excitation, or a mission, is optional:
 
     [excitation]
     kind = "Sweep"
@@ -44,6 +44,7 @@ from helisim.sim.excitation import EXCITATIONS, Excitation, check_excitation
 from helisim.sim.faults import FAULTS, Fault, FlightFault, check_faults, parse_fault
 from helisim.sim.ground import Ground
 from helisim.sim.manoeuvres.history import Manoeuvre
+from helisim.sim.missions.mission import MISSIONS, Mission, check_mission
 from helisim.sim.pilot import Pilot
 from helisim.sim.plain import (
     from_plain,
@@ -66,7 +67,9 @@ class FlightPlan(Displayed):
     Plans are values: equal plans are one in a set, and have one `digest`.
 
     Attributes:
-        excitation: what is flown on purpose, such as a `Sweep`.
+        excitation: what is flown on purpose, such as a `Sweep`; None where a mission is flown, or
+            what is flown on top of it, from its start.
+        mission: a flight by a script, such as `missions.Forward()`, in place of holding the hover.
         pilot: who flies.
         recorder: the flight computer; the vehicle's own if None.
         weather: that is flown through; each flight has its own turbulence.
@@ -78,7 +81,8 @@ class FlightPlan(Displayed):
         InputError: a part is of another kind, or a fault can't be in this flight.
     """
 
-    excitation: Excitation
+    excitation: Excitation | None = None
+    mission: Mission | None = None
     pilot: Pilot = field(default_factory=Pilot)
     recorder: Recorder | None = None
     weather: Weather = field(default_factory=Weather)
@@ -87,16 +91,40 @@ class FlightPlan(Displayed):
     envelope: FlightEnvelope = field(default_factory=FlightEnvelope)
 
     def __post_init__(self) -> None:
-        check_excitation(self.excitation)
+        if self.excitation is not None or self.mission is None:
+            check_excitation(self.excitation)
+        if self.mission is not None:
+            check_mission(self.mission)
+            if self.ground is None:
+                object.__setattr__(self, "ground", self.mission.ground)
         for name, kind in _PARTS.items():
             part = getattr(self, name)
             if not isinstance(part, kind) and not (name in _OPTIONAL and part is None):
                 raise InputError(f"{name} must be a {kind.__name__}, got {part!r}")
         object.__setattr__(self, "faults", tuple(self.faults))
-        check_faults(self.faults, self.excitation.duration)
+        check_faults(self.faults, self.duration)
 
     def __repr__(self) -> str:
         return in_brief(self)
+
+    @property
+    def name(self) -> str:
+        """What its records are named after: the mission, the excitation's axis, or both."""
+        named = [one.name for one in (self.mission,) if one is not None]
+        return "_".join(named + [one.axis for one in (self.excitation,) if one is not None])
+
+    @property
+    def duration(self) -> float:
+        """The longest that a flight of it lasts, s."""
+        if self.mission is not None:
+            return self.mission.duration
+        assert self.excitation is not None
+        return self.excitation.duration
+
+    @property
+    def written(self) -> bool:
+        """Whether its settings are plain data, which a file can hold."""
+        return self.excitation is None or self.excitation.written
 
     @property
     def flight_faults(self) -> tuple[FlightFault, ...]:
@@ -112,7 +140,9 @@ class FlightPlan(Displayed):
     def on(self, vehicle: Vehicle) -> "FlightPlan":
         """Return the plan with what is left open filled in by a vehicle's own parameters."""
         recorder = Recorder.of(vehicle) if self.recorder is None else self.recorder.on(vehicle)
-        return replace(self, excitation=self.excitation.on(vehicle.parameters), recorder=recorder)
+        excitation = self.excitation
+        complete = None if excitation is None else excitation.on(vehicle.parameters)
+        return replace(self, excitation=complete, recorder=recorder)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as JSON data, of which `from_dict` makes an equal plan.
@@ -122,7 +152,7 @@ class FlightPlan(Displayed):
         """
         self._check_written()
         return {
-            "excitation": with_kind(self.excitation),
+            **{name: with_kind(one) for name, one in self._flown().items()},
             **{name: to_plain(getattr(self, name)) for name in self._said()},
             "faults": [with_kind(fault) for fault in self.faults],
         }
@@ -137,11 +167,16 @@ class FlightPlan(Displayed):
         for name in data:
             if name not in _KEYS:
                 raise UnknownNameError("key of a flight plan", name, _KEYS)
-        if "excitation" not in data:
+        if not any(data.get(name) is not None for name in _FLOWN):
             raise InputError(
                 'a flight plan needs an excitation, such as excitation = {kind = "Sweep", '
-                'axis = "lat"}'
+                'axis = "lat"}, or a mission, such as mission = {kind = "Forward"}'
             )
+        flown: dict[str, Any] = {
+            name: of_kind(data[name], kinds, name)
+            for name, kinds in _FLOWN.items()
+            if data.get(name) is not None
+        }
         given: dict[str, Any] = {
             name: from_plain(kind, data[name], name)
             for name, kind in _PARTS.items()
@@ -154,7 +189,7 @@ class FlightPlan(Displayed):
         if isinstance(faults, str) or not isinstance(faults, list | tuple):
             raise InputError(f"faults must be a list, got {faults!r}")
         return cls(
-            excitation=of_kind(data["excitation"], EXCITATIONS, "excitation"),
+            **flown,
             faults=tuple(
                 parse_fault(one) if isinstance(one, str) else of_kind(one, FAULTS, "fault")
                 for one in faults
@@ -170,7 +205,7 @@ class FlightPlan(Displayed):
             InputError: it wasn't flown by helisim, or its plan can't be flown any more.
         """
         kept = dict(record.provenance)
-        if "excitation" not in kept:
+        if not any(name in kept for name in _FLOWN):
             raise InputError("the record's provenance has no flight plan: helisim didn't fly it")
         if "watch" in kept:  # of records that name no plan_digest
             kept["envelope"] = kept.pop("watch")
@@ -182,7 +217,9 @@ class FlightPlan(Displayed):
     def to_toml(self) -> str:
         """Return the plan as the text of a plan file; errors as for `to_dict`."""
         self._check_written()
-        tables: dict[str, Any] = {"excitation": with_kind(self.excitation, toml_settings)}
+        tables: dict[str, Any] = {
+            name: with_kind(one, toml_settings) for name, one in self._flown().items()
+        }
         for name in self._said():
             part = getattr(self, name)
             if part is not None:
@@ -195,8 +232,13 @@ class FlightPlan(Displayed):
         """Yield the names of the parts that plain data have: no ground is not spoken of."""
         return (name for name in _PARTS if name != "ground" or self.ground is not None)
 
+    def _flown(self) -> dict[str, Excitation | Mission]:
+        """Return what is flown on purpose, excitation and mission, as far as there are any."""
+        both = {"excitation": self.excitation, "mission": self.mission}
+        return {name: one for name, one in both.items() if one is not None}
+
     def _check_written(self) -> None:
-        if not self.excitation.written:
+        if not self.written:
             raise InputError(
                 "a function of time can't be written down: the plan's on(vehicle) samples it"
             )
@@ -204,14 +246,14 @@ class FlightPlan(Displayed):
     def in_words(self) -> tuple[tuple[str, str], ...]:
         """Return each part's name, and its settings that aren't the defaults, in words."""
         return (
-            ("excitation", _in_words(self.excitation)),
+            *((name, _in_words(one)) for name, one in self._flown().items()),
             *((name, _in_words(getattr(self, name))) for name in self._said()),
             ("faults", "; ".join(map(_in_words, self.faults)) or "none"),
         )
 
     def __str__(self) -> str:
         lines = [f"  {name:<12}{words}" for name, words in self.in_words()]
-        title = f"flight plan {self.digest[:8]}" if self.excitation.written else "flight plan"
+        title = f"flight plan {self.digest[:8]}" if self.written else "flight plan"
         return "\n".join([title, *lines])
 
 
@@ -222,19 +264,20 @@ _PARTS: dict[str, type] = {
     "ground": Ground,
     "envelope": FlightEnvelope,
 }
-_KEYS = ("excitation", *_PARTS, "faults")
+_FLOWN: dict[str, dict[str, Any]] = {"excitation": EXCITATIONS, "mission": MISSIONS}
+_KEYS = (*_FLOWN, *_PARTS, "faults")
 _OPTIONAL = ("recorder", "ground")
 
 
 _LONGEST_WORD = 60
 """Characters of a setting in words: packed samples have thousands."""
 
-Flyable = FlightPlan | Excitation | Callable[[float], Any]
-"""What can be flown: a plan, a bare manoeuvre, or a bare function of time."""
+Flyable = FlightPlan | Excitation | Mission | Callable[[float], Any]
+"""What can be flown: a plan, a bare manoeuvre or mission, or a bare function of time."""
 
 
 def as_plan(flown: Flyable) -> FlightPlan:
-    """Return a plan as it is, and a bare manoeuvre as a plan with all else default.
+    """Return a plan as it is, and a bare manoeuvre or mission as a plan with all else default.
 
     A function of time in s gives what is added to the four sticks COL, LON, LAT and PED, for
     10 s; `Manoeuvre` says which and for how long.
@@ -243,6 +286,8 @@ def as_plan(flown: Flyable) -> FlightPlan:
         return flown
     if isinstance(flown, Excitation):
         return FlightPlan(excitation=flown)
+    if isinstance(flown, Mission):
+        return FlightPlan(mission=flown)
     if not callable(flown) or isinstance(flown, type):
         check_excitation(flown)
     return FlightPlan(excitation=Manoeuvre(flown))

@@ -1,10 +1,10 @@
 """Fly plans: pilot, gyro, servos and rotor in native steps, many flights at a time."""
 
 import copy
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import replace
 from typing import TypeVar
 
 import mujoco
@@ -12,22 +12,25 @@ import numpy as np
 from mujoco import rollout
 from numpy.typing import NDArray
 
-from helisim.errors import DivergedError, InputError
+from helisim.errors import InputError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
-from helisim.physics.own_laws import Failure
-from helisim.sim.envelope import FlightEnvelope, terminated_early
+from helisim.sim.ending import until_end, userdata
+from helisim.sim.envelope import terminated_early
 from helisim.sim.faults import write_faults
-from helisim.sim.ground import Ground
 from helisim.sim.injection import injection
+from helisim.sim.missions.flight import MissionFlight
+from helisim.sim.missions.mission import Mission
 from helisim.sim.plan import FlightPlan, Flyable, as_plan
-from helisim.sim.trajectory import End, Trajectory, read_trajectory, sound_samples
-from helisim.sim.weather import Weather
+from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import Trim, find_trim, place
 
 Result = TypeVar("Result")
+
+_APART = 5.0
+"""m/s between the speeds at which a trim is looked for, each near the last."""
 
 
 def simulate(
@@ -92,19 +95,26 @@ def simulated(
     _check_at_least("seed", seed, 0)
     plan = as_plan(plan)
     vehicle, grounded = _placed(vehicle, plan)
-    buffers = _state_buffers(grounded, min(threads, len(numbers)), plan.excitation.duration)
-    added = injection(plan.excitation.on(vehicle.parameters), vehicle)
+    buffers = _state_buffers(grounded, min(threads, len(numbers)), plan)
+    excitation = None if plan.excitation is None else plan.excitation.on(vehicle.parameters)
+    added = None if excitation is None else injection(excitation, vehicle)
+    places = () if excitation is None else excitation.places
+    trim = start_trim(vehicle, plan.mission)
 
     def flown(number: int, buffer: NDArray[np.float64]) -> Result:
         model = prepare(vehicle, plan, seed=seed, number=number, model=grounded)
-        start = _start(vehicle, plan.weather, plan.ground, grounded, seed=seed, number=number)
+        start = _start(vehicle, plan, trim, grounded, seed=seed, number=number)
+        if plan.mission is not None:
+            mission = MissionFlight(plan.mission, vehicle, model, trim, plan.ground, added)
+            flight = mission.trajectory(plan.envelope, start)
+            return then(number, flight.injected(added, places))
         with vehicle.controller.flying(model) as flying:
             sensordata = _run(model, start, buffer, added)
             failure = flying.failure()
         flight = until_end(
             vehicle, plan.envelope, model, start, sensordata, added, failure, ground=plan.ground
         )
-        return then(number, flight.injected(added, plan.excitation.places))
+        return then(number, flight.injected(added, places))
 
     def batches() -> Iterator[Result]:
         with ThreadPoolExecutor(threads) as pool:
@@ -128,14 +138,15 @@ def _placed(vehicle: Vehicle, plan: FlightPlan) -> tuple[Vehicle, mujoco.MjModel
 
 
 def _state_buffers(
-    model: mujoco.MjModel, flights: int, duration: float
+    model: mujoco.MjModel, flights: int, plan: FlightPlan
 ) -> list[NDArray[np.float64]]:
     """Return memory for the states of a flight in each thread, (1, n_step, n_state), never read.
 
-    New memory for each flight would cost a fifth of the time: the threads wait for its pages.
+    New memory for each flight would cost a fifth of the time: the threads wait for its pages. A
+    mission is stepped from its script, and needs none.
     """
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    steps = round(duration / model.opt.timestep) + 1
+    steps = round(plan.duration / model.opt.timestep) + 1 if plan.mission is None else 0
     return [np.empty((1, steps, size)) for _ in range(flights)]
 
 
@@ -151,21 +162,12 @@ def _run(
             model,
             mujoco.MjData(model),
             initial_state=start,
-            control=_userdata(model, added),
+            control=userdata(model, added),
             control_spec=mujoco.mjtState.mjSTATE_USERDATA,
             nstep=buffer.shape[1],
             state=buffer,
         )
     return sensordata[0]
-
-
-def _userdata(
-    model: mujoco.MjModel, added: NDArray[np.float64] | None
-) -> NDArray[np.float64] | None:
-    """Return what is added at each step as all the user data of a model, (1, n_step, n)."""
-    if added is None:
-        return None
-    return np.pad(added, ((0, 0), (0, model.nuserdata - added.shape[1])))[None]
 
 
 def prepare(
@@ -195,7 +197,8 @@ def prepare(
         int(generator(seed, number, purpose).integers(2**31)) for purpose in ("pilot", "air")
     )
     plan.pilot.write(par, vehicle, seed=pilot_seed, height=plan.weather.height)
-    plan.excitation.on(vehicle.parameters).write(par)
+    if plan.excitation is not None:
+        plan.excitation.on(vehicle.parameters).write(par)
     plan.weather.write(par, vehicle, seed=air_seed)
     write_faults(par, plan.flight_faults)
     trim = vehicle.trim
@@ -204,21 +207,35 @@ def prepare(
     return model
 
 
+def start_trim(vehicle: Vehicle, mission: Mission | None) -> Trim:
+    """Return the steady flight in which flights begin: the hover, or what a mission starts from.
+
+    Raises:
+        TrimError: the vehicle can't fly as fast.
+    """
+    trim, speed = vehicle.trim, 0.0 if mission is None else mission.start.speed
+    for k in range(math.ceil(speed / _APART)):
+        trim = find_trim(
+            vehicle.model, speed=min(speed, (k + 1) * _APART), height=trim.height, near=trim
+        )
+    return trim
+
+
 def _start(
     vehicle: Vehicle,
-    weather: Weather,
-    ground: Ground | None = None,
-    model: mujoco.MjModel | None = None,
+    plan: FlightPlan,
+    trim: Trim,
+    model: mujoco.MjModel,
     *,
     seed: int,
     number: int,
 ) -> NDArray[np.float64]:
     """Return the full physics state in which a flight starts, (n_state,)."""
-    model = vehicle.model if model is None else model
-    data = mujoco.MjData(model)
-    place(model, data, vehicle.trim, height=weather.height)
-    if ground is not None:
-        ground.begin(vehicle, model, data)
+    data, weather = mujoco.MjData(model), plan.weather
+    height = None if plan.mission is None else plan.mission.start.height
+    place(model, data, trim, height=weather.height if height is None else height)
+    if plan.ground is not None:
+        plan.ground.begin(vehicle, model, data)
     first = addresses(model).state
     rough = weather.start(vehicle, generator(seed, number, "first air"))
     data.act[first + STATE.air_u : first + STATE.feels_x] = rough
@@ -230,79 +247,3 @@ def _start(
 def generator(seed: int, number: int, purpose: str) -> np.random.Generator:
     """Return the random numbers of one purpose in one flight of a seed."""
     return np.random.default_rng([seed, number, int.from_bytes(purpose.encode())])
-
-
-def until_end(
-    vehicle: Vehicle,
-    envelope: FlightEnvelope,
-    model: mujoco.MjModel,
-    start: NDArray[np.float64],
-    sensordata: NDArray[np.float64],
-    added: NDArray[np.float64] | None = None,
-    failure: Failure | None = None,
-    ground: Ground | None = None,
-) -> Trajectory:
-    """Return the trajectory of a flight, cut where it leaves the envelope or its states break.
-
-    Args:
-        vehicle: that flew.
-        envelope: that it must stay in.
-        model: of the flight, with pilot and excitation.
-        start: (n_state,) full physics state.
-        sensordata: (n_step, nsensordata), of the time before each step.
-        added: (n_step, n_injection) `injection` of the excitation.
-        failure: of the controller, None if it didn't fail.
-        ground: that was below; None if nothing was.
-
-    Raises:
-        DivergedError: not one sample is within the envelope.
-    """
-    count, why = sound_samples(model, sensordata)
-    if failure is not None:
-        why = f"controller {vehicle.controller.name!r} {failure.why}"
-    if count == 0:
-        raise terminated_early(0.0, why, failure.traceback) if failure else DivergedError(why)
-    trajectory = replace(read_trajectory(vehicle, sensordata[:count]), ground=ground)
-    found = envelope.end(vehicle, trajectory)
-    if found is None and count == len(sensordata):
-        return trajectory
-    at = count * model.opt.timestep
-    if found is not None:
-        count, why = found
-        at = float(trajectory.time[count])
-    if count == 0:
-        raise terminated_early(at, why)
-    state, warnings = _flown_again(vehicle, model, start, count, added)
-    if found is not None or failure is None:
-        failure = None
-        if found is None and warnings:
-            why = f"MuJoCo warned of {', '.join(warnings)}"
-    return trajectory.until(count, End(at, why, state, failure.traceback if failure else None))
-
-
-def _flown_again(
-    vehicle: Vehicle,
-    model: mujoco.MjModel,
-    start: NDArray[np.float64],
-    samples: int,
-    added: NDArray[np.float64] | None,
-) -> tuple[NDArray[np.float64], list[str]]:
-    """Fly again; return the state of the last sample, and what MuJoCo warns of after it.
-
-    A batch keeps no states, and doesn't say which of its flights a warning was in.
-    """
-    data = mujoco.MjData(model)
-    with vehicle.controller.flying(model), installed():
-        states, _ = rollout.rollout(
-            model,
-            data,
-            start[None],
-            _userdata(model, None if added is None else added[:samples]),
-            control_spec=mujoco.mjtState.mjSTATE_USERDATA,
-            nstep=samples,
-        )
-    kinds = [
-        kind for kind in mujoco.mjtWarning.__members__.values() if int(kind) < len(data.warning)
-    ]
-    warned = [kind.name.removeprefix("mjWARN_") for kind in kinds if data.warning[int(kind)].number]
-    return (states[0, samples - 2] if samples > 1 else start).copy(), warned

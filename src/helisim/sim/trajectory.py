@@ -52,6 +52,22 @@ class End:
 
 
 @dataclass(frozen=True, eq=False)
+class Script:
+    """What a mission's script did in a flight.
+
+    Attributes:
+        phases: times, s, and what began then.
+        wanted: (n_tick, 5) time, north, east, down and heading that were to be reached, s, m and
+            rad; not a number where they were not held.
+        finished: whether the script came to its end.
+    """
+
+    phases: tuple[tuple[float, str], ...]
+    wanted: NDArray[np.float64]
+    finished: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Time histories of what truly happened in one flight, all of the same instants.
 
@@ -82,6 +98,7 @@ class Trajectory:
         imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
         ground: that was below; None in a flight in the air alone.
         end: why the flight was terminated early; None if it wasn't.
+        script: what a mission's script did; None where none was flown.
     """
 
     time: NDArray[np.float64]
@@ -109,6 +126,7 @@ class Trajectory:
     hold: float = 0.0
     ground: Ground | None = None
     end: End | None = None
+    script: Script | None = None
 
     def injected(self, added: NDArray[np.float64] | None, places: Collection[str]) -> "Trajectory":
         """Return it with what a manoeuvre added in it.

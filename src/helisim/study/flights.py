@@ -104,7 +104,7 @@ def _fly_and_score(
         record, path = flight.record, paths[k]
         if path is not None:
             write_flight(flight, path)
-        return record, None if record.ended else sweep_coherence(record, plan.excitation.axis)
+        return record, None if record.ended else sweep_coherence(record, plan.name)
 
     with one_blas_thread():  # around all threads, or they would take it from each other
         yield from flown(vehicle, plan, range(len(paths)), judged, seed=seed, jobs=jobs)

@@ -240,15 +240,23 @@ def _log_flight(
 
 def _log_events(recording: rr.RecordingStream, root: str, record: FlightRecord) -> None:
     """Log what was flown when, as far as the provenance tells."""
-    events = _events(record.provenance.get("excitation"), float(record.time[-1]))
+    events = _phases(record.provenance.get("reached"))
+    events += _events(record.provenance.get("excitation"), float(record.time[-1]))
     if not events:
         return
-    times, texts = zip(*events)
+    times, texts = zip(*sorted(events))
     recording.send_columns(
         f"{root}/log",
         indexes=[time_column(np.array(times))],
         columns=rr.TextLog.columns(text=texts, level=["INFO"] * len(texts)),
     )
+
+
+def _phases(reached: Any) -> list[tuple[float, str]]:
+    """Return what a mission's script said, and when."""
+    if not isinstance(reached, Mapping):
+        return []
+    return [(float(time), str(text)) for time, text in reached.get("phases", ())]
 
 
 def _events(flown: Any, stop: float) -> list[tuple[float, str]]:

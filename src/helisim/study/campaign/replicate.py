@@ -136,7 +136,7 @@ def _tasks(campaign: Campaign) -> Iterator[_Task]:
 def _flights(
     campaign: Campaign, one: Replicate, vehicle: Vehicle, plan: FlightPlan
 ) -> list[FlightRecord] | HelisimError:
-    axis = plan.excitation.axis
+    axis = plan.name
     seed = one.seed * len(AXES) + AXES.index(axis)
     try:
         return fly(vehicle, plan, count=campaign.flights, seed=seed, jobs=1)

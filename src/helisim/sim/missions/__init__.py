@@ -1,0 +1,17 @@
+"""Missions: flights by a script, with a pilot that holds position, velocity and heading."""
+
+from helisim.sim.missions.autopilot import Autopilot
+from helisim.sim.missions.mission import MISSIONS, Mission, Start, check_mission, missions_by_name
+from helisim.sim.missions.routes import Forward, Pirouette, TakeOffHoverLand
+
+__all__ = [
+    "MISSIONS",
+    "Autopilot",
+    "Forward",
+    "Mission",
+    "Pirouette",
+    "Start",
+    "TakeOffHoverLand",
+    "check_mission",
+    "missions_by_name",
+]
