@@ -1,0 +1,195 @@
+"""Ground effect over what a scene has: slopes, decks, their edges, and mocap bodies."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from helisim.physics import ground
+from helisim.physics.layout import PARAM
+from helisim.physics.native import installed
+from helisim.vehicle import load
+from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import place
+
+HUB = np.array([0.0, 0.0, 0.28])
+RADIUS = 0.767
+
+
+@given(
+    x=st.floats(-3.0, 3.0), y=st.floats(-3.0, 3.0), a=st.floats(0.05, 3.0), b=st.floats(0.05, 3.0)
+)
+def test_share_of_a_disc_over_a_rectangle(x, y, a, b):
+    """The overlap's area is the integral of its width, found by quadrature."""
+
+    def width(s):
+        half = math.sqrt(max(0.0, 1.0 - (s - x) ** 2))
+        return max(0.0, min(b, y + half) - max(-b, y - half))
+
+    low, high = max(-a, x - 1.0), min(a, x + 1.0)
+    area = 0.0
+    if low < high:
+        kinks = [
+            x + sign * math.sqrt(1.0 - (e - y) ** 2)
+            for e in (-b, b)
+            for sign in (-1, 1)
+            if abs(e - y) < 1.0
+        ]
+        inside = [k for k in kinks if low < k < high]
+        area = quad(width, low, high, points=inside or None, limit=200)[0]
+    # of the quadrature, at the square roots of the disc's sides
+    assert ground.disc_share(x, y, a, b) == pytest.approx(area / math.pi, abs=1e-6)
+
+
+def scene(*bodies, fixed=()):
+    """Return a model of a JR700, out of reach of any weight, with other bodies around it."""
+
+    def around(spec, vehicle):
+        for k, (mocap, position, quaternion, size) in enumerate(bodies):
+            body = spec.worldbody.add_body(name=f"deck{k}", pos=position, quat=quaternion)
+            body.mocap = mocap
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=0.0)
+        for position, quaternion in fixed:
+            spec.worldbody.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], pos=position, quat=quaternion
+            )
+
+    model = load(parameters={"air.ground_effect": 1.0}).grounded_model(around)
+    return model
+
+
+def turn(axis, angle):
+    return [math.cos(angle / 2), *(math.sin(angle / 2) * np.array(axis))]
+
+
+def inflow(model, position=(0.0, 0.0, 0.0), quaternion=(1.0, 0.0, 0.0, 0.0), moved=None):
+    """Return the inflow of a rotor in hover pitch, at rest there."""
+    vehicle = load(parameters={"air.ground_effect": 1.0})
+    data = mujoco.MjData(model)
+    place(model, data, vehicle.trim)
+    data.qpos[:7] = [*position, *quaternion]
+    if moved is not None:
+        data.mocap_pos[0] = moved
+    with installed():
+        mujoco.mj_forward(model, data)
+    return data.sensor("rotor").data[2]
+
+
+@pytest.fixture(scope="module")
+def level():
+    """Inflow over level ground, by the hub's height."""
+    model = scene(fixed=[((0, 0, 0), (1, 0, 0, 0))])
+    return lambda height: inflow(model, (0.0, 0.0, height - HUB[2]))
+
+
+def equivalent(shaft, hub, point, normal):
+    """Return the height over level ground at which the image pushes as much along the shaft.
+
+    A source in the hub and its mirror image in the plane, by vectors (Cheeseman and Bennett's
+    method, R&M 3021, section 2): the image's velocity at the hub is Q / (4 pi d^2) away from it.
+    """
+    hub, normal = np.array(hub), np.array(normal)
+    image = hub - 2.0 * ((hub - point) @ normal) * normal
+    apart = hub - image
+    distance = np.linalg.norm(apart)
+    along = (apart / distance) @ shaft / distance**2
+    return 0.5 / math.sqrt(along)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.2, 0.5])
+def test_over_a_slope_the_image_is_across_it(level, slope):
+    """The plane's image source, by vectors, pushes as over level ground of another height."""
+    model = scene(fixed=[((0, 0, 0), turn([0, 1, 0], slope))])
+    normal = [math.sin(slope), 0.0, math.cos(slope)]
+    height = equivalent([0, 0, 1], [0, 0, 1.0], np.zeros(3), normal)
+    assert inflow(model, (0.0, 0.0, 1.0 - HUB[2])) == pytest.approx(level(height), rel=1e-12)
+
+
+def test_a_leaning_shaft_sees_less_of_level_ground(level):
+    """And one that lies on its side or is upside down sees none."""
+    model = scene(fixed=[((0, 0, 0), (1, 0, 0, 0))])
+    shaft = [0.0, math.sin(0.4), math.cos(0.4)]
+    origin = np.array([0.0, 0.0, 1.0]) - HUB[2] * np.array(shaft)
+    leaning = inflow(model, origin, turn([1, 0, 0], -0.4))
+    expected = level(equivalent(shaft, [0, 0, 1.0], np.zeros(3), [0, 0, 1]))
+    assert leaning == pytest.approx(expected, rel=1e-12)
+    over = inflow(model, (0.0, 0.0, 1.0 + HUB[2]), turn([1, 0, 0], math.pi))
+    assert over == pytest.approx(level(1e6), rel=1e-12)
+
+
+@pytest.mark.parametrize("mocap", [False, True])
+def test_a_deck_is_ground_where_it_is(level, mocap):
+    """A box's upper face, fixed or moved as a mocap body, whichever of its faces is up."""
+    wide = [5.0, 5.0, 0.25]
+    model = scene((mocap, [0, 0, 1.75], [1, 0, 0, 0], wide))
+    assert inflow(model, (0, 0, 3.0 - HUB[2])) == pytest.approx(level(1.0), rel=1e-12)
+    if mocap:
+        raised = inflow(model, (0, 0, 3.0 - HUB[2]), moved=[1.0, 0.0, 2.05])
+        assert raised == pytest.approx(level(0.7), rel=1e-12)
+    on_edge = scene((mocap, [0, 0, 1.75], turn([1, 0, 0], math.pi / 2), [5.0, 0.25, 5.0]))
+    assert inflow(on_edge, (0, 0, 3.0 - HUB[2])) == pytest.approx(level(1.0), rel=1e-12)
+
+
+def test_over_an_edge_there_is_as_much_ground_as_deck(level):
+    """Half of the disc over the edge: half of (R / 4z)^2, the rest of it that of what is below."""
+    quarter = level(1.0 * math.sqrt(2.0))  # where (R / 4z)^2 is half of that at 1 m
+    deck = (False, [0, 0, 19.75], [1, 0, 0, 0], [5.0, 5.0, 0.25])
+    alone = scene(deck)
+    assert inflow(alone, (5.0, 0.0, 21.0 - HUB[2])) == pytest.approx(quarter, rel=1e-12)
+    assert inflow(alone, (5.8, 0.0, 21.0 - HUB[2])) == pytest.approx(level(1e6), rel=1e-12)
+    assert inflow(alone, (0.0, 0.0, 19.4)) == pytest.approx(level(1e6), rel=1e-12)  # below it
+    half = RADIUS**2 / 16.0 * (0.5 / 1.0 + 0.5 / 3.0**2)
+    above_ground = scene(deck, fixed=[((0, 0, 18.0), (1, 0, 0, 0))])
+    assert inflow(above_ground, (5.0, 0.0, 21.0 - HUB[2])) == pytest.approx(
+        level(RADIUS / (4.0 * math.sqrt(half))), rel=1e-12
+    )
+
+
+def test_boxes_side_by_side_are_one_deck(level):
+    """And one on top of another hides it; more of them than are counted change nothing."""
+    tiles = [
+        (False, [x, y, -0.25], [1, 0, 0, 0], [1.0, 1.0, 0.25]) for x in (-1, 1) for y in (-1, 1)
+    ]
+    at = (0.2, 0.1, 1.0 - HUB[2])
+    assert inflow(scene(*tiles), at) == pytest.approx(level(1.0), rel=1e-9)
+    below = [(False, [0, 0, -1.0 - k], [1, 0, 0, 0], [3.0, 3.0, 0.25]) for k in range(4)]
+    assert inflow(scene(*below, *tiles), at) == pytest.approx(level(1.0), rel=1e-9)
+
+
+def test_what_nothing_can_touch_is_no_ground():
+    """Drawn planes and the vehicle's own parts don't count; then the plane at height 0 does."""
+
+    def drawn(spec, vehicle):
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[0, 0, 1],
+            pos=[0, 0, 5.0],
+            contype=0,
+            conaffinity=0,
+            group=1,
+        )
+        body = spec.body("jr700")
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.1] * 3,
+            pos=[0, 0, -0.5],
+            conaffinity=1,
+            mass=0.0,
+        )
+
+    vehicle = load(parameters={"air.ground_effect": 1.0})
+    model = vehicle.grounded_model(drawn)
+    assert inflow(model, (0, 0, 1.0)) == pytest.approx(
+        inflow(vehicle.model, (0, 0, 1.0)), rel=1e-12
+    )
+
+
+def test_off_it_costs_and_changes_nothing(jr700):
+    """`air.ground_effect` is 0 in the air: the same thrust wherever the ground is."""
+    par = jr700.model.actuator_user[addresses(jr700.model).rotor]
+    assert par[PARAM.ground_effect] == 0.0
+    assert inflow(jr700.model, (0, 0, 0.3)) == inflow(jr700.model, (0, 0, 30.0))
