@@ -314,6 +314,7 @@ def _add_deck(spec: mujoco.MjSpec, deck: Deck, mass: float) -> None:
             axis=_AXES[name],
             stiffness=[mass * swing.frequency**2, 0.0, 0.0],
         )
+    spec.add_exclude(bodyname1="world", bodyname2=_DECK)
     body.add_geom(
         name=_DECK,
         type=mujoco.mjtGeom.mjGEOM_BOX,

@@ -44,26 +44,21 @@ def strikes(
     if not low.any():
         return
     near = np.zeros_like(low)
-    for name, (centre, axis, radius) in zip(_ROTORS, shape.discs):
-        near[low] = _lowest(ground, trajectory.rows(low), centre, axis, radius) < least
+    for name, rim in rims(shape):
+        near[low] = _heights(ground, trajectory.rows(low), rim).min(axis=1) < least
         if not near.any():
             continue
         rolled = "tipped over and " if touched_before(trajectory, near) else ""
         yield f"{rolled}struck the ground with its {name} rotor", near.copy()
 
 
-def _lowest(
-    ground: Ground,
-    trajectory: Trajectory,
-    centre: NDArray[np.float64],
-    axis: NDArray[np.float64],
-    radius: float,
-) -> NDArray[np.float64]:
-    """Return the height of the lowest of sixteen points on a disc's rim above the ground, (n,)."""
-    aside = np.cross(axis, [1.0, 0.0, 0.0])
+def rims(shape: Outline) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Yield each rotor's name and sixteen points on its disc's rim from the IMU, (16, 3), m."""
     angles = np.arange(16) * np.pi / 8.0
-    rim = np.outer(np.cos(angles), np.cross(aside, axis)) + np.outer(np.sin(angles), aside)
-    return _heights(ground, trajectory, centre + radius * rim).min(axis=1)
+    for name, (centre, axis, radius) in zip(_ROTORS, shape.discs):
+        aside = np.cross(axis, [1.0, 0.0, 0.0])
+        rim = np.outer(np.cos(angles), np.cross(aside, axis)) + np.outer(np.sin(angles), aside)
+        yield name, centre + radius * rim
 
 
 def _heights(

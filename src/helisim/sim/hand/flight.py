@@ -14,6 +14,7 @@ from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.physics.own_laws import Failure
 from helisim.records.record import FlightRecord
+from helisim.sim.ground import Ground
 from helisim.sim.hand.assist import Assistance, AssistName, check_assist
 from helisim.sim.hand.crash import Crash
 from helisim.sim.hand.recording import Recording
@@ -74,6 +75,7 @@ class HandFlight:
         assist: str = "hover",
         feel: StickFeel | None = None,
         weather: Weather | None = None,
+        ground: Ground | None = None,
         height: float | None = None,
         seed: int = 1,
         flown_with: str = "a program",
@@ -85,6 +87,7 @@ class HandFlight:
             assist: "hover", "level" or "none", see `Assistance`.
             feel: of the sticks; linear over all their travel if None.
             weather: that is flown through; calm if None.
+            ground: that is below, a slope or a deck too; level, with its effect, if None.
             height: m above the ground, of its origin; a little above its pad if None.
             seed: of turbulence and sensors, 0 or more.
             flown_with: what moves the sticks, for the records' provenance.
@@ -96,22 +99,25 @@ class HandFlight:
         """
         if seed < 0:
             raise InputError(f"seed must be 0 or more, got {seed}")
-        self.weather = weather or Weather()
-        self.vehicle = self.weather.trimmed(vehicle)
-        self.feel = feel or StickFeel(expo=0.0, deadband=0.0)
-        self.seed, self.flown_with = seed, flown_with
-        self.model = self.vehicle.visual_model()
-        self.model.opt.wind[:] = self.vehicle.model.opt.wind
+        self.weather, self.ground = weather or Weather(), ground or Ground()
+        self.model = vehicle.visual_model(self.ground.put_into)
         self.height = hover_height(self.model) if height is None else height
         if not 0.0 < self.height < np.inf:
             raise InputError(f"height must be above 0 m, got {height}")
+        self.vehicle = self.ground.felt_by(vehicle).trimmed(
+            height=self.height, wind=self.weather.wind_to
+        )
+        self.feel = feel or StickFeel(expo=0.0, deadband=0.0)
+        self.seed, self.flown_with = seed, flown_with
+        self.model.opt.wind[:] = self.vehicle.model.opt.wind
         self._assist_name: AssistName = check_assist(assist)
         self._where = addresses(self.model)
         par = self._par
+        par[PARAM.ground_effect] = self.ground.effect
         Pilot(remnant=0.0).write(par, self.vehicle, seed=seed, height=self.height)
         self.weather.write(par, self.vehicle, seed=int(generator(seed, 0, "air").integers(2**31)))
         self._assistance = Assistance(self.vehicle, par)
-        self._crash = Crash(self.vehicle, self.model)
+        self._crash = Crash(self.vehicle, self.model, self.ground)
         self._asks_each = max(1, round(_ASKS / self.model.opt.timestep))
         self._ticks_each = max(
             1, round(vehicle.parameters["gyro.period"] / self.model.opt.timestep)
@@ -148,6 +154,7 @@ class HandFlight:
     def reset(self) -> None:
         """Hover above the pad again, at time 0, the gyro on; a recording that runs is dropped."""
         place(self.model, self.data, self.vehicle.trim, height=self.height)
+        self.ground.begin(self.vehicle, self.model, self.data)
         rough = self.weather.start(self.vehicle, generator(self.seed, 0, "first air"))
         self._settled = self.data.act.copy()
         if self._failure is not None:
@@ -277,6 +284,7 @@ class HandFlight:
         number, self._recordings = self._recordings, self._recordings + 1
         return recording.record(
             self.vehicle,
+            ground=self.ground,
             crashed=self.crashed,
             failed=self._failure,
             rng=generator(self.seed, number, "sensors"),
@@ -284,6 +292,7 @@ class HandFlight:
                 "with": self.flown_with,
                 "feel": asdict(self.feel),
                 "weather": to_plain(self.weather),
+                "ground": to_plain(self.ground),
                 "seed": self.seed,
                 "recording": number,
             },

@@ -13,6 +13,8 @@ from helisim.physics.own_laws import Failure
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import FlightEnvelope
+from helisim.sim.ground import Ground
+from helisim.sim.landing import touching
 from helisim.sim.recorder import Recorder
 from helisim.sim.trajectory import Trajectory, read_trajectory, sound_samples
 from helisim.vehicle import Vehicle
@@ -50,6 +52,7 @@ class Recording:
         self,
         vehicle: Vehicle,
         *,
+        ground: Ground,
         crashed: str,
         failed: Failure | None = None,
         rng: np.random.Generator,
@@ -59,6 +62,7 @@ class Recording:
 
         Args:
             vehicle: that flew.
+            ground: below the flight.
             crashed: why the flight ended; "" if it goes on.
             failed: how the controller failed that ended it; None if it didn't.
             rng: of the sensors' noise.
@@ -69,6 +73,9 @@ class Recording:
         """
         trajectory = self._trajectory(vehicle)
         start = float(trajectory.time[0])
+        ended = _ended(vehicle, replace(trajectory, ground=ground), crashed, failed)
+        if ended is not None:
+            ended["at"] -= start
         trajectory = replace(trajectory, time=trajectory.time - start)
         recorder = Recorder.of(vehicle)
         switched = [
@@ -80,7 +87,6 @@ class Recording:
             by_hand={**flown, "switched": switched, "from_s": start},
             recorder=recorder.to_dict(),
         )
-        ended = _ended(vehicle, trajectory, crashed, failed)
         if ended is not None:
             provenance["ended"] = ended
         return recorder.record(trajectory, rng, provenance)
@@ -97,10 +103,17 @@ class Recording:
 def _ended(
     vehicle: Vehicle, trajectory: Trajectory, crashed: str, failed: Failure | None
 ) -> dict[str, Any] | None:
-    """Return when and why a trajectory is no longer what the model is valid for, None if it is."""
-    left = _ENVELOPE.end(vehicle, trajectory)
-    if left is not None:
-        return {"at": float(trajectory.time[left[0]]), "why": left[1]}
+    """Return when and why a trajectory is no longer what the model is valid for, None if it is.
+
+    Skids on the ground hold what no stick asks for, so a landing is such an end too.
+    """
+    ends = [] if (left := _ENVELOPE.end(vehicle, trajectory)) is None else [left]
+    touches = touching(trajectory)
+    if touches.any():
+        ends.append((int(np.argmax(touches)), "the helicopter touched the ground"))
+    if ends:
+        first, why = min(ends)
+        return {"at": float(trajectory.time[first]), "why": why}
     if not crashed:
         return None
     end = {"at": float(trajectory.time[-1]), "why": crashed}
