@@ -11,7 +11,16 @@ from test_rerun_recording import SINGLE, read
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN
 from helisim.output.rerun.recording import write_recording
 from helisim.records.channels import CHANNELS, POSITIONS, ROTOR
-from helisim.sim import FlightPlan, Recorder, Sweep, fly
+from helisim.sim import (
+    Deck,
+    Doublet,
+    FlightPlan,
+    Ground,
+    Recorder,
+    Sweep,
+    Swing,
+    fly,
+)
 from helisim.study.run import read_run
 from made_run import make_flight, write_run
 
@@ -183,3 +192,25 @@ def test_the_rotors_truth_is_recorded_on_request_alone(jr700):
     np.testing.assert_array_equal(more.select(plain.names), plain.values)
     weight = 8.01 * 9.8015  # Table 1
     assert np.mean(more["thrust"]) == pytest.approx(weight, rel=0.02)  # sweeps tilt and heave it
+
+
+def test_the_ground_is_drawn_as_it_was_flown_over(tmp_path, jr700):
+    """A slope leans towards where it rises; a deck moves, above the water."""
+    slope = Ground(slope=0.2, uphill=0.5 * np.pi)
+    deck = Ground(deck=Deck(above=2.0, heave=Swing(amplitude=0.5, period=6.0)))
+    seen = {}
+    for name, ground in (("slope", slope), ("deck", deck)):
+        plan = FlightPlan(excitation=Doublet(axis="ped"), ground=ground)
+        (record,) = fly(jr700, plan, seed=1)
+        path = tmp_path / f"{name}.rrd"
+        seen[name] = read(write_recording(path, {"f": record}, model=jr700.visual_model()))
+    leaning = seen["slope"]["/f/world/ground"]
+    axis = np.ravel(leaning["Transform3D:rotation_axis_angle"])[0]
+    turned = Rotation.from_rotvec(np.array(axis["axis"]) * axis["angle"])
+    # a metre east, on the slope, is a fifth of a metre up
+    east = turned.apply([0.0, 1.0, 0.0])
+    assert east == pytest.approx([0.0, np.cos(0.2), -np.sin(0.2)], abs=SINGLE)
+    place = seen["deck"]["/f/world/deck"]["Transform3D:translation"].reshape(-1, 3)
+    assert place[:, 2] == pytest.approx(-deck.deck.heave.at(record.time), abs=SINGLE)
+    lines = seen["deck"]["/f/world/ground/lines"]["LineStrips3D:strips"]
+    assert np.ravel(np.array(lines[0]).tolist())[-1] == pytest.approx(2.0)

@@ -20,7 +20,7 @@ from helisim.output.drawn_rotor import SLOWED, TILT_GAIN, RotorGeoms, drawn_tilt
 from helisim.physics.frames import flip
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
-from helisim.sim import Pilot
+from helisim.sim import Ground, Pilot
 from helisim.sim.excitation import Excitation, check_excitation
 from helisim.sim.hand.flight import hover_height
 from helisim.sim.injection import injection
@@ -92,6 +92,7 @@ def prepare_live(
     excitation: Excitation | None = None,
     *,
     pilot: Pilot | None = None,
+    ground: Ground | None = None,
     seed: int = 1,
 ) -> LiveFlight:
     """Return a vehicle with all its parts, hovering above its pad, ready to be watched.
@@ -100,12 +101,16 @@ def prepare_live(
         vehicle: that flies.
         excitation: a `Sweep`, say; None holds the hover.
         pilot: the default `Pilot` if None.
+        ground: that is below, with its effect; the scene's own, without, if None.
         seed: of the pilot's remnant, 0 or more.
     """
     if seed < 0:
         raise InputError(f"seed must be 0 or more, got {seed}")
-    model = vehicle.visual_model()
+    model = vehicle.visual_model(None if ground is None else ground.put_into)
     height = hover_height(model)
+    if ground is not None:
+        vehicle = ground.felt_by(vehicle).trimmed(height=height)
+        model.actuator_user[addresses(model).rotor, PARAM.ground_effect] = ground.effect
     par = model.actuator_user[addresses(model).rotor]
     (pilot or Pilot()).write(par, vehicle, seed=seed, height=height)
     added = None
@@ -116,6 +121,8 @@ def prepare_live(
         added = injection(excitation, vehicle)
     data = mujoco.MjData(model)
     place(model, data, vehicle.trim, height=height)
+    if ground is not None:
+        ground.begin(vehicle, model, data)
     with installed():
         mujoco.mj_forward(model, data)
     return LiveFlight(model, data, added, vehicle.roles)
@@ -206,15 +213,18 @@ def view(
     excitation: Excitation | None = None,
     *,
     duration: float | None = None,
+    ground: Ground | None = None,
     seed: int = 1,
 ) -> float:
     """Fly in MuJoCo's viewer until its window is closed; return the seconds flown.
+
+    Arguments are those of `prepare_live` and `watch`.
 
     Raises:
         DisplayError: there is no display to open a window on.
     """
     check_display()
-    flight = prepare_live(vehicle, excitation, seed=seed)
+    flight = prepare_live(vehicle, excitation, ground=ground, seed=seed)
     if duration is None and excitation is not None:
         duration = excitation.duration
     others = set(threading.enumerate())

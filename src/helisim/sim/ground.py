@@ -3,6 +3,7 @@
 import copy
 import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -12,15 +13,15 @@ from scipy.spatial.transform import Rotation
 from helisim.errors import InputError
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
+from helisim.records.record import FlightRecord
 from helisim.sim.clearance import outline
+from helisim.sim.plain import from_plain
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 
 _HEAVIER = 1e6
 """Mass of a deck over that of who lands on it: what the landing does to its motion."""
-_THICK = 0.5
-"""m, of a deck."""
 _SETTLING = 2.0
 """s, in which a vehicle comes to rest on its landing gear."""
 _DECK = "deck"
@@ -95,6 +96,9 @@ class Deck:
     heave: Swing | None = None
     roll: Swing | None = None
     pitch: Swing | None = None
+
+    thickness: ClassVar[float] = 0.5
+    """m, of every deck, downwards from where one lands."""
 
     def __post_init__(self) -> None:
         for name in ("length", "width", "above"):
@@ -264,7 +268,7 @@ class Ground:
         own = np.einsum("tji,tnj->tni", turn, points - place[:, None])
         over = np.abs(own[..., 0]) < 0.5 * self.deck.length
         over &= np.abs(own[..., 1]) < 0.5 * self.deck.width
-        over &= own[..., 2] < _THICK
+        over &= own[..., 2] < self.deck.thickness
         return np.where(over, -own[..., 2], self.deck.above - points[..., 2])
 
     def _quaternion(self) -> NDArray[np.float64]:
@@ -279,6 +283,17 @@ class Ground:
         mujoco.mju_rotVecQuat(place, geom.pos, turn)
         mujoco.mju_mulQuat(quaternion, turn, geom.quat)
         geom.pos, geom.quat = place - [0.0, 0.0, below], quaternion
+
+
+def ground_of(record: FlightRecord) -> Ground | None:
+    """Return the ground that a record was flown over, as its provenance has it; None for none.
+
+    Raises:
+        InputError: what it has is no ground.
+    """
+    kept = record.provenance
+    said = kept.get("ground", dict(kept.get("by_hand", {})).get("ground"))
+    return None if said is None else from_plain(Ground, said, "ground")
 
 
 def _carry(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -318,8 +333,8 @@ def _add_deck(spec: mujoco.MjSpec, deck: Deck, mass: float) -> None:
     body.add_geom(
         name=_DECK,
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[0.5 * deck.length, 0.5 * deck.width, 0.5 * _THICK],
-        pos=[0.0, 0.0, -0.5 * _THICK],
+        size=[0.5 * deck.length, 0.5 * deck.width, 0.5 * deck.thickness],
+        pos=[0.0, 0.0, -0.5 * deck.thickness],
         mass=0.0,
         rgba=_COLOURS["deck"],
     )

@@ -5,6 +5,7 @@ frame of Rerun's has one parent, so the fuselage's is the root, and each flight'
 on it by the flight's own pose, read from child to parent.
 """
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -17,6 +18,7 @@ from helisim.output.rerun.shapes import Shapes
 from helisim.output.rerun.timelines import time_column
 from helisim.records.channels import ATTITUDES, POSITIONS, ROTOR
 from helisim.records.record import FlightRecord
+from helisim.sim.ground import Deck, ground_of
 
 _TILT = ROTOR[:2]
 
@@ -105,9 +107,18 @@ def _parameter(record: FlightRecord, name: str) -> float | None:
 
 
 def _log_ground(recording: rr.RecordingStream, entity: str, record: FlightRecord) -> None:
-    """Log the ground at height 0, or below the lowest point of the flight."""
-    ground = max(0.0, float(np.max(record["down"])) + _CLEARANCE)
-    north, east = record.select(POSITIONS)[0, :2]
+    """Log the ground that it was flown over, or at height 0 or below the flight's lowest point."""
+    flown = ground_of(record)
+    if flown is None:
+        ground = max(0.0, float(np.max(record["down"])) + _CLEARANCE)
+        north, east = record.select(POSITIONS)[0, :2]
+    else:
+        ground, north, east = flown.deck.above if flown.deck is not None else 0.0, 0.0, 0.0
+        axis = [-math.sin(flown.uphill), math.cos(flown.uphill), 0.0]
+        lean = rr.RotationAxisAngle(axis=axis, radians=flown.slope)
+        recording.log(entity, rr.Transform3D(rotation=lean), static=True)
+        if flown.deck is not None:
+            _log_deck(recording, f"{entity.rpartition('/')[0]}/deck", flown.deck, record.time)
     lines = np.arange(-_GROUND, _GROUND + 1e-9, _MESH)
     strips = [
         [[north + x, east - _GROUND, ground], [north + x, east + _GROUND, ground]] for x in lines
@@ -126,6 +137,30 @@ def _log_ground(recording: rr.RecordingStream, entity: str, record: FlightRecord
             fill_mode="solid",
         ),
         static=True,
+    )
+
+
+def _log_deck(
+    recording: rr.RecordingStream, entity: str, deck: Deck, time: NDArray[np.float64]
+) -> None:
+    size = [0.5 * deck.length, 0.5 * deck.width, 0.5 * deck.thickness]
+    recording.log(
+        f"{entity}/surface",
+        rr.Boxes3D(
+            centers=[[0.0, 0.0, size[2]]],
+            half_sizes=[size],
+            colors=[(84, 87, 89)],
+            fill_mode="solid",
+        ),
+        static=True,
+    )
+    place, turn = deck.pose(time)
+    recording.send_columns(
+        entity,
+        indexes=[time_column(time)],
+        columns=rr.Transform3D.columns(
+            translation=place, quaternion=Rotation.from_matrix(turn).as_quat()
+        ),
     )
 
 
