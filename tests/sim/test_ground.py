@@ -349,3 +349,18 @@ def test_what_no_ground_is(make, why):
     with pytest.raises(InputError, match=why) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+def test_the_record_says_how_the_ground_carries(jr700):
+    """With the rotor's true loads also the ground's, and its plan; the pilot takes off."""
+    plan = hs.FlightPlan(
+        excitation=STILL, pilot=QUIET, ground=Ground(parked=True), weather=hs.Weather(height=1.0)
+    )
+    recorder = hs.Recorder.of(jr700, rotor=True)
+    (record,) = hs.fly(jr700, replace(plan, recorder=recorder), seed=1)
+    # it stands on 78 N until collective has come, 50 ms later
+    assert 70.0 < record["contact"][0] < 80.0
+    assert np.abs(record["contact"][100:]).max() < 0.1  # what the anti-alias filter leaves
+    assert hs.FlightPlan.of_record(record).ground == Ground(parked=True)
+    (aloft,) = hs.fly(jr700, replace(plan, ground=None, recorder=recorder), seed=1)
+    assert "contact" not in aloft

@@ -34,6 +34,7 @@ ACCELERATIONS = ("ax", "ay", "az")
 POSITIONS = ("north", "east", "down")
 ROTOR_SPEED = ("rotor_speed",)
 """Measured where a motor turns the rotor; there is none under an ideal governor, which keeps it."""
+CONTACT = ("contact",)
 ROTOR = ("a", "b", "thrust", "torque", "tail_thrust")
 AIR = ("air_u", "air_v", "air_w", "air_p", "air_q", "air_r")
 SERVO_POSITIONS = tuple(f"{servo}_position" for servo in SERVOS)
@@ -92,6 +93,7 @@ _STANDARD = (
     Channel("air_p", "rad/s", "OTHER", "true roll rate of the air itself, from its gradients"),
     Channel("air_q", "rad/s", "OTHER", "true pitch rate of the air itself"),
     Channel("air_r", "rad/s", "OTHER", "true yaw rate of the air itself"),
+    Channel("contact", "N", "OTHER", "true force upwards of the ground on the landing gear"),
     *(Channel(f"{servo}_position", "1", "OTHER", f"true position of {servo}") for servo in SERVOS),
     *(Channel(f"{name}_added", "1", "OTHER", f"what a manoeuvre adds to {name}") for name in IN1),
     *(

@@ -20,6 +20,7 @@ from helisim.records.channels import (
     AIR,
     ATTITUDES,
     CHANNELS,
+    CONTACT,
     IN1,
     IN1_ADDED,
     IN1_DISTURBANCE,
@@ -62,6 +63,7 @@ _TRUE: _Columns = {
     ROTOR: lambda flight: np.column_stack([flight.flapping, flight.rotor[:, [0, 1, 3]]]),
     AIR: lambda flight: flight.air,
     SERVO_POSITIONS: lambda flight: flight.servo_positions,
+    CONTACT: lambda flight: -flight.contact[:, 2:],
 }
 """What none measures, and a recorder with `rotor=True` adds."""
 
@@ -93,8 +95,9 @@ class Recorder:
         rate_hz: samples a second.
         antialias_hz: corner of the fourth-order Butterworth filter before sampling.
         lever_arm_corrected: False leaves velocity and force as they are at the IMU.
-        rotor: True adds the rotor's true tilt, thrusts and torque, the air's own motion and the
-            servos' true positions, to look at; no flight computer measures them.
+        rotor: True adds the rotor's true tilt, thrusts and torque, the air's own motion, the
+            servos' true positions and, over a ground, its force, to look at; no flight computer
+            measures them.
         latency: s, by channel name; 0 where none is given. Positive is late. None: the vehicle's
             own, which `on` fills in.
         noise: standard deviation by channel name, in the channel's unit.
@@ -168,7 +171,9 @@ class Recorder:
         if trajectory.rotor_speed is not None:
             columns |= sampling.plain({ROTOR_SPEED})
         if self.rotor:
-            columns |= sampling.plain(_TRUE)
+            columns |= sampling.plain(
+                set(_TRUE) - ({CONTACT} if trajectory.ground is None else set())
+            )
         columns |= sampling.injected(columns)
         names = [name for name in CHANNELS if name in columns]
         values = np.column_stack([columns[name] for name in names])
