@@ -11,6 +11,22 @@ from helisim.physics.servo import unmix
 
 
 @kernel()
+def cyclic_tilt(par, lon, lat):
+    """Return the tilt that the swashplate alone calls for, rearward and right, rad.
+
+    It is that of the plane in which the blades don't feather, on which free blades settle in still
+    air.
+
+    Args:
+        par: parameters.
+        lon: longitudinal cyclic, unitised.
+        lat: lateral cyclic, unitised.
+    """
+    a = par[PARAM.a_lat] * lat + par[PARAM.a_lon] * lon
+    return a, par[PARAM.b_lat] * lat + par[PARAM.b_lon] * lon
+
+
+@kernel()
 def flap_back(pitch, inflow, advance):
     """Return the tilt away from the airspeed, rad, by the advance ratio in that direction.
 
@@ -81,8 +97,7 @@ def tilt_rates(view, flow, step):
         act[STATE.left_position],
         act[STATE.right_position],
     )
-    a_target = par[PARAM.a_lat] * lat + par[PARAM.a_lon] * lon
-    b_target = par[PARAM.b_lat] * lat + par[PARAM.b_lon] * lon
+    a_target, b_target = cyclic_tilt(par, lon, lat)
     speed, share = turning(flow.speed)
     ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
     a_target += share * par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, ahead)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from helisim.physics import air, ground
 from helisim.physics.body import Velocities
+from helisim.physics.flapping import cyclic_tilt
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.main_rotor import MainRotor, main_rotor
@@ -37,14 +38,16 @@ def flow(view, ahead):
     moving = air.motion(view)
     motion = air.relative_motion(view, moving)
     speed = speed_ratio(view)
-    collective, _, _ = unmix(
+    collective, lon, lat = unmix(
         from_element(view.par, PARAM.mix_front_col),
         position_ahead(view, STATE.front_position, ahead),
         position_ahead(view, STATE.left_position, ahead),
         position_ahead(view, STATE.right_position, ahead),
     )
     nearness = ground.nearness(view)
-    main = main_rotor(view.par, motion, speed, collective, nearness)
+    tips = view.act[STATE.flap_a], view.act[STATE.flap_b]
+    swashplate = cyclic_tilt(view.par, lon, lat)
+    main = main_rotor(view.par, motion, speed, collective, tips, swashplate, nearness)
     pedal = position_ahead(view, STATE.tail_position, ahead)
     tail = tail_rotor(view.par, motion, speed, pedal)
     return Flow(motion, speed, main, tail, moving)

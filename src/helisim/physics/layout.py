@@ -275,6 +275,7 @@ class ParamIndex(NamedTuple):
     main_profile_drag: int
     main_pitch_trim: int
     main_pitch_range: int
+    main_twist: int
     main_stall: int
     main_dynamic_inflow: int
     hub_x: int

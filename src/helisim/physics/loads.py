@@ -28,9 +28,10 @@ def wrench(par, a, b, flow, mast):
     b = rotor.soft_limit(b, stop, 0.7)
     _, share = turning(flow.speed)
     stiffness = share * par[PARAM.hub_stiffness]
-    # hub: thrust along the tip-path plane's normal, springs, torque, against the blades' turning
-    hub_x = -main.thrust * math.sin(a)
-    hub_y = main.thrust * math.sin(b)
+    # hub: thrust along the tip-path plane's normal, the blades' drag in the plane of the hub,
+    # springs, torque against the blades' turning
+    hub_x = -main.thrust * math.sin(a) + main.drag_x
+    hub_y = main.thrust * math.sin(b) + main.drag_y
     hub_z = -main.thrust * math.cos(a) * math.cos(b)
     arm_x, arm_z = par[PARAM.hub_x], par[PARAM.hub_z]
     moment_l = stiffness * b - arm_z * hub_y

@@ -1,9 +1,17 @@
-"""What the main rotor does in the air that passes it, shaft axes."""
+"""What the main rotor does in the air that passes it.
+
+Three planes meet at the hub. The shaft's carries the forces in the plane of the disc. In that of no
+feathering, which the swashplate tilts, blades see no cyclic pitch: what passes through it gives
+their lift. Thrust stands on the tips' plane: what passes along it is what momentum theory knows,
+and what thrust works against, so that the shaft's power is the work of thrust and drag on the
+vehicle and the heat that the air keeps.
+"""
 
 import math
 from typing import NamedTuple
 
 from helisim.physics import rotor
+from helisim.physics.inflow import balance
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
 
@@ -15,16 +23,24 @@ class MainRotor(NamedTuple):
     """What the main rotor does.
 
     Attributes:
-        thrust: N.
-        torque: N m.
-        inflow: ratio of the air's velocity through the disc to the tip speed.
+        thrust: N, along the normal of the tips' plane.
+        torque: N m, which the shaft takes; negative where the air turns the rotor.
+        drag_x: force of the blades' drag in the plane of the hub, N, forward.
+        drag_y: likewise to the right, N.
+        heat: power that the air keeps, induced and of the blades' drag, W.
+        inflow: ratio of the air's velocity through the plane of no feathering to the tip speed.
+        induced: share of it that the rotor itself makes.
         tip_speed: m/s, at least that of a rotor that counts as stopped.
         pitch: collective pitch of the blades, rad.
     """
 
     thrust: float
     torque: float
+    drag_x: float
+    drag_y: float
+    heat: float
     inflow: float
+    induced: float
     tip_speed: float
     pitch: float
 
@@ -46,7 +62,7 @@ def turning(speed):
 
 
 @kernel()
-def main_rotor(par, motion, speed, collective, nearness=0.0):
+def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0):
     """Return what the main rotor does.
 
     Args:
@@ -54,33 +70,52 @@ def main_rotor(par, motion, speed, collective, nearness=0.0):
         motion: `Velocities` of the body through the air.
         speed: rotor speed over the nominal one.
         collective: unitised.
+        tips: tilt of the tips' plane, rearward and right, rad, (2,).
+        swashplate: tilt of the plane of no feathering, likewise, (2,).
         nearness: (R / 4z)^2 of the ground, 0 far from it.
     """
     speed, share = turning(speed)
-    tip_speed = par[PARAM.main_speed] * speed * par[PARAM.main_radius]
+    radius = par[PARAM.main_radius]
+    tip_speed = par[PARAM.main_speed] * speed * radius
     pitch = par[PARAM.main_pitch_trim] + par[PARAM.main_pitch_range] * collective
-    hub_u = motion.u + motion.q * par[PARAM.hub_z]
-    hub_v = motion.v - motion.p * par[PARAM.hub_z]
-    climb = -(motion.w - motion.q * par[PARAM.hub_x]) / tip_speed
-    advance = math.sqrt(hub_u**2 + hub_v**2) / tip_speed
-    inflow, ct = rotor.inflow_and_thrust(
-        pitch,
-        climb,
+    u = (motion.u + motion.q * par[PARAM.hub_z]) / tip_speed
+    v = (motion.v - motion.p * par[PARAM.hub_z]) / tip_speed
+    w = (motion.w - motion.q * par[PARAM.hub_x]) / tip_speed
+    advance = math.sqrt(u**2 + v**2)
+    x, y, z = normal(par, tips)
+    climb = u * x + v * y + w * z
+    through = -swashplate[0] * u + swashplate[1] * v - w
+    slope = 0.25 * par[PARAM.main_lift_slope] * par[PARAM.main_solidity]
+    limit = par[PARAM.main_stall] * par[PARAM.main_solidity]
+    free = rotor.unloaded_inflow(pitch, par[PARAM.main_twist], through, advance)
+    induced, thrust = balance(free, slope, limit, climb, advance, nearness)
+    spent = rotor.losses(
+        thrust,
+        slope * (free - induced),
+        induced,
         advance,
         par[PARAM.main_solidity],
-        par[PARAM.main_lift_slope],
-        par[PARAM.main_stall],
-        nearness,
-    )
-    cp = rotor.power(
-        ct,
-        inflow,
-        climb,
-        advance,
-        par[PARAM.main_solidity],
+        slope,
         par[PARAM.main_induced_factor],
         par[PARAM.main_profile_drag],
     )
-    radius = par[PARAM.main_radius]
     force = share * par[PARAM.air_density] * math.pi * radius**2 * tip_speed**2
-    return MainRotor(force * ct, force * radius * cp, inflow, tip_speed, pitch)
+    return MainRotor(
+        force * thrust,
+        force * radius * (climb * thrust + spent.torque),
+        -force * spent.drag * u,
+        -force * spent.drag * v,
+        force * tip_speed * (spent.torque + spent.drag * advance**2),
+        through + induced,
+        induced,
+        tip_speed,
+        pitch,
+    )
+
+
+@kernel()
+def normal(par, tips):
+    """Return the direction of thrust, body axes, at a tilt of the tips' plane (2,), rad."""
+    stop = par[PARAM.flap_stop]
+    a, b = rotor.soft_limit(tips[0], stop, 0.7), rotor.soft_limit(tips[1], stop, 0.7)
+    return -math.sin(a), math.sin(b), -math.cos(a) * math.cos(b)

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from helisim.physics import rotor
+from helisim.physics.inflow import balance
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import turning
@@ -41,27 +42,24 @@ def tail_rotor(par, motion, speed, pedal):
     hand = par[PARAM.main_direction]
     pitch = par[PARAM.tail_pitch_trim] + hand * par[PARAM.tail_pitch_range] * pedal
     climb = -hand * tail_v(par, motion) / tip_speed
-    inflow, ct = rotor.inflow_and_thrust(
-        pitch,
-        climb,
+    slope = 0.25 * par[PARAM.tail_lift_slope] * par[PARAM.tail_solidity]
+    limit = par[PARAM.tail_stall] * par[PARAM.tail_solidity]
+    free = rotor.unloaded_inflow(pitch, 0.0, climb, 0.0)
+    induced, thrust = balance(free, slope, limit, climb, 0.0, 0.0)
+    spent = rotor.losses(
+        thrust,
+        slope * (free - induced),
+        induced,
         0.0,
         par[PARAM.tail_solidity],
-        par[PARAM.tail_lift_slope],
-        par[PARAM.tail_stall],
-        0.0,
-    )
-    cp = rotor.power(
-        ct,
-        inflow,
-        climb,
-        0.0,
-        par[PARAM.tail_solidity],
+        slope,
         par[PARAM.main_induced_factor],
         par[PARAM.main_profile_drag],
     )
     radius = par[PARAM.tail_radius]
     force = share * par[PARAM.air_density] * math.pi * radius**2 * tip_speed**2
-    return TailRotor(force * ct, inflow, force * radius * cp)
+    torque = force * radius * (climb * thrust + spent.torque)
+    return TailRotor(force * thrust, climb + induced, torque)
 
 
 @kernel()

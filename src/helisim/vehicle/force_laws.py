@@ -31,6 +31,7 @@ _DIRECT = {
     "main_profile_drag": "main_rotor.profile_drag",
     "main_pitch_trim": "main_rotor.pitch_trim",
     "main_pitch_range": "main_rotor.pitch_range",
+    "main_twist": "main_rotor.twist",
     "main_stall": "main_rotor.stall",
     "hub_x": "main_rotor.hub_x",
     "hub_z": "main_rotor.hub_z",

@@ -130,6 +130,7 @@ def untuned(parameters: Parameters) -> Parameters:
 
 _LEFT_OUT = {
     "main_rotor.direction": (1.0, "1", "clockwise seen from above"),
+    "main_rotor.twist": (0.0, "rad", "blades without twist"),
     "drive.governor": (0.0, "1", "the rotor keeps the speed that is asked for"),
     **{
         f"drive.{name}": (0.0, unit, "the governor is ideal")
