@@ -1,0 +1,78 @@
+"""What a flight has of energy, is given and loses, from its trajectory alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.spatial.transform import Rotation
+
+from helisim.vehicle.assembly import total_inertia
+from helisim.vehicle.motion import root_body
+
+
+@dataclass(frozen=True, eq=False)
+class Ledger:
+    """A flight's energy, J, at each of its samples.
+
+    Attributes:
+        kinetic: (n_time,) of the body, in translation and rotation.
+        potential: (n_time,) in gravity, from its start on.
+        spin: (n_time,) of the rotor and what turns with it.
+        delivered: (n_time,) by the motor, since the start.
+        lost: (n_time,) to the air.
+    """
+
+    kinetic: np.ndarray
+    potential: np.ndarray
+    spin: np.ndarray
+    delivered: np.ndarray
+    lost: np.ndarray
+
+    @property
+    def missing(self):
+        """What has gone without a trace since the start, J, (n_time,)."""
+        stored = self.kinetic + self.potential + self.spin
+        return stored - stored[0] - self.delivered + self.lost
+
+    @property
+    def turned_over(self):
+        """What the air got in the whole flight, J."""
+        return float(self.lost[-1])
+
+    def __str__(self):
+        rows = {
+            "stored more": (self.kinetic + self.potential + self.spin)[[0, -1]] @ [-1, 1],
+            "delivered": self.delivered[-1],
+            "lost": self.lost[-1],
+            "missing": self.missing[-1],
+            "at most missing": np.abs(self.missing).max(),
+        }
+        return "\n".join(f"{name:16s} {value:10.1f} J" for name, value in rows.items())
+
+
+def ledger(vehicle, flight):
+    """Return the `Ledger` of a flight in calm air, a `Trajectory` with RK4's steps.
+
+    Mass, inertia and gravity are the compiled model's, motions those of MuJoCo's own sensors.
+    """
+    model, own = vehicle.model, vehicle.parameters
+    mass = float(model.body_subtreemass[root_body(model)])
+    flip = np.array([1.0, -1.0, -1.0])
+    inertia = flip[:, None] * total_inertia(model, root_body(model)) * flip
+    arm = flight.imu_offset
+    velocity = flight.velocities - np.cross(flight.rates, arm)
+    turned = Rotation.from_euler("ZYX", flight.attitudes[:, ::-1])
+    height = -(flight.positions - turned.apply(arm))[:, 2]
+    spin = own["main_rotor.speed"] * flight.rotor[:, 4]
+
+    def summed(power):
+        return cumulative_trapezoid(power, dx=flight.timestep, initial=0.0)
+
+    return Ledger(
+        kinetic=0.5 * mass * np.sum(velocity**2, axis=1)
+        + 0.5 * np.einsum("ni,ij,nj->n", flight.rates, inertia, flight.rates),
+        potential=-mass * float(model.opt.gravity[2]) * (height - height[0]),
+        spin=0.5 * own["drive.inertia"] * spin**2,
+        delivered=summed(flight.power[:, 0]),
+        lost=summed(flight.power[:, 3]),
+    )
