@@ -53,7 +53,8 @@ class FlightEnvelope:
         descent: through the air along the shaft, in induced velocities of the hover, slower than
             one of which the flight is across it. A vortex ring forms from 0.7 on and is unsteady
             (Leishman, Principles of Helicopter Aerodynamics, chapter 2), of which the force laws
-            know the mean; beyond 2 the momentum balance has several solutions (`mass_flow`).
+            know the mean; at 2 the windmill state begins, which they know again: an autorotation
+            is flown without this limit, a flight that means to hover has lost it.
         advance: ratio of the airspeed across the shaft to that of the blades' tips. Up to 0.3 the
             reverse flow, which the force laws don't know, is small (Leishman, chapter 2).
         saturation: s out of `saturation_window` that a stick or a command is at its stop, or
