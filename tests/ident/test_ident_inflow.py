@@ -10,6 +10,10 @@ from helisim.ident.evaluate import response, state_space
 HEAVE = {"Z_w": -0.9, "Z_col": -25.0, "tau_0": 0.05, "C": 0.6, "tau_col": 0.01}
 TURN = {"turn": 1.0 / 178.0}
 ROLLPITCH = {**plants.ROLLPITCH_IN1, "C": 0.6, "tau_1": 0.03, **TURN}
+HOVER = {
+    **ROLLPITCH, "X_u": -0.05, "X_a": -9.8, "Y_v": -0.15, "Y_b": 9.8, "L_u": -1.5, "L_v": -1.2,
+    "M_u": 0.9, "M_v": -0.8,
+}  # fmt: skip
 FREQUENCY = np.geomspace(1.0, 60.0, 160)
 
 
@@ -54,14 +58,20 @@ def test_heave_is_chen_and_hindsons_without_coning():
     assert a[0, 0] == -a[0, 1]
 
 
-def test_without_lag_and_turn_rollpitch_comes_back():
-    """With inflow that follows at once the six states are the paper's four."""
-    values = {**ROLLPITCH, "tau_1": 1e-9, "turn": 0.0}
-    free = structures.rollpitch_inflow.with_bounds({"tau_1": None})
-    plain = {name: ROLLPITCH[name] for name in structures.rollpitch.names}
+@pytest.mark.parametrize(
+    ("structure", "without"),
+    [
+        (structures.rollpitch_inflow, structures.rollpitch),
+        (structures.hover_inflow, structures.hover),
+    ],
+)
+def test_without_lag_and_turn_the_model_without_inflow_comes_back(structure, without):
+    """With inflow that follows at once the slopes are no states."""
+    values = {**HOVER, "tau_1": 1e-9, "turn": 0.0}
+    free = structure.with_bounds({"tau_1": None})
     np.testing.assert_allclose(
-        response(free, values, FREQUENCY),
-        response(structures.rollpitch, plain, FREQUENCY),
+        response(free, {name: values[name] for name in free.names}, FREQUENCY),
+        response(without, {name: HOVER[name] for name in without.names}, FREQUENCY),
         rtol=1e-6,  # a lag of 1e-9 s at 60 rad/s
     )
 
@@ -71,8 +81,9 @@ def test_without_lag_and_turn_rollpitch_comes_back():
     [
         (structures.heave_inflow, HEAVE),
         (structures.rollpitch_inflow.with_fixed(TURN), ROLLPITCH),
+        (structures.hover_inflow.with_fixed(TURN), HOVER),
     ],
-    ids=["heave", "rollpitch"],
+    ids=["heave", "rollpitch", "hover"],
 )
 def test_they_come_back_from_their_own_responses(structure, values):
     """From exact responses every parameter is found to 0.1 %, the inflow's lag too."""

@@ -22,6 +22,7 @@ __all__ = [
     "heave_inflow",
     "hover",
     "hover_imu",
+    "hover_inflow",
     "named",
     "rollpitch",
     "rollpitch_inflow",
@@ -233,7 +234,7 @@ rollpitch_tied = Structure(
     input_delays=rollpitch.input_delays,
 )
 
-rollpitch_inflow = with_inflow(rollpitch)
+rollpitch_inflow = with_inflow(rollpitch, "rollpitch_inflow")
 
 _HOVER_STATES = ("u", "v", "p", "q", "phi", "theta", "a", "b")
 
@@ -308,6 +309,8 @@ hover_imu = _hover(
     "as hover, with accelerometers for velocities: ax = du/dt + g theta, ay = dv/dt - g phi",
 )
 
+hover_inflow = with_inflow(hover, "hover_inflow")
+
 BUILT_IN: dict[str, Structure] = {
     structure.name: structure
     for structure in (
@@ -322,6 +325,7 @@ BUILT_IN: dict[str, Structure] = {
         rollpitch_inflow,
         hover,
         hover_imu,
+        hover_inflow,
     )
 }
 """The built-in structures by name."""

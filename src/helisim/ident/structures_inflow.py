@@ -15,6 +15,15 @@ _LAG_BOUNDS = (1e-3, 1.0)
 _DEFICIENCY = Parameter(
     "C", "1", 0.7, (0.05, 1.0), "lift deficiency: what stays of a load once the inflow has come"
 )
+_TURN = Parameter(
+    "turn",
+    "s",
+    0.005,
+    None,
+    "1 over the rotor's speed; A_b and B_a are the couplings beside what the blades' flapping "
+    "speed makes of it",
+    fixed=True,
+)
 
 heave_inflow = Structure(
     name="heave_inflow",
@@ -39,56 +48,55 @@ heave_inflow = Structure(
 )
 
 
-def with_inflow(flapping: Structure) -> Structure:
-    """Return the roll-pitch model with the inflow's slopes that stand against each tilt."""
+def with_inflow(flapping: Structure, name: str) -> Structure:
+    """Return a model of p, q and tilts a, b with the inflow's slopes that stand against each tilt.
+
+    Args:
+        flapping: whose rows of a and b are tau_f (da/dt + q) = -a + A_b b + A_lat lat + A_lon lon
+            and its like.
+        name: of the new one.
+    """
     kept = {one.name: one for one in flapping.parameters}
     delays = [kept.pop(name) for name in ("tau_lat", "tau_lon")]
+    states = (*flapping.states, "nu_a", "nu_b")
+    old = len(flapping.states)
+    p, q, a, b = (flapping.states.index(name) for name in ("p", "q", "a", "b"))
+    lost = "1 - C"
+    mass = [[*row, "0", "0"] for row in flapping.M] + [["0"] * len(states) for _ in range(2)]
+    rates = [[*row, "0", "0"] for row in flapping.F] + [["0"] * len(states) for _ in range(2)]
+    # tau_f (a' + q) = X / C + A_b b with the moment X = -(a - a_asked) - turn (b' + p) - nu_a,
+    # tau_1 nu_a' = -C nu_a + (1 - C) (X + nu_a); likewise b, where turn has the other sign
+    for tilt, other, slope, roll, sign in ((a, b, old, p, ""), (b, a, old + 1, q, "-")):
+        mass[tilt][other] = f"{sign}turn/C"
+        mass[slope][other], mass[slope][slope] = f"{sign}({lost})*turn", "tau_1"
+        minus = "" if sign else "-"
+        rates[tilt][tilt], rates[tilt][slope] = "-1/C", "-1/C"
+        rates[tilt][roll] = f"{minus}turn/C"
+        rates[slope][roll] = f"{minus}({lost})*turn"
+        rates[slope][tilt], rates[slope][slope] = f"-({lost})", "-1"
+    asked = [list(row) for row in flapping.G]
+    slopes = [[f"({lost})*({cell})" for cell in asked[tilt]] for tilt in (a, b)]
+    for tilt in (a, b):
+        asked[tilt] = [f"({cell})/C" for cell in asked[tilt]]
     return Structure(
-        name="rollpitch_inflow",
-        meaning="roll and pitch rate over cyclic: rigid fuselage, first-order flapping and the "
-        "inflow's slopes as states (fix turn at 1 over the rotor's speed, negative for blades "
-        "that turn counter-clockwise)",
+        name=name,
+        meaning=f"{flapping.meaning}, and the inflow's slopes as states (fix turn at 1 over the "
+        "rotor's speed, negative for blades that turn counter-clockwise)",
         parameters=(
             *kept.values(),
             Parameter("tau_1", "s", 0.03, _LAG_BOUNDS, "time constant of the inflow's slopes"),
             _DEFICIENCY,
-            Parameter(
-                "turn",
-                "s",
-                0.005,
-                None,
-                "a radian of the rotor's turn; A_b and B_a are the "
-                "couplings beside what the blades' flapping speed makes of it",
-                fixed=True,
-            ),
+            _TURN,
             *delays,
         ),
-        states=(*flapping.states, "nu_a", "nu_b"),
+        states=states,
         inputs=flapping.inputs,
         outputs=flapping.outputs,
-        M=(
-            ("1", "0", "0", "0", "0", "0"),
-            ("0", "1", "0", "0", "0", "0"),
-            ("0", "0", "tau_f", "turn/C", "0", "0"),
-            ("0", "0", "-turn/C", "tau_f", "0", "0"),
-            ("0", "0", "0", "(1 - C)*turn", "tau_1", "0"),
-            ("0", "0", "-(1 - C)*turn", "0", "0", "tau_1"),
-        ),
-        F=(
-            ("0", "0", "0", "L_b", "0", "0"),
-            ("0", "0", "M_a", "0", "0", "0"),
-            ("-turn/C", "-tau_f", "-1/C", "A_b", "-1/C", "0"),
-            ("-tau_f", "turn/C", "B_a", "-1/C", "0", "-1/C"),
-            ("-(1 - C)*turn", "0", "-(1 - C)", "0", "-1", "0"),
-            ("0", "(1 - C)*turn", "0", "-(1 - C)", "0", "-1"),
-        ),
-        G=(
-            ("0", "0"),
-            ("0", "0"),
-            ("A_lat/C", "A_lon/C"),
-            ("B_lat/C", "B_lon/C"),
-            ("(1 - C)*A_lat", "(1 - C)*A_lon"),
-            ("(1 - C)*B_lat", "(1 - C)*B_lon"),
-        ),
+        M=mass,
+        F=rates,
+        G=asked + slopes,
+        H0=tuple((*row, "0", "0") for row in flapping.H0),
+        H1=tuple((*row, "0", "0") for row in flapping.H1),
         input_delays=flapping.input_delays,
+        constants=flapping.constants,
     )
