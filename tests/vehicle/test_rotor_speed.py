@@ -8,6 +8,7 @@ from command import fails
 from helisim.errors import ModelError, TrimError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
+from helisim.study.check import check_vehicle
 from helisim.vehicle import load
 from helisim.vehicle.build import write_numbers
 from helisim.vehicle.motion import addresses
@@ -66,6 +67,21 @@ def test_the_linear_model_has_rotor_speed_only_with_a_motor(jr700, motor):
     assert not set(STATES) & set(ideal.state_labels)
     assert set(moving.state_labels) - set(ideal.state_labels) == set(STATES)
     assert moving.nstates == ideal.nstates + 3
+
+
+def test_derivatives_are_those_of_a_speed_that_is_kept(jr700, motor):
+    """What structures without rotor speed have; the motor's own linear model has more of it."""
+    assert motor.derivatives == pytest.approx(jr700.derivatives, rel=1e-9)
+    assert motor.linearize().derivative("r", "tail_position") > 1.02 * jr700.derivatives["N_ped"]
+
+
+def test_a_folder_with_a_motor_is_calibrated_as_one_without(tmp_path):
+    """Nothing is wrong with it: targets hold at a speed that is kept."""
+    own = copied(tmp_path / "own")
+    edited(own, "parameters.toml", 'governor = { value = "ideal"', 'governor = { value = "motor"')
+    (own / "jr700.xml").rename(own / "own.xml")
+    write_numbers(own)
+    assert [str(one) for one in check_vehicle(own).problems] == []
 
 
 def test_the_motor_s_own_mode_is_that_of_its_data(motor):

@@ -289,13 +289,15 @@ def _sentences(
 
 
 def trims(flights: Sequence[Vehicle]) -> Table:
-    """Return level flights, a row for each speed."""
+    """Return level flights, a row for each speed; with the throttle where there is one."""
+    driven = any(flight.trim.throttle for flight in flights)
     return Table(
         "",
         (
             *(Column("speed", unit="m/s"), Column("power", unit="W")),
             *(Column(name) for name in IN1),
             *(Column(name, unit="deg") for name in ("theta", "phi", "a", "b")),
+            *[Column("throttle")] * driven,
         ),
         tuple(
             (
@@ -306,6 +308,7 @@ def trims(flights: Sequence[Vehicle]) -> Table:
                     number(degrees(getattr(flight.trim, name)), ".2f", unit="deg")
                     for name in ("theta", "phi", "a", "b")
                 ),
+                *[number(flight.trim.throttle, ".3f")] * driven,
             )
             for flight in flights
         ),

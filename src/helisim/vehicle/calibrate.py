@@ -17,7 +17,7 @@ from scipy.optimize import root
 
 from helisim.errors import InputError, ModelError
 from helisim.vehicle.assembly import assemble, mass_and_gravity
-from helisim.vehicle.linearize import linearize, stability_derivatives
+from helisim.vehicle.linearize import linearize, plain_rotor, stability_derivatives
 from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, untuned
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import find_trim
@@ -116,7 +116,7 @@ def _unit(derivative: str) -> str:
 def _miss(
     vehicle: str | PathLike[str], parameters: Parameters, targets: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    model = assemble(vehicle, parameters, delays=False)
+    model = plain_rotor(assemble(vehicle, parameters, delays=False))
     trim = find_trim(model)
     plate = Swashplate.of(completed(parameters))
     found = stability_derivatives(linearize(model, trim), plate)

@@ -204,6 +204,21 @@ def driven_states(par: NDArray[np.float64]) -> tuple[str, ...]:
     return tuple(name for name in StateIndex._fields[: STATE.air_u] if name not in off)
 
 
+def plain_rotor(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a model whose rotor has no states but its tilt, as published structures know it.
+
+    Its speed is kept and its inflow follows at once. A steady flight is the same. The model itself
+    is returned where it is so already.
+    """
+    rotor = addresses(model).rotor
+    if not any(model.actuator_user[rotor, getattr(PARAM, law)] for law in _OPTIONAL):
+        return model
+    plain = copy.copy(model)
+    for law in _OPTIONAL:
+        plain.actuator_user[rotor, getattr(PARAM, law)] = 0.0
+    return plain
+
+
 class _Dynamics:
     """Deviations of states and inputs from the trim -> rates of the states, and outputs."""
 
@@ -254,7 +269,7 @@ def stability_derivatives(base: Linearization, swashplate: Swashplate) -> dict[s
     out; control derivatives are per unit of servo position. SI.
 
     Args:
-        base: a linearisation with inputs IN1.
+        base: a linearisation with inputs IN1, of a `plain_rotor`.
         swashplate: of the vehicle, for the derivatives by what its servos do together.
     """
     swash = {name: _swash_derivatives(base, swashplate, name) for name in ("w", "flap_a", "flap_b")}

@@ -34,7 +34,12 @@ from helisim.vehicle.folder import PARAMETER_FILES, is_shipped, model_folder, re
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.glossary import glossary
 from helisim.vehicle.law import linearize_law
-from helisim.vehicle.linearize import Linearization, linearize, stability_derivatives
+from helisim.vehicle.linearize import (
+    Linearization,
+    linearize,
+    plain_rotor,
+    stability_derivatives,
+)
 from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.parameters import (
     GyroSettings,
@@ -284,11 +289,15 @@ class Vehicle(Value, Displayed):
 
     @cached_property
     def _base(self) -> Linearization:
+        return linearize(self._linear_model, self.trim)
+
+    @cached_property
+    def _linear_model(self) -> mujoco.MjModel:
         model = copy.copy(self._unsampled)
         user = self.model.actuator_user[addresses(self.model).rotor]
         model.actuator_user[addresses(model).rotor] = user
         model.opt.wind[:] = self.model.opt.wind
-        return linearize(model, self.trim)
+        return model
 
     @cached_property
     def _unsampled(self) -> mujoco.MjModel:
@@ -314,8 +323,15 @@ class Vehicle(Value, Displayed):
 
     @cached_property
     def derivatives(self) -> dict[str, float]:
-        """Stability and control derivatives of the base helicopter by name, SI."""
-        return stability_derivatives(self.linearize("IN1"), self.swashplate)
+        """Stability and control derivatives of the base helicopter by name, SI.
+
+        At a rotor speed that is kept and with inflow that follows at once, as the structures have
+        them whose parameters they are; a motor or dynamic inflow is in `linearize`.
+        """
+        model = plain_rotor(self._linear_model)
+        same = model is self._linear_model
+        base = self._base if same else linearize(model, self.trim)
+        return stability_derivatives(base, self.swashplate)
 
     def servo_delay(self, axis: str) -> float:
         """Return the delay of the servos that move a control axis, s.
