@@ -116,3 +116,36 @@ def test_dropped_with_the_rotor_stopped_it_lands_on_its_skids(name):
     assert data.body(name).xmat[8] == pytest.approx(1.0, abs=1e-3)
     assert np.abs(data.qvel).max() < 1e-2
     assert not any(warning.number for warning in data.warning)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_it_rides_on_a_deck_that_a_mocap_body_moves(integrator):
+    """A heavy body welded to a mocap body carries it along, up and aside; Newton's force does."""
+    spec = mujoco.MjSpec.from_file(str(model_folder("jr700") / "jr700.xml"))
+    spec.option.integrator = INTEGRATORS[integrator]
+    spec.worldbody.add_body(name="told", mocap=True)
+    deck = spec.worldbody.add_body(name="deck", gravcomp=1.0)
+    deck.mass, deck.inertia, deck.explicitinertial = 1e7, [1e7] * 3, True
+    deck.add_freejoint()
+    deck.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[3, 3, 0.25], pos=[0, 0, -0.25])
+    weld = spec.add_equality(type=mujoco.mjtEq.mjEQ_WELD, name1="told", name2="deck")
+    weld.objtype, weld.solref = mujoco.mjtObj.mjOBJ_BODY, [0.05, 1.0]
+    for key in list(spec.keys):
+        spec.delete(key)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[2] = 0.2
+    rows = []
+    with hs.installed():
+        while data.time < 20.0:
+            data.mocap_pos[0] = [0.2 * np.sin(data.time), 0.0, 0.3 * np.sin(data.time)]
+            mujoco.mj_step(model, data)
+            apart = data.body("jr700").xpos - data.body("deck").xpos
+            rows.append([data.time, *apart, *data.sensor("contact").data])
+    time, *apart, north, _, down = np.array(rows)[2500:].T
+    assert np.ptp(apart, axis=1).max() < 1e-3
+    mass, late = 8.01, time - 0.1  # the weld is late by twice its time constant
+    # MuJoCo's weld to a mocap body, whose place jumps at each step, shakes the deck under RK4
+    assert np.mean(np.abs(-down - mass * (9.8015 - 0.3 * np.sin(late)))) < 0.02 * mass * 9.8
+    pull = np.polyfit(-np.sin(late), north, 1)[0]
+    assert pull == pytest.approx(0.2 * mass, rel=0.05)

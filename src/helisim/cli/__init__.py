@@ -32,6 +32,7 @@ examples:
 _SHARED = {
     "by_hand",
     "common",
+    "ground",
     "logs",
     "manoeuvres",
     "missions",

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from helisim.cli.common import controlled, parameters
+from helisim.cli.ground import ground
 from helisim.cli.weather import add_weather, weather
 from helisim.errors import InputError
 
@@ -111,7 +112,7 @@ def fly_by_hand(options: argparse.Namespace) -> int:
     axes = None if options.map is None else JoystickMap.read(options.map)
     if options.order is not None:
         axes = JoystickMap.transmitter(options.order)
-    air = weather(options, Weather())
+    air, below = weather(options, Weather()), ground(options)
     out = check_destination(options.out or _DEFAULT_OUT)
     check_display()
     if options.calibrate is not None:
@@ -124,6 +125,7 @@ def fly_by_hand(options: argparse.Namespace) -> int:
         feel=feel,
         axes=axes,
         weather=air,
+        ground=below,
         out=out,
         duration=options.duration,
         seed=options.seed,

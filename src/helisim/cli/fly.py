@@ -18,6 +18,8 @@ from helisim.cli.common import (
     print_written,
     write_recording,
 )
+from helisim.cli.ground import EPILOG as GROUND
+from helisim.cli.ground import add_ground, ground
 from helisim.cli.manoeuvres import EPILOG as MANOEUVRES
 from helisim.cli.manoeuvres import add_manoeuvre, is_asked, manoeuvre
 from helisim.cli.missions import EPILOG as MISSIONS
@@ -50,6 +52,7 @@ weather, faults, envelope. Options beside --plan change what it says, but
 
 {manoeuvres}
 {missions}
+{ground}
 a fault is PART:KIND[@SECONDS][,NAME=VALUE...]:
   servo_front:stuck@30                   where it is; with position=P, at P
   servo_tail:weak@30,rate_limit=1        slow; with travel=T, short
@@ -65,7 +68,8 @@ A flight is terminated early where it leaves what the model is valid for. Its
 record says so and the identification refuses it; last_second/ beside it keeps
 how it came. Exit status 3. The limits of --envelope are
   tilt=1.2, rate=20                      rad, rad/s
-  clearance=0                            m above the ground
+  clearance=0                            m above the ground; with --ground the rotors' alone
+  touchdown=2.5                          m/s, on a ground that can be landed on
   flapping=1                             of the head's stop
   descent=2                              of the hover's induced velocity
   advance=0.3                            ratio of airspeed and tip speed
@@ -80,7 +84,7 @@ def add(commands: Any) -> None:
         help="fly sweeps, missions and other plans and record them",
         description="Fly one frequency sweep, a mission or another plan, once or many times, and "
         "write what the flight computer records.",
-        epilog=_EPILOG.format(manoeuvres=MANOEUVRES, missions=MISSIONS),
+        epilog=_EPILOG.format(manoeuvres=MANOEUVRES, missions=MISSIONS, ground=GROUND),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_vehicle(command)
@@ -120,6 +124,7 @@ def add(commands: Any) -> None:
     )
     add_controller(command)
     add_weather(command)
+    add_ground(command)
     command.add_argument(
         "--envelope",
         action="append",
@@ -171,6 +176,7 @@ def _plan(options: argparse.Namespace) -> "FlightPlan":
         plan,
         faults=(*plan.faults, *faults),
         weather=weather(options, plan.weather),
+        ground=ground(options, plan.ground),
         envelope=_envelope(options.envelope, plan.envelope),
     )
 

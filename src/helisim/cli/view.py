@@ -5,6 +5,8 @@ from typing import Any
 
 from helisim.cli import by_hand
 from helisim.cli.common import add_controller, add_parameters, add_vehicle, controlled, parameters
+from helisim.cli.ground import EPILOG as GROUND
+from helisim.cli.ground import add_ground, ground
 from helisim.cli.manoeuvres import EPILOG, add_manoeuvre, is_asked, manoeuvre
 
 
@@ -16,13 +18,14 @@ def add(commands: Any) -> None:
         description="Fly in MuJoCo's viewer, in real time: a hover, or any manoeuvre; or by hand, "
         "with keys or a joystick. Needs a display; without one, record a flight with helisim fly "
         "--rerun.",
-        epilog=f"example: helisim view --axis lat\n\n{by_hand.EPILOG}\n{EPILOG}",
+        epilog=f"example: helisim view --axis lat\n\n{by_hand.EPILOG}\n{GROUND}\n{EPILOG}",
     )
     add_vehicle(command)
     add_manoeuvre(command, alone=" (default: a hover, until the window is closed)")
     command.add_argument(
         "--seed", type=int, default=1, metavar="S", help="of the pilot (default: 1)"
     )
+    add_ground(command)
     add_controller(command)
     add_parameters(command)
     by_hand.add_by_hand(command)
@@ -44,6 +47,8 @@ def _run(options: argparse.Namespace) -> int:
     flown_on_purpose = manoeuvre(options) if is_asked(options) else None
     vehicle = controlled(load(options.vehicle, parameters=parameters(options)), options)
     check_display()
-    flown = view(vehicle, flown_on_purpose, duration=duration, seed=options.seed)
+    flown = view(
+        vehicle, flown_on_purpose, duration=duration, ground=ground(options), seed=options.seed
+    )
     print(f"Flown: {flown:.1f} s")
     return 0

@@ -97,6 +97,7 @@ class Deck:
     roll: Swing | None = None
     pitch: Swing | None = None
 
+    motions: ClassVar[tuple[str, ...]] = tuple(_AXES)
     thickness: ClassVar[float] = 0.5
     """m, of every deck, downwards from where one lands."""
 
@@ -104,9 +105,11 @@ class Deck:
         for name in ("length", "width", "above"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise InputError(f"a deck's {name} must be above 0 m, got {getattr(self, name)}")
-        for name in _TURNS:
+        for name in _AXES:
             swing = getattr(self, name)
-            if swing is not None and abs(swing.amplitude) >= 0.5:
+            if not isinstance(swing, Swing | None):
+                raise InputError(f"a deck's {name} must be a Swing or None, got {swing!r}")
+            if swing is not None and name in _TURNS and abs(swing.amplitude) >= 0.5:
                 raise InputError(
                     f"a deck's {name} must stay below 0.5 rad, got {swing.amplitude:g}"
                 )
@@ -169,6 +172,8 @@ class Ground:
             raise InputError(f"the ground's friction must be above 0, got {self.friction}")
         if not 0.0 <= self.effect <= 1.0:
             raise InputError(f"the ground's effect must be from 0 to 1, got {self.effect}")
+        if not isinstance(self.deck, Deck | None):
+            raise InputError(f"a ground's deck must be a Deck or None, got {self.deck!r}")
         if self.deck is not None and self.slope != 0.0:
             raise InputError("a deck is level at rest: a ground has a slope or a deck, not both")
 

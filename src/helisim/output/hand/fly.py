@@ -13,7 +13,7 @@ from helisim.output.hand.panel import Panel
 from helisim.output.hand.window import GlfwWindow, start_glfw
 from helisim.output.viewer import Pace, Rotors, Window, check_display
 from helisim.physics.native import installed
-from helisim.sim import Weather
+from helisim.sim import Ground, Weather
 from helisim.sim.hand import (
     KEY_FEEL,
     HandFlight,
@@ -48,6 +48,7 @@ def fly_by_hand(
     feel: StickFeel | None = None,
     axes: JoystickMap | None = None,
     weather: Weather | None = None,
+    ground: Ground | None = None,
     out: str | Path = "by_hand.parquet",
     duration: float | None = None,
     seed: int = 1,
@@ -63,6 +64,7 @@ def fly_by_hand(
         feel: rates, expo and deadband of the sticks; what suits the device if None.
         axes: of the joystick; if None, those of any gamepad, or of a transmitter's AETR.
         weather: that is flown through; calm if None.
+        ground: that is below; level if None.
         out: record to write, .parquet or .csv; further ones get a number.
         duration: s after which the window closes by itself.
         seed: of turbulence and sensors.
@@ -84,6 +86,7 @@ def fly_by_hand(
         assist=assist,
         feel=device.feel,
         weather=weather,
+        ground=ground,
         seed=seed,
         flown_with=device.name,
     )
