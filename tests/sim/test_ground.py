@@ -10,7 +10,7 @@ import pytest
 
 import helisim as hs
 from helisim.errors import InputError
-from helisim.physics.layout import CONTROL, PARAM
+from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.simulation import simulate
@@ -184,6 +184,24 @@ def test_friction_holds_it_against_the_rotors_torque(jr700):
     assert abs(turned) < 1e-3
 
 
+def test_friction_holds_it_while_the_motor_spins_the_rotor_up():
+    """From rest to flying speed; the heading gives way by what the skids' springs do."""
+    vehicle = hs.load(parameters={"drive.governor": "motor"})
+    model, data = standing(vehicle, Ground(rotor=0.0))
+    where = addresses(model)
+    data.ctrl[where.control + CONTROL.rotor] = 1.0
+    speed, turned = [], []
+    with installed():
+        while data.time < 20.0:
+            mujoco.mj_step(model, data)
+            speed.append(data.act[where.state + STATE.speed])
+            matrix = data.body("jr700").xmat
+            turned.append(math.atan2(matrix[3], matrix[0]))
+    assert speed[0] < 0.01
+    assert speed[-1] == pytest.approx(1.0, abs=1e-3)
+    assert np.abs(turned).max() < 2e-3
+
+
 @pytest.mark.parametrize("integrator", ["RK4", "Euler"])
 def test_it_stands_on_a_deck_that_moves(integrator):
     """The deck carries it along: force of contact and place follow the prescribed motion."""
@@ -338,6 +356,9 @@ def test_a_flight_without_ground_touches_nothing(jr700):
         (lambda: Ground(slope=0.1, deck=Deck()), "a slope or a deck, not both"),
         (lambda: Ground(friction=0.0), "friction must be above 0"),
         (lambda: Ground(effect=1.5), "effect must be from 0 to 1"),
+        (lambda: Ground(rotor=-1.0), "rotor's speed must be from 0 to 1"),
+        (lambda: Ground(deck=3.0), "must be a Deck or None"),
+        (lambda: Deck(heave=0.3), "heave must be a Swing or None"),
         (lambda: Deck(length=0.0), "length must be above 0 m"),
         (lambda: Deck(roll=Swing(amplitude=0.6)), "roll must stay below 0.5 rad"),
         (lambda: Swing(amplitude=1.0, period=0.0), "period must be above 0 s"),

@@ -151,8 +151,10 @@ class Ground:
         friction: of the landing gear on it; None: as the vehicle's MJCF has it.
         effect: share of Cheeseman and Bennett's ground effect that is felt, 0 to 1.
         deck: that is landed on instead, at height 0 where it is at rest.
-        parked: whether the flight starts there, standing on its landing gear with its rotor at
-            flying speed, instead of in the hover above.
+        parked: whether the flight starts there, standing on its landing gear at flat pitch,
+            instead of in the hover above.
+        rotor: speed of the rotor then, 1 at flying speed, 0 stopped: to be spun up by a motor
+            (`drive.governor`); an ideal governor has no speed of its own.
     """
 
     slope: float = 0.0
@@ -161,6 +163,7 @@ class Ground:
     effect: float = 1.0
     deck: Deck | None = None
     parked: bool = False
+    rotor: float = 1.0
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.slope < 0.5 * math.pi and math.isfinite(self.uphill)):
@@ -172,6 +175,8 @@ class Ground:
             raise InputError(f"the ground's friction must be above 0, got {self.friction}")
         if not 0.0 <= self.effect <= 1.0:
             raise InputError(f"the ground's effect must be from 0 to 1, got {self.effect}")
+        if not 0.0 <= self.rotor <= 1.0:
+            raise InputError(f"the rotor's speed must be from 0 to 1, got {self.rotor}")
         if not isinstance(self.deck, Deck | None):
             raise InputError(f"a ground's deck must be a Deck or None, got {self.deck!r}")
         if self.deck is not None and self.slope != 0.0:
@@ -233,6 +238,9 @@ class Ground:
         deck = data.qpos[7:].copy(), data.qvel[6:].copy()
         place(model, data, trim)
         data.qpos[:7], data.qpos[7:], data.qvel[6:] = standing, *deck
+        act = data.act[addresses(model).state :]
+        if self.rotor < 1.0:  # the engine idles
+            act[STATE.speed], act[STATE.engine], act[STATE.governor] = self.rotor, 0.0, 0.0
         if self.deck is not None:
             _carry(model, data)
 

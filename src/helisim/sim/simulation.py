@@ -191,7 +191,7 @@ def prepare(
         model: to copy in place of the vehicle's own: of the same vehicle on the ground.
     """
     plan = as_plan(plan)
-    model = copy.copy(vehicle.model if model is None else model)
+    model = copy.copy(model or vehicle.model)
     par = model.actuator_user[addresses(model).rotor]
     pilot_seed, air_seed = (
         int(generator(seed, number, purpose).integers(2**31)) for purpose in ("pilot", "air")
