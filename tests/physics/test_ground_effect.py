@@ -31,6 +31,19 @@ def test_thrust_at_equal_power_is_cheeseman_and_bennetts(pitch, height):
     assert thrust / far == pytest.approx(1.0 / (1.0 - nearness), rel=1e-12)  # rounding
 
 
+@pytest.mark.parametrize("height", [1.0, 1.25, 1.5, 2.0, 3.0])
+def test_induced_power_near_the_ground_is_that_of_flight_tests(height):
+    """At one thrust, beside Hayden's fit of many helicopters: 1 / (A + B (2R/z)^2).
+
+    A = 0.9926, B = 0.0379 (J. S. Hayden, "The Effect of the Ground on Helicopter Hovering Power
+    Required", AHS Forum 32, 1976; in Leishman's Principles, chapter 5). It is 0.97 at two radii.
+    """
+    inflow, thrust = solve(0.12, (1.0 / (4.0 * height)) ** 2)
+    ratio = inflow / math.sqrt(0.5 * thrust)
+    # a source over an image does 3.9 % less than measured at one radius, 1.6 % at 1.5
+    assert ratio == pytest.approx(1.0 / (0.9926 + 0.0379 * (2.0 / height) ** 2), rel=0.04)
+
+
 @given(pitch=st.floats(0.05, 0.25), height=st.floats(0.5, 4.0), advance=st.floats(0.001, 0.2))
 def test_ground_effect_fades_with_speed(pitch, height, advance):
     """Forward, (R / 4z)^2 is divided by 1 + (mu / lambda_i)^2 (R&M 3021, eq. 5)."""

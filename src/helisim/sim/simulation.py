@@ -191,8 +191,8 @@ def prepare(
         model: to copy in place of the vehicle's own: of the same vehicle on the ground.
     """
     plan = as_plan(plan)
-    model = copy.copy(model or vehicle.model)
-    par = model.actuator_user[addresses(model).rotor]
+    copied: mujoco.MjModel = copy.copy(model or vehicle.model)
+    par = copied.actuator_user[addresses(copied).rotor]
     pilot_seed, air_seed = (
         int(generator(seed, number, purpose).integers(2**31)) for purpose in ("pilot", "air")
     )
@@ -204,7 +204,7 @@ def prepare(
     trim = vehicle.trim
     held = (*vehicle.swashplate.mix(trim.col, trim.lon, trim.lat), trim.ped)
     vehicle.controller.plan_for(par, held)
-    return model
+    return copied
 
 
 def start_trim(vehicle: Vehicle, mission: Mission | None) -> Trim:
