@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import fsolve
 
 from helisim.physics import main_rotor as rotors
 from helisim.physics.body import Velocities
@@ -61,6 +62,57 @@ def test_thrust_is_that_of_the_blades_summed_over_the_disc(numbers):
     assert main.thrust / force == pytest.approx(summed, rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("airspeed", "sinks", "col"),
+    [(5.0, 0.0, 0.0), (10.0, 0.0, -0.1), (20.0, -2.0, 0.0), (20.0, 2.0, -0.24), (20.0, 6.0, -0.42)],
+)
+def test_torque_is_that_of_the_blades_in_equilibrium(numbers, airspeed, sinks, col):
+    """Free blades that flap until no moment is left, their drag aside: work and force in the plane.
+
+    Lift leans with its local flow, u_P / u_T, and turns or drives the shaft: a sigma / 2
+    (u_T u_P theta - u_P^2) r, summed on the tips' plane with the feathering, coning and uniform
+    inflow that hold it. The force laws leave coning out here, which moves the force by 0.07 N.
+    """
+    par = numbers.copy()
+    par[PARAM.main_induced_factor], par[PARAM.main_profile_drag] = 1.0, 0.0
+    tip = par[PARAM.main_speed] * par[PARAM.main_radius]
+    mu, climb = airspeed / tip, -sinks / tip
+    r = (np.arange(200) + 0.5)[:, None] / 200
+    psi = np.arange(72) * 2.0 * math.pi / 72
+    sine, cosine = np.sin(psi), np.cos(psi)
+    half = 0.5 * par[PARAM.main_lift_slope] * par[PARAM.main_solidity]
+
+    def blades(unknown):
+        cyclic_cosine, cyclic_sine, coning, induced = unknown
+        pitch = par[PARAM.main_pitch_trim] + par[PARAM.main_pitch_range] * col
+        pitch = pitch + cyclic_cosine * cosine + cyclic_sine * sine
+        across, down = r + mu * sine, climb + induced + mu * coning * cosine
+        return across**2 * pitch - across * down, across * down * pitch - down**2
+
+    def unbalanced(unknown):
+        lift, _ = blades(unknown)
+        momentum = 2.0 * unknown[3] * math.hypot(mu, climb + unknown[3])
+        loose = [np.mean(lift * r * sine), np.mean(lift * r * cosine)]
+        lock = 6.0  # of a blade of mean weight; coning is 0.03 rad
+        return [
+            *loose,
+            unknown[2] - 0.5 * lock * np.mean(lift * r),
+            half * np.mean(lift) - momentum,
+        ]
+
+    solved = fsolve(unbalanced, [0.0, -0.01, 0.03, 0.02], xtol=1e-12)
+    lift, leaning = blades(solved)
+    swashplate = solved[1], -solved[0]
+    main = turning(par, airspeed, 0.0, sinks, col=col, swashplate=swashplate)
+    force = par[PARAM.air_density] * math.pi * par[PARAM.main_radius] ** 2 * tip**2
+    assert main.thrust == pytest.approx(force * half * np.mean(lift), rel=1e-4)  # 200 strips
+    power = force * tip * half * np.mean(leaning * r)
+    # 90 to 400 W
+    assert main.torque * par[PARAM.main_speed] == pytest.approx(power, abs=0.08 * airspeed)
+    across = force * half * np.mean(leaning * sine - lift * solved[2] * cosine)
+    assert main.drag_x == pytest.approx(-across, abs=0.08)
+
+
 @given(u=speed, v=speed, w=sinking, col=stick, a=tilt, b=tilt, lon=tilt, lat=tilt)
 def test_shaft_power_is_work_and_heat(numbers, u, v, w, col, a, b, lon, lat):
     """What the shaft gives is the work of the hub's force on the vehicle and what the air keeps."""
@@ -79,6 +131,8 @@ def test_drag_in_the_plane_of_the_hub(numbers):
     Leishman (chapter 5) has the former, Johnson (Rotorcraft Aeromechanics, chapter 6) the
     latter: sigma c_d0 / 8 (3 mu + 1.98 mu^2.7).
     """
+    numbers = numbers.copy()
+    numbers[PARAM.main_lift_slope] = 1e-9  # drag alone
     main = turning(numbers, 20.0)
     tip = numbers[PARAM.main_speed] * numbers[PARAM.main_radius]
     mu = 20.0 / tip

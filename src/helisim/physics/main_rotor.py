@@ -25,7 +25,7 @@ class MainRotor(NamedTuple):
     Attributes:
         thrust: N, along the normal of the tips' plane.
         torque: N m, which the shaft takes; negative where the air turns the rotor.
-        drag_x: force of the blades' drag in the plane of the hub, N, forward.
+        drag_x: force of the blades in the plane of the hub, N, forward.
         drag_y: likewise to the right, N.
         heat: power that the air keeps, induced and of the blades' drag, W.
         inflow: ratio of the air's velocity through the plane of no feathering to the tip speed.
@@ -89,9 +89,10 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0):
     limit = par[PARAM.main_stall] * par[PARAM.main_solidity]
     free = rotor.unloaded_inflow(pitch, par[PARAM.main_twist], through, advance)
     induced, thrust = balance(free, slope, limit, climb, advance, nearness)
+    unstalled = slope * (free - induced)
     spent = rotor.losses(
         thrust,
-        slope * (free - induced),
+        unstalled,
         induced,
         advance,
         par[PARAM.main_solidity],
@@ -99,12 +100,16 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0):
         par[PARAM.main_induced_factor],
         par[PARAM.main_profile_drag],
     )
+    lean = rotor.leaning_lift(pitch, par[PARAM.main_twist], climb + induced, slope)
+    if thrust != unstalled:
+        lean *= thrust / unstalled
+    drag = spent.drag + lean
     force = share * par[PARAM.air_density] * math.pi * radius**2 * tip_speed**2
     return MainRotor(
         force * thrust,
-        force * radius * (climb * thrust + spent.torque),
-        -force * spent.drag * u,
-        -force * spent.drag * v,
+        force * radius * (climb * thrust + spent.torque - lean * advance**2),
+        -force * drag * u,
+        -force * drag * v,
         force * tip_speed * (spent.torque + spent.drag * advance**2),
         through + induced,
         induced,

@@ -90,6 +90,25 @@ def losses(thrust, unstalled, induced, advance, solidity, slope, induced_factor,
 
 
 @kernel()
+def leaning_lift(pitch, twist, inflow, slope):
+    """Return the force of the lift itself against the edgewise flow, CH over mu.
+
+    Lift leans with its local flow, and more so where the blade moves slowly: on the disc of free
+    blades, which feather by -8/3 mu theta + 2 mu lambda over the tips' plane, what is left is
+    a sigma / 2 lambda (lambda / 2 - theta / 6 - theta_tw / 8) (the sums of Bramwell, Helicopter
+    Dynamics, chapter 3, on the tips' plane, to first order in mu). Level with the disc it works
+    against the airspeed, and the shaft is spared that work.
+
+    Args:
+        pitch: collective pitch at 3/4 of the radius, rad.
+        twist: tip's pitch minus the root's, rad.
+        inflow: lambda, along the thrust.
+        slope: of CT by v, a sigma / 4.
+    """
+    return slope * inflow * (inflow - pitch / 3.0 - 0.25 * twist)
+
+
+@kernel()
 def stalled_drag(incidence, kept):
     """Return by how much the drag coefficient of the blades' sections rises past the stall.
 
