@@ -63,10 +63,17 @@ def test_thrust_is_that_of_the_blades_summed_over_the_disc(numbers):
 
 
 @pytest.mark.parametrize(
-    ("airspeed", "sinks", "col"),
-    [(5.0, 0.0, 0.0), (10.0, 0.0, -0.1), (20.0, -2.0, 0.0), (20.0, 2.0, -0.24), (20.0, 6.0, -0.42)],
+    ("airspeed", "sinks", "col", "twist"),
+    [
+        (5.0, 0.0, 0.0, 0.0),
+        (10.0, 0.0, -0.1, -0.15),
+        (20.0, -2.0, 0.0, 0.0),
+        (20.0, 2.0, -0.24, 0.0),
+        (20.0, 6.0, -0.42, 0.0),
+        (20.0, 6.0, -0.42, -0.15),
+    ],
 )
-def test_torque_is_that_of_the_blades_in_equilibrium(numbers, airspeed, sinks, col):
+def test_torque_is_that_of_the_blades_in_equilibrium(numbers, airspeed, sinks, col, twist):
     """Free blades that flap until no moment is left, their drag aside: work and force in the plane.
 
     Lift leans with its local flow, u_P / u_T, and turns or drives the shaft: a sigma / 2
@@ -75,6 +82,7 @@ def test_torque_is_that_of_the_blades_in_equilibrium(numbers, airspeed, sinks, c
     """
     par = numbers.copy()
     par[PARAM.main_induced_factor], par[PARAM.main_profile_drag] = 1.0, 0.0
+    par[PARAM.main_twist] = twist
     tip = par[PARAM.main_speed] * par[PARAM.main_radius]
     mu, climb = airspeed / tip, -sinks / tip
     r = (np.arange(200) + 0.5)[:, None] / 200
@@ -85,7 +93,7 @@ def test_torque_is_that_of_the_blades_in_equilibrium(numbers, airspeed, sinks, c
     def blades(unknown):
         cyclic_cosine, cyclic_sine, coning, induced = unknown
         pitch = par[PARAM.main_pitch_trim] + par[PARAM.main_pitch_range] * col
-        pitch = pitch + cyclic_cosine * cosine + cyclic_sine * sine
+        pitch = pitch + twist * (r - 0.75) + cyclic_cosine * cosine + cyclic_sine * sine
         across, down = r + mu * sine, climb + induced + mu * coning * cosine
         return across**2 * pitch - across * down, across * down * pitch - down**2
 
