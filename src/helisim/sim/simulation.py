@@ -13,7 +13,8 @@ from mujoco import rollout
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
-from helisim.physics.layout import STATE
+from helisim.physics.drive import MOTOR
+from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim.ending import until_end, userdata
 from helisim.sim.envelope import terminated_early
@@ -94,7 +95,7 @@ def simulated(
     threads = thread_count(jobs)
     _check_at_least("seed", seed, 0)
     plan = as_plan(plan)
-    vehicle, grounded = _placed(vehicle, plan)
+    vehicle, grounded = _placed(_powered(vehicle, plan), plan)
     buffers = _state_buffers(grounded, min(threads, len(numbers)), plan)
     excitation = None if plan.excitation is None else plan.excitation.on(vehicle.parameters)
     added = None if excitation is None else injection(excitation, vehicle)
@@ -125,6 +126,16 @@ def simulated(
                 yield from (flight.result() for flight in flights)
 
     return batches()
+
+
+def _powered(vehicle: Vehicle, plan: FlightPlan) -> Vehicle:
+    """Return a vehicle whose rotor a motor turns, where a mission needs one."""
+    if plan.mission is None or not plan.mission.engine:
+        return vehicle
+    model = copy.copy(vehicle.model)
+    model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = MOTOR
+    trim = find_trim(model, height=vehicle.trim.height, near=vehicle.trim)
+    return Vehicle(vehicle.folder, vehicle.parameters, model, trim, vehicle.controller)
 
 
 def _placed(vehicle: Vehicle, plan: FlightPlan) -> tuple[Vehicle, mujoco.MjModel]:

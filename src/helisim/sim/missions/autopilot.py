@@ -29,6 +29,7 @@ class Autopilot:
         wanted: what the outer loops are to reach; may be changed at each tick.
         seconds: between two ticks.
         phases: times, s, and what the script said then.
+        moved: where the sticks COL, LON, LAT, PED were moved at the last tick, unitised.
     """
 
     def __init__(self, loop: OuterLoop, seen: Sight, seconds: float) -> None:
@@ -36,6 +37,7 @@ class Autopilot:
         self.loop, self.seconds = loop, seconds
         self.begin(seen)
         self.phases: list[tuple[float, str]] = []
+        self.moved = (loop.collective, 0.0, 0.0, 0.0)
 
     def begin(self, seen: Sight) -> None:
         """Want what is seen: the place, the velocity and the heading."""
@@ -65,13 +67,26 @@ class Autopilot:
         """Speed over the ground, m/s."""
         return math.hypot(self.seen.north_rate, self.seen.east_rate)
 
+    def carrying_collective(self, push: float, *, slowest: float = 0.5) -> float:
+        """Return where the collective stick makes the rotor carry the helicopter now, unitised.
+
+        Args:
+            push: m/s^2, along the rotor's shaft, beside its weight.
+            slowest: rotor speed over the nominal one, below which pitch is not raised for it.
+        """
+        now = self.seen.motion
+        return self.loop.rotor.collective(
+            push, max(slowest, self.seen.rotor_speed), now.w, math.hypot(now.u, now.v)
+        )
+
     def say(self, phase: str) -> None:
         """Note what begins now; records and recordings show it."""
         self.phases.append((round(self.time, 6), phase))
 
     def sticks(self, seen: Sight) -> tuple[float, ...]:
         """Return COL, LON, LAT, PED for what is seen now, unitised."""
-        return self.loop.sticks(seen, self.wanted, self.seconds)
+        self.moved = self.loop.sticks(seen, self.wanted, self.seconds)
+        return self.moved
 
     def hold(self, seconds: float) -> Iterator[None]:
         """Keep on as it is: in the hover, or at a steady velocity."""

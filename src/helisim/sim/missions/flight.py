@@ -80,15 +80,15 @@ class MissionFlight:
         mujoco.mj_setState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         data.ctrl[self._where.control + ROTOR] = 1.0
         each = max(1, round(_TICK / model.opt.timestep))
-        if steps is None:
-            steps = round(self.mission.duration / model.opt.timestep) + 1
+        whole = round(self.mission.duration / model.opt.timestep) + 1
+        count = whole if steps is None else steps
         loop = OuterLoop.of(self.vehicle, model, self.trim, self._where.rotor)
         pilot = Autopilot(loop, self._seen(data), each * model.opt.timestep)
         ticks, wanted = self._ticks(pilot), []
-        rows = np.empty((steps, model.nsensordata))
+        rows = np.empty((count, model.nsensordata))
         finished, flown = False, 0
         with installed():
-            for flown in range(steps):
+            for flown in range(count):
                 if flown % each == 0:
                     seen = self._seen(data)
                     if not self._can_fly(seen):
@@ -105,7 +105,7 @@ class MissionFlight:
                 mujoco.mj_step(model, data)
                 rows[flown] = data.sensordata
             else:
-                flown = steps
+                flown = count
         self.sensordata = rows[:flown]
         self.script = Script(
             tuple(pilot.phases),

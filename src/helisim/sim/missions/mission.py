@@ -61,6 +61,8 @@ class Mission:
     """How it begins; a property where this depends on the settings."""
     ground: ClassVar[Ground | None] = None
     """What is below where a plan doesn't say it; None flies in the air alone."""
+    engine: ClassVar[bool] = False
+    """Whether a motor turns the rotor, whatever the vehicle's own `drive.governor`."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.physics.layout import PARAM
+from helisim.sim.missions.lift import Lift
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import Motion
 from helisim.vehicle.trim import Trim, collective_stick
@@ -112,6 +113,7 @@ class OuterLoop:
         collective: its collective stick, unitised.
         gravity: m/s^2.
         lift: vertical acceleration that a unit of collective stick makes, m/s^2.
+        rotor: by which the collective of a thrust is found far from the trim.
         to_cyclic: (2, 2) rates p, q in rad/s to sticks LAT, LON.
         yaw_rate: rad/s that a unit of pedal commands.
     """
@@ -121,6 +123,7 @@ class OuterLoop:
     collective: float
     gravity: float
     lift: float
+    rotor: Lift
     to_cyclic: NDArray[np.float64]
     yaw_rate: float
     _north: float = field(default=0.0, init=False)
@@ -148,6 +151,7 @@ class OuterLoop:
             collective=collective_stick(model, trim),
             gravity=float(np.linalg.norm(model.opt.gravity)),
             lift=abs(vehicle.derivatives["Z_col"] * float(par[PARAM.gyro_collective])),
+            rotor=Lift.of(vehicle, model, rotor),
             to_cyclic=np.linalg.inv(rates),
             yaw_rate=float(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a]),
         )
