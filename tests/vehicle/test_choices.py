@@ -4,6 +4,7 @@ import pytest
 
 from command import fails
 from helisim.errors import InputError, ModelError
+from helisim.study.campaign.plan import read_campaign
 from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.choices import CHOICES, number_of, word_of
 from helisim.vehicle.glossary import glossary
@@ -55,3 +56,14 @@ def test_the_command_line_takes_the_word(capsys):
     assert "--set drive.governor must be ideal" in said
     assert "'perfect'" in said
     assert "--set takes NAME=VALUE with a number" in fails(capsys, "trim", "--set", "air.density=x")
+
+
+def test_a_campaign_takes_the_words(tmp_path):
+    """Set or varied, like a number."""
+    file = tmp_path / "campaign.toml"
+    file.write_text('[vary.vehicle]\n"drive.governor" = ["ideal", "motor"]\n')
+    settings = [one.settings.parameters() for one in read_campaign(file)]
+    assert settings == [{"drive.governor": 0.0}, {"drive.governor": 1.0}]
+    file.write_text('[set.vehicle]\n"drive.governor" = "perfect"\n')
+    with pytest.raises(InputError, match=r"drive\.governor must be ideal or motor"):
+        read_campaign(file)

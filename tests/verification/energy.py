@@ -19,6 +19,7 @@ class Ledger:
         potential: (n_time,) in gravity, from its start on.
         spin: (n_time,) of the rotor and what turns with it.
         delivered: (n_time,) by the motor, since the start.
+        wind: (n_time,) by air that moves, likewise.
         lost: (n_time,) to the air.
     """
 
@@ -26,13 +27,18 @@ class Ledger:
     potential: np.ndarray
     spin: np.ndarray
     delivered: np.ndarray
+    wind: np.ndarray
     lost: np.ndarray
 
     @property
     def missing(self):
         """What has gone without a trace since the start, J, (n_time,)."""
-        stored = self.kinetic + self.potential + self.spin
-        return stored - stored[0] - self.delivered + self.lost
+        return self.stored - self.stored[0] - self.delivered - self.wind + self.lost
+
+    @property
+    def stored(self):
+        """What there is, J, (n_time,)."""
+        return self.kinetic + self.potential + self.spin
 
     @property
     def turned_over(self):
@@ -41,8 +47,9 @@ class Ledger:
 
     def __str__(self):
         rows = {
-            "stored more": (self.kinetic + self.potential + self.spin)[[0, -1]] @ [-1, 1],
+            "stored more": self.stored[-1] - self.stored[0],
             "delivered": self.delivered[-1],
+            "of the wind": self.wind[-1],
             "lost": self.lost[-1],
             "missing": self.missing[-1],
             "at most missing": np.abs(self.missing).max(),
@@ -51,28 +58,34 @@ class Ledger:
 
 
 def ledger(vehicle, flight):
-    """Return the `Ledger` of a flight in calm air, a `Trajectory` with RK4's steps.
+    """Return the `Ledger` of a flight, a `Trajectory` of RK4's steps.
 
-    Mass, inertia and gravity are the compiled model's, motions those of MuJoCo's own sensors.
+    Mass, inertia and gravity are the compiled model's, motions those of MuJoCo's own sensors. What
+    the wind does is the force that the accelerometer feels times the air's velocity.
     """
     model, own = vehicle.model, vehicle.parameters
     mass = float(model.body_subtreemass[root_body(model)])
     flip = np.array([1.0, -1.0, -1.0])
     inertia = flip[:, None] * total_inertia(model, root_body(model)) * flip
-    arm = flight.imu_offset
-    velocity = flight.velocities - np.cross(flight.rates, arm)
+    rates, arm = flight.rates, flight.imu_offset
+    velocity = flight.velocities - np.cross(rates, arm)
     turned = Rotation.from_euler("ZYX", flight.attitudes[:, ::-1])
     height = -(flight.positions - turned.apply(arm))[:, 2]
     spin = own["main_rotor.speed"] * flight.rotor[:, 4]
+    angular = np.gradient(rates, flight.timestep, axis=0)
+    turning = np.cross(angular, arm) + np.cross(rates, np.cross(rates, arm))
+    force = mass * (flight.specific_forces - turning)
+    moment = angular @ inertia.T + np.cross(rates, rates @ inertia.T)
 
     def summed(power):
         return cumulative_trapezoid(power, dx=flight.timestep, initial=0.0)
 
     return Ledger(
         kinetic=0.5 * mass * np.sum(velocity**2, axis=1)
-        + 0.5 * np.einsum("ni,ij,nj->n", flight.rates, inertia, flight.rates),
+        + 0.5 * np.einsum("ni,ij,nj->n", rates, inertia, rates),
         potential=-mass * float(model.opt.gravity[2]) * (height - height[0]),
         spin=0.5 * own["drive.inertia"] * spin**2,
         delivered=summed(flight.power[:, 0]),
+        wind=summed(np.sum(np.hstack([force, moment]) * flight.air, axis=1)),
         lost=summed(flight.power[:, 3]),
     )
