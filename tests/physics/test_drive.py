@@ -303,7 +303,7 @@ def test_a_slow_rotor_has_finite_forces_in_any_wind(jr700, speed, wind, col):
     """An advance ratio of a hundred, or none: numbers, and small ones where the rotor stands."""
     par = jr700.model.actuator_user[addresses(jr700.model).rotor]
     motion = Velocities(*wind, 0.1, 0.1, 0.1)
-    main = main_rotor(par, motion, speed, col)
+    main = main_rotor(par, motion, speed, col, (0.1, -0.1), (0.1, 0.1))
     tail = tail_rotor(par, motion, speed, col)
     assert np.all(np.isfinite([*main, *tail]))
     if speed == 0.0:
