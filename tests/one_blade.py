@@ -74,7 +74,8 @@ class OneBlade:
             tangential = r + ahead @ along
             swing = share * body - np.array([*self.air, 0.0])
             blown = self.inflow - self.rear * r * (out @ upstream)
-            upward = -np.cross(swing, out)[2] / speed * r + r * rising / speed + up * (ahead @ out)
+            # across a blade that stands up by `up`, so that its face leans inwards
+            upward = -np.cross(swing, out)[2] / speed * r + r * rising / speed - up * (ahead @ out)
             a, b = self.cyclic
             angle = self.pitch + self.twist * r + a * np.sin(psi) + hand * b * np.cos(psi)
             lift = tangential**2 * angle - tangential * (blown + upward)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from helisim.errors import HelisimError, InputError, UnknownNameError
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import total_inertia
+from helisim.vehicle.blade_inertia import changed
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.parameters import Parameters
@@ -78,8 +79,8 @@ class Spread:
         factor = dict(zip(self.names, factors.tolist()))
         if self._in_block:
             user = model.actuator_user[self._rotor]
-            changed = {name: self._own[name] * factor[name] for name in self._in_block}
-            block = force_law_block(self._own.replace(changed))
+            spread = {name: self._own[name] * factor[name] for name in self._in_block}
+            block = force_law_block(changed(self._own, spread))
             differs = np.flatnonzero(block != self._own_block)
             user[differs] = block[differs]
         if len(self._in_block) < len(self.names):
@@ -117,7 +118,7 @@ def _acts(own: Parameters, name: str) -> bool:
     if name in _BUILT_IN or name.startswith("pilot."):
         return False
     try:
-        changed = force_law_block(own.replace({name: 0.99 * own[name]}))
+        moved = force_law_block(changed(own, {name: 0.99 * own[name]}))
     except HelisimError:
         return False  # a choice among a few, of which nothing is near
-    return bool(np.any(changed != force_law_block(own)))
+    return bool(np.any(moved != force_law_block(own)))

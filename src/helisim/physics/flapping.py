@@ -1,13 +1,205 @@
 """Tip-path-plane dynamics: longitudinal tilt a (rearwards) and lateral tilt b (right).
 
-Wu and Chen, eq. (8) of section 3.2, rows three and four; with the flap-back of forward speed added.
+Wu and Chen, eq. (8) of section 3.2, rows three and four, as what a rigid blade's flapping makes of
+a disc (`helisim.vehicle.blade` has the equation and where it comes from), so that it follows
+density and rotor speed; with the flapping of forward flight added.
+
+With s = 1 for blades that turn clockwise seen from above and -1 for others, a disc that tilts
+towards the airspeed's lee by A and towards the advancing side by B has, in the air's velocity
+mu_x ahead and mu_y to the right (over the tip speed), a = (A mu_x - s B mu_y) / mu and
+b = -(A mu_y + s B mu_x) / mu.
 """
 
+import math
+from typing import NamedTuple
+
+from helisim.physics import rotor
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
-from helisim.physics.main_rotor import turning
 from helisim.physics.memory import from_element
 from helisim.physics.servo import unmix
+
+_FASTEST = 0.6
+"""Advance ratio up to which flapping grows: at 1.41 the equations' hold on the disc is gone."""
+_CORE = 0.7
+"""Part of that limit up to which they hold as they are."""
+_HELD = 0.3
+"""Rotor speed over the nominal one below which droop stops begin to hold the blades."""
+_LIMP = 1e-6
+"""Least nu^2 - 1, by which blades without springs stay finite at rest."""
+_LEAST_FLOW = 0.005
+"""Speed over the tip speed below which neither drift nor flow through the disc skews the wake."""
+
+
+class Disc(NamedTuple):
+    """What holds a tip-path plane at a rotor speed.
+
+    Attributes:
+        share: eps, a sixteenth of the Lock number, signed by the sense of rotation.
+        air: 1/s, the air's hold.
+        spring_aa: 1/s, that of the springs, and the next two.
+        spring_ab: 1/s.
+        spring_ba: 1/s.
+        stops: 1/s, of the droop stops.
+        free: how far the shaft turns without its blades, 1 at full speed and 0 at rest.
+        stiffness: nu^2 - 1.
+    """
+
+    share: float
+    air: float
+    spring_aa: float
+    spring_ab: float
+    spring_ba: float
+    stops: float
+    free: float
+    stiffness: float
+
+
+@kernel()
+def disc(par, speed):
+    """Return what holds the tip-path plane, a `Disc`.
+
+    Springs shift the precession of a disc by Omega (nu - 1), which near the nominal speed is the
+    first order's Omega (nu^2 - 1) / 2; slower, where they are stiff beside the centrifugal force,
+    they shift it to the frequency of the blade at rest, and take the blades along with the shaft.
+
+    Args:
+        par: parameters.
+        speed: of the rotor over the nominal one, 0 or more.
+    """
+    share = par[PARAM.air_density] * par[PARAM.flap_hold] / 16.0
+    full = share * par[PARAM.main_speed]
+    soft = par[PARAM.flap_stiffness] + _LIMP
+    stiff = (1.0 + math.sqrt(1.0 + soft)) / (speed + math.sqrt(speed**2 + soft))
+    stop = max(0.0, 1.0 - (speed / _HELD) ** 2) ** 2
+    return Disc(
+        par[PARAM.main_direction] * share,
+        full * speed,
+        stiff * par[PARAM.spring_aa],
+        stiff * par[PARAM.spring_ab],
+        stiff * par[PARAM.spring_ba],
+        stop * full,
+        stiff * speed * (1.0 - stop),
+        par[PARAM.flap_stiffness] / max(speed, 0.1) ** 2,
+    )
+
+
+@kernel()
+def flapping_rates(a, b, motion, air, a_target, b_target, held, step):
+    """Return the mean da/dt and db/dt over a step, or now at 0, rad/s.
+
+    The mean is that of the implicit midpoint, which no short time constant makes unstable.
+
+    Args:
+        a: rearward tilt, rad.
+        b: right tilt, rad.
+        motion: `Velocities` of the body through the air.
+        air: those of the air itself.
+        a_target: rearward tilt at which the air's moments on the blades vanish, rad.
+        b_target: right tilt likewise, rad.
+        held: the `Disc`.
+        step: s.
+    """
+    share = held.share
+    whole = 1.0 / (1.0 + share**2)
+    by_air_a = held.air * a_target + held.free * share * air.p
+    by_air_b = held.air * b_target - held.free * share * air.q
+    aa, ab = held.spring_aa - held.air, held.spring_ab
+    ba, bb = held.spring_ba, -held.spring_aa - held.air
+    aa, ba = whole * (aa - share * ba) - held.stops, whole * (ba + share * aa)
+    ab, bb = whole * (ab - share * bb), whole * (bb + share * ab) - held.stops
+    # the blades' inertia knows no air: rates of the body in space
+    a_rate = whole * (by_air_a - share * by_air_b) - held.free * (motion.q + air.q)
+    b_rate = whole * (by_air_b + share * by_air_a) - held.free * (motion.p + air.p)
+    a_rate, b_rate = a_rate + aa * a + ab * b, b_rate + ba * a + bb * b
+    if step == 0.0:
+        return a_rate, b_rate
+    half = 0.5 * step
+    aa, ab, ba, bb = 1.0 - half * aa, -half * ab, -half * ba, 1.0 - half * bb
+    whole = 1.0 / (aa * bb - ab * ba)
+    return whole * (bb * a_rate - ab * b_rate), whole * (aa * b_rate - ba * a_rate)
+
+
+@kernel()
+def flap_back(pitch, inflow, advance):
+    """Return the tilt away from the airspeed over the advance ratio, rad.
+
+    a1 = 2 mu (4/3 theta - lambda) / (1 - mu^2 / 2) of hinged blades, against the plane in which
+    they see no cyclic pitch (Bramwell, Helicopter Dynamics, ch. 3; Leishman, Principles of
+    Helicopter Aerodynamics, ch. 4); of twisted blades with the pitch at three quarters of the
+    radius.
+
+    Args:
+        pitch: collective pitch of the blades, rad.
+        inflow: through that plane.
+        advance: advance ratio.
+    """
+    return 2.0 * (4.0 / 3.0 * pitch - inflow) / (1.0 - 0.5 * advance**2)
+
+
+@kernel()
+def coning(pitch, twist, inflow, advance, lock, stiffness):
+    """Return the coning of the blades, rad, without their weight (Bramwell, ch. 3).
+
+    Args:
+        pitch: collective pitch of the blades at three quarters of the radius, rad.
+        twist: tip's pitch minus the root's, rad.
+        inflow: through the plane of no feathering.
+        advance: advance ratio.
+        lock: Lock number.
+        stiffness: nu^2 - 1 of the blades' springs.
+    """
+    square = advance**2
+    moment = pitch * (1.0 + square) + twist * (0.05 - square / 12.0) - 4.0 / 3.0 * inflow
+    return lock / 8.0 * moment / (1.0 + stiffness)
+
+
+@kernel()
+def inflow_slope(induced, inflow, advance):
+    """Return by how much more air goes down at the lee tip, over the advance ratio.
+
+    sin^2(chi) of the mean, where chi is the wake's skew (Howlett, UH-60A Black Hawk engineering
+    simulation program, NASA CR 166309, 1981; Leishman, ch. 3, compares it with others). Of the
+    usual forms it alone has no slope at the hover: there the others, linear in the speed, have the
+    wake skewed at once by a drift that has only begun.
+
+    Args:
+        induced: induced velocity, over the tip speed.
+        inflow: velocity through the disc.
+        advance: advance ratio.
+    """
+    square, least = advance**2, _LEAST_FLOW**2
+    return induced * square / math.sqrt(square + least) / (square + inflow**2 + least)
+
+
+@kernel()
+def tilt_by_flight(par, flow, held):
+    """Return the tilts a and b (rad) that airspeed asks for, against that of no feathering.
+
+    The airspeed is that of the centre of gravity: the hub's own, from turning, would add 0.7 % to
+    tau_f q.
+
+    Args:
+        par: parameters.
+        flow: the `Flow` past the vehicle.
+        held: the `Disc`.
+    """
+    motion, main = flow.motion, flow.main
+    ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
+    fast = math.sqrt(ahead**2 + right**2)
+    advance = rotor.soft_limit(fast, _FASTEST, _CORE)
+    if fast > advance:
+        ahead, right = ahead * advance / fast, right * advance / fast
+    lee = flap_back(main.pitch, main.inflow, advance)
+    lock = 16.0 * abs(held.share) * par[PARAM.flap_reduction]
+    twist = par[PARAM.main_twist]
+    cone = coning(main.pitch, twist, main.inflow, advance, lock, held.stiffness)
+    cone = rotor.soft_limit(cone, par[PARAM.flap_stop], _CORE)
+    slope = inflow_slope(main.induced, main.inflow, advance)
+    aside = (4.0 / 3.0 * cone + slope) / (1.0 + 0.5 * advance**2)
+    aside *= par[PARAM.main_direction]
+    much = par[PARAM.flap_back]
+    return much * (lee * ahead - aside * right), -much * (lee * right + aside * ahead)
 
 
 @kernel()
@@ -22,62 +214,8 @@ def cyclic_tilt(par, lon, lat):
         lon: longitudinal cyclic, unitised.
         lat: lateral cyclic, unitised.
     """
-    a = par[PARAM.a_lat] * lat + par[PARAM.a_lon] * lon
-    return a, par[PARAM.b_lat] * lat + par[PARAM.b_lon] * lon
-
-
-@kernel()
-def flap_back(pitch, inflow, advance):
-    """Return the tilt away from the airspeed, rad, by the advance ratio in that direction.
-
-    The classical a1 = 2 mu (4/3 theta - lambda) of a rotor with free flapping (Bramwell,
-    Helicopter Dynamics, ch. 3, for small mu). The airspeed is
-    that of the centre of gravity: the hub's own, from turning, would add 0.7 % to tau_f q.
-
-    Args:
-        pitch: collective pitch of the blades, rad.
-        inflow: inflow ratio.
-        advance: advance ratio.
-    """
-    return 2.0 * advance * (4.0 / 3.0 * pitch - inflow)
-
-
-@kernel()
-def cyclic_of_turning_air(p, q, speed, direction):
-    """Return the tilts a and b (rad) that turning air calls for.
-
-    Air that turns gives the blades a cyclic pitch of its rate over the rotor's, which the tilt
-    follows a quarter of a revolution later (Bramwell, Helicopter Dynamics, ch. 3): for blades
-    that turn clockwise a roll of the air tilts the disc rearwards, a pitch tilts it left; for
-    others forwards and right.
-
-    Args:
-        p: the air's roll rate, rad/s.
-        q: its pitch rate, rad/s.
-        speed: of the rotor, rad/s.
-        direction: 1 for blades that turn clockwise seen from above, -1 for others.
-    """
-    return direction * p / speed, -direction * q / speed
-
-
-@kernel()
-def flapping_rates(a, b, p, q, a_target, b_target, tau_f, a_b, b_a):
-    """Return da/dt and db/dt, rad/s.
-
-    Args:
-        a: rearward tilt, rad.
-        b: right tilt, rad.
-        p: roll rate, rad/s.
-        q: pitch rate, rad/s.
-        a_target: rearward tilt that cyclic and airspeed call for, rad.
-        b_target: right tilt that cyclic and airspeed call for, rad.
-        tau_f: rotor time constant, s.
-        a_b: coupling of b into a.
-        b_a: coupling of a into b.
-    """
-    a_rate = (-a + a_b * b + a_target) / tau_f - q
-    b_rate = (-b + b_a * a + b_target) / tau_f - p
-    return a_rate, b_rate
+    a = par[PARAM.cyclic_a_lat] * lat + par[PARAM.cyclic_a_lon] * lon
+    return a, par[PARAM.cyclic_b_lat] * lat + par[PARAM.cyclic_b_lon] * lon
 
 
 @kernel()
@@ -90,36 +228,22 @@ def tilt_rates(view, flow, step):
         step: s.
     """
     par, act = view.par, view.act
-    motion, main, air = flow.motion, flow.main, flow.air
     _, lon, lat = unmix(
         from_element(par, PARAM.mix_front_col),
         act[STATE.front_position],
         act[STATE.left_position],
         act[STATE.right_position],
     )
-    a_target, b_target = cyclic_tilt(par, lon, lat)
-    speed, share = turning(flow.speed)
-    ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
-    a_target += share * par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, ahead)
-    b_target -= share * par[PARAM.flap_back] * flap_back(main.pitch, main.inflow, right)
-    a_turn, b_turn = cyclic_of_turning_air(
-        air.p, air.q, speed * par[PARAM.main_speed], par[PARAM.main_direction]
+    held = disc(par, flow.speed)
+    a_asked, b_asked = cyclic_tilt(par, lon, lat)
+    a_flight, b_flight = tilt_by_flight(par, flow, held)
+    return flapping_rates(
+        act[STATE.flap_a],
+        act[STATE.flap_b],
+        flow.motion,
+        flow.air,
+        a_asked + a_flight,
+        b_asked + b_flight,
+        held,
+        step,
     )
-    a_target, b_target = a_target + share * a_turn, b_target + share * b_turn
-    p, q = motion.p + air.p, motion.q + air.q  # the blades' inertia knows no air
-    a, b = act[STATE.flap_a], act[STATE.flap_b]
-    tau_f, a_b, b_a = par[PARAM.tau_f], par[PARAM.a_b], par[PARAM.b_a]
-    a_rate, b_rate = 0.0, 0.0
-    for _ in range(2):
-        a_rate, b_rate = flapping_rates(
-            a + 0.5 * step * a_rate,
-            b + 0.5 * step * b_rate,
-            p,
-            q,
-            a_target,
-            b_target,
-            tau_f,
-            a_b,
-            b_a,
-        )
-    return a_rate, b_rate

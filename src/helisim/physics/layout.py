@@ -281,14 +281,18 @@ class ParamIndex(NamedTuple):
     hub_x: int
     hub_z: int
     hub_stiffness: int
-    # flapping of the tip-path plane
-    tau_f: int
-    a_b: int
-    b_a: int
-    a_lat: int
-    a_lon: int
-    b_lat: int
-    b_lon: int
+    # flapping of the tip-path plane: the air's hold on it over inertia and density, how much inflow
+    # that follows reduces that, nu^2 - 1, springs at full speed in 1/s, tilt by the swashplate
+    flap_hold: int
+    flap_reduction: int
+    flap_stiffness: int
+    spring_aa: int
+    spring_ab: int
+    spring_ba: int
+    cyclic_a_lat: int
+    cyclic_a_lon: int
+    cyclic_b_lat: int
+    cyclic_b_lon: int
     flap_back: int
     flap_stop: int
     # tail rotor

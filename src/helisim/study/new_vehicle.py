@@ -12,6 +12,7 @@ from helisim.errors import InputError, StorageError
 from helisim.records.files import make_folder, toml_key, toml_value
 from helisim.study.published import published_of
 from helisim.vehicle import Parameters, PhysicalParameter, standard_parameters
+from helisim.vehicle.blade_inertia import stated
 from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS
 from helisim.vehicle.folder import (
     is_shipped,
@@ -106,13 +107,13 @@ def _mjcf_name(source: Path, name: str) -> str:
 def _texts(source: Path, name: str) -> dict[str, str]:
     """Return the parameter files and the README of a vehicle made from another, by file."""
     like, mjcf = source.name, _mjcf_name(source, name)
-    own = standard_parameters(source)
+    own = stated(standard_parameters(source))
     entries = {
         key: replace(own.entry(key), source=f"{like}: {own.entry(key).source}") for key in own
     }
     tuned = {key: entries.pop(key) for key in STARTS}
     solved = [*(f"flapping.{key.lower()}" for key in DIRECT), *UNKNOWNS]
-    calibrated = {key: entries.pop(key) for key in solved}
+    calibrated = {key: entries.pop(key) for key in solved if key in entries}
     for key, value in {**_targets(source, own), **_TUNING}.items():
         known = term(key)
         if key not in entries and known is not None:

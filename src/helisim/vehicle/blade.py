@@ -27,6 +27,9 @@ from helisim.records.value import Value
 FLAPPING = ("tau_f", "a_b", "b_a", "a_lat", "a_lon", "b_lat", "b_lon")
 """The numbers of eq. (8), in the order of the section [flapping]."""
 
+_GREATEST = 1e9
+"""Beyond any number of a rotor's flapping, in SI; its inverse is below any that can't be 0."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Flapping:
@@ -103,6 +106,9 @@ class TipPathPlane(Value):
             ModelError: no blade has this equation.
         """
         tau, mean = flapping.tau_f, 0.5 * direction * (flapping.b_a - flapping.a_b)
+        for name, value in (*flapping.to_parameters().items(), ("main_rotor.speed", speed)):
+            if abs(value) > _GREATEST or not tau * speed > 1.0 / _GREATEST:
+                raise ModelError(f"{name} = {value:g} is out of all proportion")
         if not tau * speed + mean > 0.0:
             raise ModelError(
                 f"no blade has flapping.tau_f = {tau:g} s with a_b = {flapping.a_b:g} and "
@@ -117,11 +123,31 @@ class TipPathPlane(Value):
             cyclic=turn @ [[flapping.a_lat, flapping.a_lon], [flapping.b_lat, flapping.b_lon]],
         )
 
+    @classmethod
+    def of(cls, parameters: Mapping[str, float]) -> "TipPathPlane":
+        """Return what lies behind the section [flapping] of a vehicle's parameters.
+
+        Raises:
+            ModelError: no blade has these numbers.
+        """
+        return cls.behind(
+            Flapping.of(parameters),
+            speed=parameters["main_rotor.speed"],
+            direction=parameters["main_rotor.direction"],
+        )
+
     def flapping(self, *, speed: float, direction: float) -> Flapping:
-        """Return eq. (8) of this disc at a rotor speed, rad/s; `direction` as in `behind`."""
+        """Return eq. (8) of this disc at a rotor speed, rad/s; `direction` as in `behind`.
+
+        Raises:
+            ModelError: nothing holds the disc.
+        """
         back = np.linalg.inv(_turn(self.share, direction)) * self.share * speed
         rates = back @ (self.springs - np.eye(2))
-        tau = -2.0 / float(np.trace(rates))
+        held = -0.5 * float(np.trace(rates))
+        if not held > 1.0 / _GREATEST:
+            raise ModelError("springs of the wrong sign leave nothing that holds the disc")
+        tau = 1.0 / held
         cyclic = tau * back @ self.cyclic
         return Flapping(
             tau_f=tau,
@@ -139,7 +165,16 @@ class TipPathPlane(Value):
         Args:
             air: ratio of Lock numbers, as of densities.
             spring: ratio of spring stiffness over inertia and square of rotor speed.
+
+        Raises:
+            ModelError: they are none that one rotor can have.
         """
+        if not all(1.0 / _GREATEST < ratio < _GREATEST for ratio in (air, spring)):
+            raise ModelError(
+                f"a Lock number {air:.3g} times and springs {spring:.3g} times the rotor's are out "
+                "of all proportion: look at air.density and at the main rotor's speed, radius, "
+                "chord, lift_slope and blade_inertia"
+            )
         springs = self.springs * (spring / air)
         return TipPathPlane(share=air * self.share, springs=springs, cyclic=self.cyclic)
 

@@ -17,6 +17,8 @@ from helisim.physics.layout import (
     SWASH_STATES,
     TAIL_STATES,
 )
+from helisim.vehicle.blade import TipPathPlane
+from helisim.vehicle.blade_inertia import with_both
 from helisim.vehicle.parameters import Parameters, check_settings, completed
 from helisim.vehicle.swashplate import Swashplate
 
@@ -36,13 +38,6 @@ _DIRECT = {
     "hub_x": "main_rotor.hub_x",
     "hub_z": "main_rotor.hub_z",
     "hub_stiffness": "main_rotor.hub_stiffness",
-    "tau_f": "flapping.tau_f",
-    "a_b": "flapping.a_b",
-    "b_a": "flapping.b_a",
-    "a_lat": "flapping.a_lat",
-    "a_lon": "flapping.a_lon",
-    "b_lat": "flapping.b_lat",
-    "b_lon": "flapping.b_lon",
     "flap_back": "main_rotor.flap_back",
     "flap_stop": "main_rotor.flap_stop",
     "tail_radius": "tail_rotor.radius",
@@ -116,7 +111,9 @@ _POSITIVE = (
     "main_rotor.lift_slope",
     "main_rotor.stall",
     "main_rotor.flap_stop",
+    "main_rotor.blade_inertia",
     "flapping.tau_f",
+    "flapping.lock_reduction",
     "tail_rotor.radius",
     "tail_rotor.chord",
     "tail_rotor.blades",
@@ -177,12 +174,13 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
             f"for the others, got {direction:g}"
         )
     for name in _POSITIVE:
-        if parameters[name] <= 0.0:
+        if name in parameters and parameters[name] <= 0.0:
             raise ModelError(f"parameter {name!r} must be positive, got {parameters[name]:g}")
     for name in _NOT_NEGATIVE:
         if parameters[name] < 0.0:
             raise ModelError(f"parameter {name!r} must be 0 or more, got {parameters[name]:g}")
     _check_drive(parameters)
+    parameters = with_both(parameters)
     block = np.zeros(len(PARAM))
     block[PARAM.magic] = MAGIC
     block[PARAM.ordinal] = ROTOR
@@ -191,6 +189,7 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         block[getattr(PARAM, slot)] = parameters[name]
     block[PARAM.main_solidity] = _solidity(parameters, "main_rotor")
     block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
+    _write_flapping(parameters, block)
     Swashplate.of(parameters).write(block)
     block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
     block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
@@ -217,6 +216,17 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block[PARAM.excitation_duration] = 1.0
     block[PARAM.sweep_fade] = 1.0
     return block
+
+
+def _write_flapping(parameters: Parameters, block: NDArray[np.float64]) -> None:
+    disc = TipPathPlane.of(parameters)
+    springs = disc.share * parameters["main_rotor.speed"] * disc.springs
+    cross = 0.5 * (disc.springs[1, 0] - disc.springs[0, 1])
+    block[PARAM.flap_hold] = 16.0 * disc.share / parameters["air.density"]
+    block[PARAM.flap_reduction] = parameters["flapping.lock_reduction"]
+    block[PARAM.flap_stiffness] = 2.0 * disc.share * abs(cross)
+    block[PARAM.spring_aa : PARAM.spring_ba + 1] = springs.ravel()[:3]
+    block[PARAM.cyclic_a_lat : PARAM.cyclic_b_lon + 1] = disc.cyclic.ravel()
 
 
 def _check_drive(parameters: Parameters) -> None:

@@ -11,7 +11,12 @@ from helisim.records.files import read_toml
 OPTIONAL = ("drive", "swashplate", "recorder_latency", "tuning", "targets", "geometry", "band")
 """Sections that a vehicle may leave out, whole or in part."""
 
-_OPTIONAL = ("main_rotor.direction", "main_rotor.twist")
+_OPTIONAL = (
+    "main_rotor.direction",
+    "main_rotor.twist",
+    "main_rotor.blade_inertia",
+    "flapping.lock_reduction",
+)
 _ANY = "*"
 
 

@@ -204,8 +204,8 @@ def _settle_gyro(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim)
         cyclic = act[FIRST_LAW_STATE:]
         cosine, sine = par[PARAM.gyro_phase_cosine], par[PARAM.gyro_phase_sine]
         lat, lon = gyro.rotate(cosine, -sine, trim.lat, trim.lon)
-        cyclic[gyro.CYCLIC.p_integral] = lat / par[PARAM.gyro_ki_lat]
-        cyclic[gyro.CYCLIC.q_integral] = lon / par[PARAM.gyro_ki_lon]
+        cyclic[gyro.CYCLIC.p_integral] = float(lat) / float(par[PARAM.gyro_ki_lat])
+        cyclic[gyro.CYCLIC.q_integral] = float(lon) / float(par[PARAM.gyro_ki_lon])
     if par[PARAM.tail_law] == SHIPPED_LAW:
         yaw = act[FIRST_LAW_STATE + int(par[PARAM.swash_states]) :]
         yaw[gyro.YAW.r_integral] = trim.ped / par[PARAM.gyro_k_i]

@@ -22,6 +22,7 @@ from helisim.records.channels import IN1
 from helisim.records.display import Displayed
 from helisim.records.value import Value
 from helisim.vehicle.assembly import Around, Integrator, assemble, with_room
+from helisim.vehicle.blade_inertia import INSTEAD, changed, with_both
 from helisim.vehicle.controller import (
     DIRECT,
     GYRO,
@@ -388,7 +389,7 @@ def load(
         TrimError: it can't hover.
     """
     folder = model_folder(vehicle)
-    values = standard_parameters(folder, tuned=tuned).replace(parameters or {})
+    values = changed(standard_parameters(folder, tuned=tuned), parameters or {})
     model = assemble(folder, values, timestep=timestep, integrator=integrator)
     return Vehicle(folder, values, model, find_trim(model))
 
@@ -417,9 +418,13 @@ def standard_parameters(
         found = read_parameters(*files)
     else:
         found = untuned(read_parameters(*files[:-1]))
-    missing = [known for known in glossary().values() if known.needed and known.name not in found]
+    missing = [
+        known
+        for known in glossary().values()
+        if known.needed and not {known.name, *INSTEAD.get(known.name, ())} & set(found)
+    ]
     if missing:
         first, more = missing[0], len(missing) - 1
         others = f" and {more} more, which helisim vehicle check lists" if more else ""
         raise ModelError(f"{folder}: parameter {first.name} ({first.unit}) is missing{others}")
-    return completed(found)
+    return with_both(completed(found))
