@@ -1,7 +1,6 @@
-"""Flights with a ground: standing, landing, slopes, decks, and how such flights end."""
+"""A vehicle on the ground: standing, sliding, tipping over, falling, riding on a deck."""
 
 import math
-import re
 from dataclasses import replace
 
 import mujoco
@@ -9,15 +8,11 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.errors import InputError
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim.ground import Deck, Ground, Swing
-from helisim.sim.simulation import simulate
 from helisim.vehicle.motion import addresses
 
-STILL = hs.Doublet(axis="ped", amplitude=1e-9, duration=8.0)
-QUIET = hs.Pilot(remnant=0.0)
 SWAYING = Deck(
     heave=Swing(amplitude=0.3, period=6.0, phase=0.4),
     surge=Swing(amplitude=0.2, period=7.0),
@@ -50,19 +45,6 @@ def stepped(model, data, seconds):
             rows.append([data.time, *data.qpos[:3], *data.sensor("contact").data])
     rows = np.array(rows)
     return rows[:, 0], rows[:, 1:4], rows[:, 4:]
-
-
-def flown(vehicle, plan):
-    (flight,) = simulate(vehicle, plan, seed=1, keep_ended=True, jobs=1)
-    return flight
-
-
-def pushed(axis, amplitude, ground, *, height=1.5, duration=8.0):
-    """Return the plan of a stick that is held over from a second on."""
-    step = hs.Step(axis=axis, amplitude=amplitude, trim_time=1.0, duration=duration)
-    return hs.FlightPlan(
-        excitation=step, pilot=QUIET, ground=ground, weather=hs.Weather(height=height)
-    )
 
 
 @pytest.mark.parametrize("integrator", ["RK4", "Euler"])
@@ -258,130 +240,3 @@ def test_heights_above_a_slope_and_a_deck():
     deck = Ground(deck=Deck(length=4.0, width=2.0, above=3.0, heave=Swing(amplitude=1.0)))
     points = np.array([[[1.9, 0.9, -2.0], [2.1, 0.0, -2.0], [0.0, 1.1, -2.0]]])
     assert deck.heights(np.array([2.0]), points)[0] == pytest.approx([1.0, 5.0, 5.0])
-
-
-def test_flat_ground_is_a_slope_of_nothing_and_todays_plane(jr700):
-    """Ground effect over the model's plane is that of the plane at height 0, to rounding."""
-    plan = hs.FlightPlan(
-        excitation=STILL, pilot=QUIET, ground=Ground(), weather=hs.Weather(height=1.2)
-    )
-    felt = flown(jr700, plan)
-    before = flown(hs.load(parameters={"air.ground_effect": 1.0}), replace(plan, ground=None))
-    assert felt.rotor == pytest.approx(before.rotor, abs=1e-6)
-    assert felt.positions == pytest.approx(before.positions, abs=1e-9)
-    sloping = flown(jr700, replace(plan, ground=Ground(slope=1e-12)))
-    assert sloping.rotor == pytest.approx(felt.rotor, abs=1e-6)
-
-
-def test_it_takes_off_by_itself(jr700):
-    """Parked, the pilot that holds a height climbs there, and the ground lets go at once."""
-    plan = hs.FlightPlan(
-        excitation=replace(STILL, duration=10.0),
-        pilot=QUIET,
-        ground=Ground(parked=True),
-        weather=hs.Weather(height=1.5),
-    )
-    flight = flown(jr700, plan)
-    assert flight.end is None
-    weight = 8.01 * 9.8015
-    assert flight.contact[0] == pytest.approx([0.0, 0.0, -weight], abs=0.08 * weight)
-    assert not flight.contact[200:].any()
-    assert -flight.positions[-1, 2] == pytest.approx(1.5, abs=0.2)
-
-
-def test_a_landing_is_no_end(jr700):
-    """Let down with a second of less collective, it stands; in the air alone that is the end."""
-    down = pushed("col", -0.03, Ground(), height=0.35, duration=8.0)
-    flight = flown(jr700, down)
-    assert flight.end is None
-    assert np.abs(flight.contact[-1]).max() > 0.0
-    assert "touched the ground" in flown(jr700, replace(down, ground=None)).end.why
-
-
-@pytest.mark.parametrize(
-    ("plan", "why"),
-    [
-        (pushed("col", -0.4, Ground()), r"the helicopter hit the ground at 4\.\d m/s"),
-        (pushed("lat", 0.5, Ground(parked=True), height=0.2), "tipped over and struck the ground"),
-        (pushed("lat", 0.3, Ground(), height=0.7), "struck the ground with its main rotor"),
-        (
-            pushed("lon", -0.2, Ground(deck=Deck(length=3.0, width=3.0))),
-            "came down beside the deck",
-        ),
-    ],
-)
-def test_ends_and_their_reasons(jr700, plan, why):
-    """A landing that is too hard, a rotor in the ground, a helicopter beside its deck."""
-    end = flown(jr700, plan).end
-    assert end is not None
-    assert re.search(why, end.why)
-
-
-def test_limits_of_the_ground_can_be_let_go(jr700):
-    """With touchdown and clearance off the same fall goes on."""
-    plan = pushed("col", -0.2, Ground(), height=0.8, duration=2.5)
-    assert "hit the ground" in flown(jr700, plan).end.why
-    free = replace(plan, envelope=hs.FlightEnvelope.off())
-    assert flown(jr700, free).end is None
-
-
-def test_same_seed_same_bytes_for_any_threads(jr700):
-    """Contact and a moving deck depend on the seed and the number alone."""
-    plan = hs.FlightPlan(
-        excitation=hs.Doublet(axis="lat", duration=8.0),
-        ground=Ground(deck=SWAYING, parked=True),
-        weather=hs.Weather(height=4.0, turbulence="light"),
-    )
-    one = list(simulate(jr700, plan, count=3, seed=5, jobs=1))
-    other = list(simulate(jr700, plan, count=3, seed=5, jobs=3))
-    for left, right in zip(one, other):
-        assert left.positions.tobytes() == right.positions.tobytes()
-        assert left.contact.tobytes() == right.contact.tobytes()
-    assert one[0].positions.tobytes() != one[1].positions.tobytes()
-
-
-def test_a_flight_without_ground_touches_nothing(jr700):
-    """Its model solves no constraint, and neither plan nor record speak of a ground."""
-    plan = hs.FlightPlan(excitation=STILL)
-    assert jr700.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    assert "ground" not in plan.to_dict()
-    assert "ground" not in plan.to_toml()
-    assert not flown(jr700, plan).contact.any()
-
-
-@pytest.mark.parametrize(
-    ("make", "why"),
-    [
-        (lambda: Ground(slope=-0.1), "slope from 0 to pi/2"),
-        (lambda: Ground(slope=0.1, deck=Deck()), "a slope or a deck, not both"),
-        (lambda: Ground(friction=0.0), "friction must be above 0"),
-        (lambda: Ground(effect=1.5), "effect must be from 0 to 1"),
-        (lambda: Ground(rotor=-1.0), "rotor's speed must be from 0 to 1"),
-        (lambda: Ground(deck=3.0), "must be a Deck or None"),
-        (lambda: Deck(heave=0.3), "heave must be a Swing or None"),
-        (lambda: Deck(length=0.0), "length must be above 0 m"),
-        (lambda: Deck(roll=Swing(amplitude=0.6)), "roll must stay below 0.5 rad"),
-        (lambda: Swing(amplitude=1.0, period=0.0), "period must be above 0 s"),
-        (lambda: Swing(amplitude=math.nan), "finite amplitude"),
-    ],
-)
-def test_what_no_ground_is(make, why):
-    """Each mistake is told in one line."""
-    with pytest.raises(InputError, match=why) as caught:
-        make()
-    assert "\n" not in str(caught.value)
-
-
-def test_the_record_says_how_the_ground_carries(jr700):
-    """With the rotor's true loads also the ground's, and its plan; the pilot takes off."""
-    plan = hs.FlightPlan(
-        excitation=STILL, pilot=QUIET, ground=Ground(parked=True), weather=hs.Weather(height=1.0)
-    )
-    recorder = hs.Recorder.of(jr700, rotor=True)
-    (record,) = hs.fly(jr700, replace(plan, recorder=recorder), seed=1)
-    # it stands on 78 N until collective has come, 50 ms later
-    assert 70.0 < record["contact"][0] < 80.0
-    assert np.abs(record["contact"][100:]).max() < 0.1  # what the anti-alias filter leaves
-    assert hs.FlightPlan.of_record(record).ground == Ground(parked=True)
-    (aloft,) = hs.fly(jr700, replace(plan, ground=None, recorder=recorder), seed=1)
-    assert "contact" not in aloft
