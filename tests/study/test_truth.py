@@ -98,14 +98,25 @@ def test_calm_air_is_met_as_it_is(jr700):
     assert there.derivatives["Z_w"] == jr700.trimmed(wind=(-3.0, 0.0, 0.0)).derivatives["Z_w"]
 
 
-def test_heave_is_damped_more_in_gusts_from_the_side(jr700):
-    """Z_w grows with the square of the wind through the disc's plane, whatever its heading."""
-    mean = mean_derivatives(air_met(jr700, LIGHT))
-    level = LIGHT.dryden.rms[0]
-    still, ahead = (jr700.trimmed(wind=(speed, 0.0, 0.0)).derivatives for speed in (0.0, level))
-    # two axes of level wind, each adding its mean square; the rest is of fourth order
-    expected = 2.0 * (ahead["Z_w"] - still["Z_w"])
-    assert mean["Z_w"] - still["Z_w"] == pytest.approx(expected, rel=0.2)
+def test_heave_damping_in_gusts(jr700):
+    """It grows with the square of the wind along the disc; gusts down and up take some of it back.
+
+    An updraught is a descent, at whose 0.3 v_h the vortex ring begins.
+    """
+    mean = mean_derivatives(air_met(jr700, LIGHT))["Z_w"]
+
+    def damping(*wind):
+        return jr700.trimmed(wind=wind).derivatives["Z_w"]
+
+    level, _, vertical = LIGHT.dryden.rms
+    still = damping(0.0, 0.0, 0.0)
+    # two axes of level wind, each adding its mean square
+    expected = 2.0 * (damping(level, 0.0, 0.0) - still)
+    # the mean over the vertical one at 0 and sqrt(3) of its rms, with 2/3 and 1/6 (Gauss-Hermite)
+    gust = 3.0**0.5 * vertical
+    expected += (damping(0.0, 0.0, gust) + damping(0.0, 0.0, -gust) - 2.0 * still) / 6.0
+    # both at once: of fourth order
+    assert mean - still == pytest.approx(expected, rel=0.2)
 
 
 def test_gusts_lie_along_the_path_through_the_air(jr700):
@@ -134,5 +145,7 @@ def test_the_truth_in_gusts_is_the_mean_over_the_air(jr700, recorder):
     calm, same = (true_values(jr700, HEAVE, recorder, air=some) for some in (None, air))
     assert calm["tau_col"] == same["tau_col"]
     calm, mean = (true_values(jr700, YAW_OVERALL, recorder, air=some) for some in (None, air))
-    # 0.21 % measured; the mean of a fit in each of the 27 winds is 0.19 % less
-    assert mean["a0"] == pytest.approx((1.0 - 0.0019) * calm["a0"], rel=5e-4)
+    each = sum(share * true_values(there, YAW_OVERALL, recorder)["a0"] for share, there in air)
+    # the fit of a mean is not quite the mean of fits
+    assert mean["a0"] == pytest.approx(each, rel=5e-4)
+    assert abs(mean["a0"] / calm["a0"] - 1.0) > 1e-3
