@@ -166,7 +166,7 @@ _PARAMETERS = {
         "lat_amplitude": (0.05, "1", 0.0),
         "lat_w_min": (1.0, "rad/s", -0.5),
         "lat_w_max": (60.0, "rad/s", -0.5),
-        "ped_amplitude": (0.05, "1", 0.0),
+        "ped_amplitude": (0.03, "1", 0.0),
         "ped_w_min": (0.4, "rad/s", -0.5),
         "ped_w_max": (30.0, "rad/s", -0.5),
     },
@@ -248,7 +248,7 @@ def _mjcf(n: float) -> str:
   <option timestep="0.002" integrator="RK4" density="0" viscosity="0" gravity="0 0 -9.81">
     <flag autoreset="disable"/>
   </option>
-  <size nuser_actuator="240"/>
+  <size nuser_actuator="320"/>
   <worldbody>
     <body name="heron_frame" pos="0 0 {0.3 * n}">
       <freejoint name="base"/>

@@ -206,5 +206,5 @@ def test_the_drawn_fin_has_the_area_that_flies(scene, folder):
     across = 0.5 * np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     # The plate's two sides face along one axis of its frame, which is that of its inertia.
     side = 0.5 * np.abs(across).sum(axis=0).max()
-    wanted = read_parameters(folder / "parameters.toml")["airframe.fin_area"]
+    wanted = read_parameters(folder / "parameters.toml")["fin.area"]
     assert side == pytest.approx(wanted, rel=0.1)  # the parameter has one digit

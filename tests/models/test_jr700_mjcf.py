@@ -269,12 +269,20 @@ def test_hover_keyframe(model):
     """Hover: 10 m up, rolled against the tail's thrust, at rest, sticks centred, full speed."""
     key = model.key("hover")
     assert list(key.qpos[:3]) == [0, 0, 10]
-    # tail thrust over weight is 5.25 N / 78.5 N, to the right: 3.8 degrees, half of that here
-    assert key.qpos[3:] == pytest.approx([0.99944, 0.03345, 0, 0], abs=1e-5)
+    # tail thrust over weight is 5.25 N / 78.5 N, to the right: 3.8 degrees, half of that here; the
+    # tail's torque, 59 W / 840 rad/s, pitches the disc back over a hub of 108 N m/rad, and the
+    # nose down by as much
+    nose_down = 59.0 / 840.2 / 108.0
+    wanted = [0.99944, 0.03345, 0.5 * nose_down, 0]
+    assert key.qpos[3:] == pytest.approx(wanted, abs=1.2e-5)  # and yaw, of both turns
     assert not np.any(key.qvel)
-    # calibration centres collective and pedals in the hover
-    assert key.ctrl == pytest.approx([0] * 8 + [1], abs=1e-9)
-    assert key.act[: STATE.feels_x] == pytest.approx(0, abs=1e-9)
+    # calibration centres collective and pedals in the hover; the cyclic holds the tail's torque
+    plate = key.ctrl[4:7]
+    assert key.ctrl == pytest.approx([*[0] * 4, *plate, 0, 1], abs=1e-9)
+    assert plate == pytest.approx(0, abs=0.003)
+    assert plate.sum() == pytest.approx(0, abs=1e-9)
+    assert key.act[: STATE.flap_a : 2] == pytest.approx([*plate, 0], abs=1e-9)
+    assert key.act[STATE.flap_a] == pytest.approx(nose_down, rel=0.02)
     assert np.linalg.norm(key.act[STATE.feels_x : STATE.felt_x]) == pytest.approx(9.8015, rel=1e-9)
 
 

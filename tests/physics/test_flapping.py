@@ -143,7 +143,7 @@ def flight(par, held, pitch, through, advance, sideways=0.0, induced=0.0, twist=
     main = MainRotor(*[0.0] * len(MainRotor._fields))
     main = main._replace(inflow=through, induced=induced, tip_speed=tip, pitch=pitch)
     par[PARAM.main_twist] = twist
-    return tilt_by_flight(par, Flow(motion, 1.0, main, None, STILL), held)
+    return tilt_by_flight(par, Flow(motion, 1.0, main, None, None, STILL), held)
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

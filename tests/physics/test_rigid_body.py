@@ -11,7 +11,7 @@ from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
 
 NO_AIRFRAME = {"airframe.drag_area_x": 0.0, "airframe.drag_area_y": 0.0}
-NO_AIRFRAME |= {"airframe.drag_area_z": 0.0, "airframe.fin_area": 0.0}
+NO_AIRFRAME |= {"airframe.drag_area_z": 0.0, "fin.area": 0.0}
 SPIN = Motion(u=1.0, v=-0.5, w=0.3, p=2.0, q=1.0, r=-1.5, phi=0.3, theta=0.2, psi=1.0)
 
 

@@ -52,7 +52,7 @@ FILES = {
     ),
     "degrees": (
         CALIBRATED,
-        'pitch_trim = { value = 0.07997304190586609, unit = "rad"',
+        'pitch_trim = { value = <number>, unit = "rad"',
         'pitch_trim = { value = 4.58, unit = "deg"',
         "main_rotor.pitch_trim is in 'rad', not in 'deg': 4.58 deg are value = 0.0799361",
     ),
@@ -88,9 +88,9 @@ FILES = {
     ),
     "a missing parameter": (
         PARAMETERS,
-        "fin_area = {",
-        "# fin_area = {",
-        'airframe.fin_area is missing: add fin_area = { value = ..., unit = "m^2", source',
+        "drag_area_z = {",
+        "# drag_area_z = {",
+        'airframe.drag_area_z is missing: add drag_area_z = { value = ..., unit = "m^2", source',
         "[airframe]",
     ),
     "a missing target": (
@@ -129,7 +129,7 @@ FILES = {
     ),
     "an inertia": (
         CALIBRATED,
-        "izz = { value = 0.4185352286016171",
+        "izz = { value = <number>",
         "izz = { value = 0.6",
         "airframe.izz = 0.6 kg m^2 is more than the other two moments together, 0.5424, which no",
     ),
@@ -169,8 +169,8 @@ FILES = {
     ),
     "a gyro out of tune": (
         TUNED,
-        "kp_lat = { value = 0.054009",
-        "kp_lat = { value = 0.954009",
+        "kp_lat = { value = <number>",
+        "kp_lat = { value = 0.954",
         "`helisim tune own --write` solves the gains for [tuning].",
         "",
     ),
@@ -261,10 +261,11 @@ def test_a_number_is_no_text_and_not_true(own, value):
 
 
 def _change(path, old, new):
-    """Change what stands first in a file."""
+    """Change what stands first in a file; <number> is whatever was solved for."""
     text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
+    changed = re.sub(re.escape(old).replace("<number>", r"[0-9.]+"), lambda _: new, text, count=1)
+    assert changed != text
+    path.write_text(changed)
 
 
 def _is_said(own, message, at):
@@ -307,9 +308,9 @@ def test_what_is_well_is_shown(own, capsys):
         "mass                    8.01 kg",
         "disc loading            42.5 N/m^2",
         "hover collective        4.58 deg",
-        "hover power             841.1 W",
+        "hover power             899.8 W",
         "figure of merit         0.389",
-        "-8.62 +- 12.4j",
+        "-8.86 +- 12.3j",
         "ped margins             23.1 dB",
     ):
         assert text in printed

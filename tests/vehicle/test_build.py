@@ -53,9 +53,9 @@ def test_a_changed_parameter_reaches_stock_mujoco(folder):
     before = mjcf(folder).read_text(encoding="utf-8").splitlines()
     assert write_numbers(folder) == (mjcf(folder),)
     after = mjcf(folder).read_text(encoding="utf-8").splitlines()
-    # the lines of density and of what it does to a blade whose tau_f stays; controls, states and
-    # the force felt of the keyframe
-    assert len(set(before) - set(after)) == 5
+    # the lines of density and of what it does to a blade whose tau_f stays; attitude, controls,
+    # states and the force felt of the keyframe
+    assert len(set(before) - set(after)) == 6
     model = mujoco.MjModel.from_xml_path(str(mjcf(folder)))
     vehicle = hs.load(folder)
     assert np.array_equal(model.actuator_user, vehicle.model.actuator_user)

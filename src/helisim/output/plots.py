@@ -283,7 +283,7 @@ def draw_trims(flights: "Sequence[Vehicle]") -> Drawing:
     angles = [np.rad2deg([getattr(flight.trim, name) for flight in flights]) for name in attitudes]
     line = Mark("line", "identified", speeds, power)
     panels = (
-        Panel("main rotor power, W", (line, Mark("dots", "identified", speeds, power)), 120.0),
+        Panel("power of both rotors, W", (line, Mark("dots", "identified", speeds, power)), 120.0),
         Panel("controls, unitised", _histories(speeds, IN1, controls), 120.0),
         Panel("attitude, deg", _histories(speeds, attitudes, angles), 120.0),
     )

@@ -98,7 +98,7 @@ def vehicle(shown: Vehicle) -> Table:
     trim = shown.trim
     facts: list[tuple[str, str, float, str]] = [
         ("mass", "kg", float(np.sum(shown.model.body_mass)), ".4g"),
-        ("main rotor power", "W", shown.power, ".4g"),
+        ("shaft power", "W", shown.power, ".4g"),
         ("speed", "m/s", trim.speed, ".4g"),
         ("height", "m", trim.height, ".4g"),
         *((name, "deg", degrees(getattr(trim, name)), ".3f") for name in ("phi", "theta")),

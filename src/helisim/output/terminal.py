@@ -98,7 +98,7 @@ def _figures(found: VehicleCheck) -> Iterator[str]:
         "blade loading CT/sigma": f"{own.blade_loading:.3g}",
         "Lock number": f"{own.lock_number:.3g}, as tau_f implies",
         "hover collective": f"{math.degrees(own.collective):.3g} deg of blade pitch",
-        "hover power": f"{own.power:.4g} W of the main rotor",
+        "hover power": f"{own.power:.4g} W of main and tail rotor",
         "figure of merit": f"{own.figure_of_merit:.3g}",
         "poles": f"{', '.join(poles)} rad/s",
     }

@@ -12,6 +12,7 @@ from helisim.physics.memory import from_element, speed_ratio
 from helisim.physics.servo import unmix
 from helisim.physics.tail_rotor import TailRotor, tail_rotor
 from helisim.physics.timing import position_ahead
+from helisim.physics.wake import Wash, wash
 
 
 class Flow(NamedTuple):
@@ -22,6 +23,7 @@ class Flow(NamedTuple):
         speed: rotor speed over the nominal one.
         main: what the main rotor does.
         tail: what the tail rotor does.
+        wash: the main rotor's wake at fuselage and tail.
         air: velocities of the air itself.
     """
 
@@ -29,6 +31,7 @@ class Flow(NamedTuple):
     speed: float
     main: MainRotor
     tail: TailRotor
+    wash: Wash
     air: Velocities
 
 
@@ -49,5 +52,6 @@ def flow(view, ahead):
     swashplate = cyclic_tilt(view.par, lon, lat)
     main = main_rotor(view.par, motion, speed, collective, tips, swashplate, nearness)
     pedal = position_ahead(view, STATE.tail_position, ahead)
-    tail = tail_rotor(view.par, motion, speed, pedal)
-    return Flow(motion, speed, main, tail, moving)
+    wake = wash(view.par, motion, main, speed)
+    tail = tail_rotor(view.par, motion, speed, pedal, wake.tail)
+    return Flow(motion, speed, main, tail, wake, moving)

@@ -303,6 +303,9 @@ class ParamIndex(NamedTuple):
     tail_pitch_trim: int
     tail_pitch_range: int
     tail_stall: int
+    tail_induced_factor: int
+    tail_profile_drag: int
+    tail_direction: int
     tail_x: int
     tail_z: int
     # drive: 0 keeps the rotor's speed as commanded, 1 is a motor; then all that follow count
@@ -324,11 +327,47 @@ class ParamIndex(NamedTuple):
     drive_collective_gain: int
     drive_spool_up: int
     drive_bail_out: int
-    # drag areas
+    # fuselage: drag areas and where they act, volumes of its moments, wash over induced velocity
     drag_x: int
     drag_y: int
     drag_z: int
+    drag_centre_x: int
+    drag_centre_z: int
+    pitch_volume: int
+    yaw_volume: int
+    download: int
+    # fin and tailplane
     fin_area: int
+    fin_x: int
+    fin_z: int
+    fin_stall: int
+    fin_slope: int
+    fin_cosine: int
+    fin_sine: int
+    tailplane_area: int
+    tailplane_x: int
+    tailplane_z: int
+    tailplane_stall: int
+    tailplane_slope: int
+    tailplane_cosine: int
+    tailplane_sine: int
+    # the main rotor's wash at tail rotor and fin, and at the tailplane, by wake.COEFFICIENTS
+    tail_wash: int
+    tail_wash_1: int
+    tail_wash_2: int
+    tail_wash_3: int
+    tail_wash_4: int
+    tail_wash_5: int
+    tail_wash_6: int
+    tail_wash_7: int
+    tailplane_wash: int
+    tailplane_wash_1: int
+    tailplane_wash_2: int
+    tailplane_wash_3: int
+    tailplane_wash_4: int
+    tailplane_wash_5: int
+    tailplane_wash_6: int
+    tailplane_wash_7: int
     # servos
     swash_frequency: int
     swash_damping: int

@@ -1,13 +1,15 @@
-"""The air's loads on a vehicle: rotors, hub, fuselage and fin, body axes."""
+"""The air's loads on a vehicle: rotors, hub, fuselage, fin and tailplane, body axes."""
 
 import math
 
 from helisim.physics import rotor
 from helisim.physics.body import Wrench
+from helisim.physics.fuselage import fuselage
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import turning
-from helisim.physics.tail_rotor import tail_v
+from helisim.physics.surfaces import fin, tailplane
+from helisim.physics.tail_rotor import tail_wrench
 
 
 @kernel()
@@ -21,33 +23,53 @@ def wrench(par, a, b, flow, mast):
         flow: the `Flow` past it.
         mast: torque that turns the main rotor, N m.
     """
-    motion, main = flow.motion, flow.main
-    u, v, w = motion.u, motion.v, motion.w
+    motion, wash = flow.motion, flow.wash
+    hub = hub_wrench(par, a, b, flow.main, flow.speed, mast)
+    tail = tail_wrench(par, flow.tail)
+    body = fuselage(par, motion, wash.fuselage)
+    upright, level = fin(par, motion, wash.tail), tailplane(par, motion, wash.tailplane)
+    return Wrench(
+        hub.fx + body.fx + upright.fx + level.fx + tail.fx,
+        hub.fy + body.fy + upright.fy + tail.fy,
+        hub.fz + body.fz + level.fz + tail.fz,
+        hub.mx + body.mx + upright.mx + tail.mx,
+        hub.my + body.my + upright.my + level.my + tail.my,
+        hub.mz + body.mz + upright.mz + tail.mz,
+    )
+
+
+@kernel()
+def hub_wrench(par, a, b, main, speed, mast):
+    """Return the wrench of the main rotor's hub: thrust, springs and torque.
+
+    Thrust stands on the tip-path plane, the blades' drag in the hub's. Half of the air's torque
+    tilts with the tips: the drag of blades that flap acts across them, level with the hub
+    (Padfield, Helicopter Flight Dynamics, chapter 3, of the hub's moments).
+
+    Args:
+        par: parameters.
+        a: rearward tilt, rad.
+        b: right tilt, rad.
+        main: what the main rotor does, a `MainRotor`.
+        speed: rotor speed over the nominal one.
+        mast: torque that turns the rotor, N m.
+    """
     stop = par[PARAM.flap_stop]
     a = rotor.soft_limit(a, stop, 0.7)
     b = rotor.soft_limit(b, stop, 0.7)
-    _, share = turning(flow.speed)
+    _, share = turning(speed)
     stiffness = share * par[PARAM.hub_stiffness]
-    # hub: thrust along the tip-path plane's normal, the blades' drag in the plane of the hub,
-    # springs, torque against the blades' turning
-    hub_x = -main.thrust * math.sin(a) + main.drag_x
-    hub_y = main.thrust * math.sin(b) + main.drag_y
-    hub_z = -main.thrust * math.cos(a) * math.cos(b)
+    back, right = math.sin(a), math.sin(b)
+    x, y = main.drag_x - main.thrust * back, main.drag_y + main.thrust * right
+    z = -main.thrust * math.cos(a) * math.cos(b)
+    direction = par[PARAM.main_direction]
+    leaning = 0.5 * direction * main.torque
     arm_x, arm_z = par[PARAM.hub_x], par[PARAM.hub_z]
-    moment_l = stiffness * b - arm_z * hub_y
-    moment_m = stiffness * a + arm_z * hub_x - arm_x * hub_z
-    moment_n = arm_x * hub_y - par[PARAM.main_direction] * mast
-    # drag of fuselage and fin
-    density = par[PARAM.air_density]
-    pressure = 0.5 * density * math.sqrt(u**2 + v**2 + w**2)
-    side_speed = tail_v(par, motion)
-    fin = -0.5 * density * par[PARAM.fin_area] * abs(side_speed) * side_speed
-    side = fin - par[PARAM.main_direction] * flow.tail.thrust
     return Wrench(
-        hub_x - pressure * par[PARAM.drag_x] * u,
-        hub_y - pressure * par[PARAM.drag_y] * v + side,
-        hub_z - pressure * par[PARAM.drag_z] * w,
-        moment_l - par[PARAM.tail_z] * side,
-        moment_m,
-        moment_n + par[PARAM.tail_x] * side,
+        x,
+        y,
+        z,
+        stiffness * b - arm_z * y - leaning * back,
+        stiffness * a + arm_z * x - arm_x * z + leaning * right,
+        arm_x * y - direction * mast,
     )

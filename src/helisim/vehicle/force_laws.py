@@ -17,10 +17,13 @@ from helisim.physics.layout import (
     SWASH_STATES,
     TAIL_STATES,
 )
+from helisim.physics.surfaces import lift_slope
+from helisim.physics.wake import COEFFICIENTS as WASH
 from helisim.vehicle.blade import TipPathPlane
 from helisim.vehicle.blade_inertia import with_both
 from helisim.vehicle.parameters import Parameters, check_settings, completed
 from helisim.vehicle.swashplate import Swashplate
+from helisim.vehicle.wake import wash_coefficients
 
 _DIRECT = {
     "air_density": "air.density",
@@ -46,6 +49,9 @@ _DIRECT = {
     "tail_pitch_trim": "tail_rotor.pitch_trim",
     "tail_pitch_range": "tail_rotor.pitch_range",
     "tail_stall": "tail_rotor.stall",
+    "tail_induced_factor": "tail_rotor.induced_factor",
+    "tail_profile_drag": "tail_rotor.profile_drag",
+    "tail_direction": "tail_rotor.direction",
     "tail_x": "tail_rotor.arm_x",
     "tail_z": "tail_rotor.arm_z",
     "drive_governor": "drive.governor",
@@ -69,7 +75,19 @@ _DIRECT = {
     "drag_x": "airframe.drag_area_x",
     "drag_y": "airframe.drag_area_y",
     "drag_z": "airframe.drag_area_z",
-    "fin_area": "airframe.fin_area",
+    "drag_centre_x": "airframe.drag_centre_x",
+    "drag_centre_z": "airframe.drag_centre_z",
+    "pitch_volume": "airframe.pitch_volume",
+    "yaw_volume": "airframe.yaw_volume",
+    "download": "airframe.download",
+    "fin_area": "fin.area",
+    "fin_x": "fin.x",
+    "fin_z": "fin.z",
+    "fin_stall": "fin.stall",
+    "tailplane_area": "tailplane.area",
+    "tailplane_x": "tailplane.x",
+    "tailplane_z": "tailplane.z",
+    "tailplane_stall": "tailplane.stall",
     "swash_frequency": "servo.swash_frequency",
     "swash_damping": "servo.swash_damping",
     "tail_frequency": "servo.tail_frequency",
@@ -120,6 +138,11 @@ _POSITIVE = (
     "tail_rotor.speed",
     "tail_rotor.lift_slope",
     "tail_rotor.stall",
+    "tail_rotor.induced_factor",
+    "fin.aspect_ratio",
+    "fin.stall",
+    "tailplane.aspect_ratio",
+    "tailplane.stall",
     "servo.swash_frequency",
     "servo.swash_damping",
     "servo.tail_frequency",
@@ -141,8 +164,13 @@ _NOT_NEGATIVE = (
     "airframe.drag_area_x",
     "airframe.drag_area_y",
     "airframe.drag_area_z",
-    "airframe.fin_area",
+    "airframe.pitch_volume",
+    "airframe.yaw_volume",
+    "airframe.download",
+    "fin.area",
+    "tailplane.area",
     "main_rotor.profile_drag",
+    "tail_rotor.profile_drag",
     "main_rotor.hub_stiffness",
     "main_rotor.flap_back",
     "gyro.ped_latency",
@@ -187,6 +215,7 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block[PARAM.layout] = LAYOUT
     for slot, name in _DIRECT.items():
         block[getattr(PARAM, slot)] = parameters[name]
+    _write_surfaces(parameters, block)
     block[PARAM.main_solidity] = _solidity(parameters, "main_rotor")
     block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
     _write_flapping(parameters, block)
@@ -244,6 +273,22 @@ def _check_drive(parameters: Parameters) -> None:
                 f"drive.governor is 'motor', and with its {engine} engine that needs a positive "
                 f"{entry.name} ({entry.unit}), got {entry.value:g}"
             )
+
+
+def _write_surfaces(parameters: Parameters, block: NDArray[np.float64]) -> None:
+    """Write shape and incidence of fin and tailplane, and the rotor's wash at the tail."""
+    for surface, first in (("fin", PARAM.fin_slope), ("tailplane", PARAM.tailplane_slope)):
+        incidence = parameters[f"{surface}.incidence"]
+        slope = lift_slope(parameters[f"{surface}.aspect_ratio"])
+        block[first : first + 3] = slope, math.cos(incidence), math.sin(incidence)
+    radius = parameters["main_rotor.radius"]
+    for first, x, z in (
+        (PARAM.tail_wash, "tail_rotor.arm_x", "tail_rotor.arm_z"),
+        (PARAM.tailplane_wash, "tailplane.x", "tailplane.z"),
+    ):
+        ahead = (parameters[x] - parameters["main_rotor.hub_x"]) / radius
+        below = (parameters[z] - parameters["main_rotor.hub_z"]) / radius
+        block[first : first + WASH] = wash_coefficients(ahead, below)
 
 
 def _travel(parameters: Parameters, rate: str) -> float:

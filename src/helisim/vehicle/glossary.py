@@ -8,14 +8,33 @@ from types import MappingProxyType
 
 from helisim.records.files import read_toml
 
-OPTIONAL = ("drive", "swashplate", "recorder_latency", "tuning", "targets", "geometry", "band")
+OPTIONAL = (
+    "fin",
+    "tailplane",
+    "drive",
+    "swashplate",
+    "recorder_latency",
+    "tuning",
+    "targets",
+    "geometry",
+    "band",
+)
 """Sections that a vehicle may leave out, whole or in part."""
 
 _OPTIONAL = (
+    "airframe.drag_centre_x",
+    "airframe.drag_centre_z",
+    "airframe.pitch_volume",
+    "airframe.yaw_volume",
+    "airframe.download",
+    "airframe.fin_area",
     "main_rotor.direction",
     "main_rotor.twist",
     "main_rotor.blade_inertia",
     "flapping.lock_reduction",
+    "tail_rotor.induced_factor",
+    "tail_rotor.profile_drag",
+    "tail_rotor.direction",
 )
 _ANY = "*"
 

@@ -9,6 +9,7 @@ from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed
 
 _ODD = (
     "main_rotor.direction",
+    "fin.incidence",
     "flapping.a_b",
     "flapping.b_a",
     "flapping.a_lat",

@@ -1,5 +1,6 @@
 """A vehicle's parameters: named values with units and sources; and what a pilot sets of them."""
 
+import dataclasses
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -66,7 +67,7 @@ class Parameters(Mapping[str, float]):
     def replace(
         self, changes: Mapping[str, float | str], source: str = "set by the user"
     ) -> "Parameters":
-        """Return a copy with some values changed.
+        """Return a copy with some values changed, and with them what was left out to be as they.
 
         Raises:
             UnknownNameError: no such parameter.
@@ -76,6 +77,10 @@ class Parameters(Mapping[str, float]):
         for name, value in changes.items():
             old = self.entry(name)
             entries[name] = PhysicalParameter(name, number_of(name, value), old.unit, source)
+        for name, other in _AS.items():
+            follows = name in entries and entries[name].source == f"{_NOT_GIVEN}as {other}"
+            if follows and other in changes:
+                entries[name] = dataclasses.replace(entries[name], value=entries[other].value)
         return Parameters(entries)
 
 
@@ -128,6 +133,7 @@ def untuned(parameters: Parameters) -> Parameters:
     return Parameters({**plain, **{name: parameters.entry(name) for name in parameters}})
 
 
+_NOT_GIVEN = "not given: "
 _LEFT_OUT = {
     "main_rotor.direction": (1.0, "1", "clockwise seen from above"),
     "main_rotor.twist": (0.0, "rad", "blades without twist"),
@@ -159,17 +165,54 @@ _LEFT_OUT = {
     "swashplate.right_angle": (-2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),
     **{f"swashplate.{name}_arm": (1.0, "1", "all arms are equal") for name in _SWASH_SERVOS},
     **{f"swashplate.{name}_sign": (1.0, "1", "none is reversed") for name in _SWASH_SERVOS},
+    "airframe.drag_centre_x": (0.0, "m", "at the centre of gravity"),
+    "airframe.drag_centre_z": (0.0, "m", "at the centre of gravity"),
+    "airframe.pitch_volume": (0.0, "m^3", "no moment of the fuselage"),
+    "airframe.yaw_volume": (0.0, "m^3", "no moment of the fuselage"),
+    "airframe.download": (0.0, "1", "no wash on the fuselage"),
+    "tail_rotor.direction": (1.0, "1", "the lower blade moves forwards"),
+    "fin.area": (0.0, "m^2", "no fin"),
+    "fin.aspect_ratio": (2.6, "1", "a fin that the tail case halves"),
+    "fin.incidence": (0.0, "rad", "straight ahead"),
+    "fin.stall": (1.17, "1", "a flat plate"),
+    "tailplane.area": (0.0, "m^2", "no tailplane"),
+    "tailplane.aspect_ratio": (4.0, "1", "a slender one"),
+    "tailplane.incidence": (0.0, "rad", "level"),
+    "tailplane.stall": (1.17, "1", "a flat plate"),
 }
+_AS = {
+    "tail_rotor.induced_factor": "main_rotor.induced_factor",
+    "tail_rotor.profile_drag": "main_rotor.profile_drag",
+    "fin.x": "tail_rotor.arm_x",
+    "fin.z": "tail_rotor.arm_z",
+    "tailplane.x": "tail_rotor.arm_x",
+    "tailplane.z": "tail_rotor.arm_z",
+}
+"""What a vehicle may leave out -> parameter whose value it then has."""
+_FORMER = {"airframe.fin_area": "fin.area"}
+"""Former name of a parameter, still read -> its name."""
 
 
 def completed(parameters: Parameters) -> Parameters:
-    """Return the parameters with what a vehicle may leave out: direction, drive, swashplate."""
-    plain = {
-        name: PhysicalParameter(name, value, unit, f"not given: {meaning}")
-        for name, (value, unit, meaning) in _LEFT_OUT.items()
-        if name not in parameters
-    }
-    return Parameters({**{name: parameters.entry(name) for name in parameters}, **plain})
+    """Return the parameters with what a vehicle may leave out, and none under a former name.
+
+    Raises:
+        ModelError: a parameter stands there under its name and its former one.
+    """
+    given = {name: parameters.entry(name) for name in parameters}
+    for former, name in _FORMER.items():
+        if former in given and name in given:
+            raise ModelError(f"{former} is the former name of {name}: leave one of them out")
+        if former in given:
+            given[name] = dataclasses.replace(given.pop(former), name=name)
+    for name, (value, unit, meaning) in _LEFT_OUT.items():
+        given.setdefault(name, PhysicalParameter(name, value, unit, f"{_NOT_GIVEN}{meaning}"))
+    for name, other in _AS.items():
+        if name not in given and other in given:
+            given[name] = dataclasses.replace(
+                given[other], name=name, source=f"{_NOT_GIVEN}as {other}"
+            )
+    return Parameters(given)
 
 
 def _read(path: Path) -> dict[str, PhysicalParameter]:

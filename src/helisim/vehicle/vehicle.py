@@ -149,12 +149,22 @@ class Vehicle(Value, Displayed):
 
     @property
     def power(self) -> float:
-        """Power that the main rotor's shaft takes in this flight, W."""
+        """Power that the shafts of main and tail rotor take in this flight, W.
+
+        Induced, climb and profile power of both; no losses of gears, motor and speed controller.
+        """
+        return self.main_power + self._sensed_power(SENSOR.tail_power)
+
+    @property
+    def main_power(self) -> float:
+        """Power that the main rotor's shaft alone takes in this flight, W."""
+        return self._sensed_power(SENSOR.main_power)
+
+    def _sensed_power(self, index: int) -> float:
         data = self.hovering()
         with installed():
             mujoco.mj_forward(self.model, data)
-        torque = data.sensor("rotor").data[SENSOR.torque - SENSOR.thrust]
-        return float(torque * self.parameters["main_rotor.speed"])
+        return float(data.sensor("power").data[index - SENSOR.drive_power])
 
     def hovering(self) -> mujoco.MjData:
         """Return fresh simulation data in the trim, the hover by default."""

@@ -87,14 +87,14 @@ class Figures:
         mass = float(model.body_subtreemass[root_body(model)])
         weight = mass * float(np.linalg.norm(model.opt.gravity))
         disc = math.pi * own["main_rotor.radius"] ** 2
-        power = vehicle.power
         pitch = own["main_rotor.pitch_trim"] + own["main_rotor.pitch_range"] * vehicle.trim.col
+        ideal = weight**1.5 / math.sqrt(2.0 * own["air.density"] * disc)
         return cls(
             mass=mass,
             **at_a_glance(own, weight),
             collective=pitch,
-            power=power,
-            figure_of_merit=weight**1.5 / math.sqrt(2.0 * own["air.density"] * disc) / power,
+            power=vehicle.power,
+            figure_of_merit=ideal / vehicle.main_power,
             poles=_poles(vehicle),
         )
 
