@@ -6,8 +6,29 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
+import helisim as hs
+from helisim.sim import missions
+from helisim.sim.simulation import simulate
 from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.motion import root_body
+
+FLIGHTS = {
+    "forward": {"mission": missions.Forward(speed=15.0)},
+    "pirouette": {"mission": missions.Pirouette()},
+    "take-off, hover, landing": {"mission": missions.TakeOffHoverLand()},
+    "autorotation, 30 m and 0 m/s": {"mission": missions.Autorotation(height=30.0, speed=0.0)},
+    "autorotation, 60 m and 10 m/s": {"mission": missions.Autorotation(height=60.0, speed=10.0)},
+    "roll sweep": {"excitation": hs.Sweep(axis="lat", duration=30.0)},
+    "heave sweep": {"excitation": hs.Sweep(axis="col", duration=30.0)},
+    "forward in a wind": {
+        "mission": missions.Forward(speed=10.0),
+        "weather": hs.Weather(wind=5.0, wind_from=1.0),
+    },
+    "yaw sweep in turbulence": {
+        "excitation": hs.Sweep(axis="ped", duration=30.0),
+        "weather": hs.Weather(turbulence="light"),
+    },
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,3 +110,10 @@ def ledger(vehicle, flight):
         wind=summed(np.sum(np.hstack([force, moment]) * flight.air, axis=1)),
         lost=summed(flight.power[:, 3]),
     )
+
+
+def flown(vehicle, name):
+    """Return the ledger of a flight, and its sample of a hard touch-down, or its last."""
+    (flight,) = simulate(vehicle, hs.FlightPlan(**FLIGHTS[name]), seed=1, jobs=1)
+    hard = np.linalg.norm(flight.contact, axis=1) > 3.0 * 8.01 * 9.8015
+    return ledger(vehicle, flight), int(np.argmax(hard)) - 1 if hard.any() else flight.time.size

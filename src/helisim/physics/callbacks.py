@@ -19,7 +19,7 @@ from helisim.physics.flow import flow
 from helisim.physics.injection import at_actuators
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
-from helisim.physics.loads import wrench
+from helisim.physics.loads import heat, wrench
 from helisim.physics.memory import (
     buffer,
     is_rotor,
@@ -207,6 +207,6 @@ def report_rotors(view, past):
     out[SENSOR.drive_power] = drive(view, past, 0.0).power
     out[SENSOR.main_power] = main.torque * spin
     out[SENSOR.tail_power] = past.tail.torque * past.speed * view.par[PARAM.tail_speed]
-    out[SENSOR.heat] = 0.0
+    out[SENSOR.heat] = heat(view.par, past)
     out[SENSOR.air_u], out[SENSOR.air_v], out[SENSOR.air_w] = air.u, air.v, air.w
     out[SENSOR.air_p], out[SENSOR.air_q], out[SENSOR.air_r] = air.p, air.q, air.r

@@ -55,7 +55,8 @@ class Drive(NamedTuple):
         engine_rate: of the engine's throttle, 1/s.
         governor_rate: of the governor's integral, 1/s.
         mast: torque that turns the main rotor, N m; the body feels its reaction.
-        power: that reaches the two shafts and what turns with them, W.
+        power: that reaches the two shafts and what turns with them, W; a shaft turns against the
+            body.
     """
 
     speed_rate: float
@@ -89,8 +90,9 @@ def drive(view, flow, step):
             speed_rate = (turning - load) / (par[PARAM.drive_inertia] * par[PARAM.main_speed])
             mast = turning - tail
     spin = flow.speed * par[PARAM.main_speed]
-    yaw = par[PARAM.main_direction] * (flow.motion.r + flow.air.r)
-    power = (mast + tail) * spin - mast * yaw
+    power = (mast + tail) * spin
+    power -= mast * par[PARAM.main_direction] * (flow.motion.r + flow.air.r)
+    power -= flow.tail.torque * par[PARAM.tail_direction] * (flow.motion.q + flow.air.q)
     return Drive(speed_rate, engine_rate, governor_rate, mast, power)
 
 

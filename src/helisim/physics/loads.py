@@ -23,19 +23,46 @@ def wrench(par, a, b, flow, mast):
         flow: the `Flow` past it.
         mast: torque that turns the main rotor, N m.
     """
-    motion, wash = flow.motion, flow.wash
     hub = hub_wrench(par, a, b, flow.main, flow.speed, mast)
-    tail = tail_wrench(par, flow.tail)
+    tail, rest = tail_wrench(par, flow.tail), airframe(par, flow)
+    return Wrench(
+        hub.fx + tail.fx + rest.fx,
+        hub.fy + tail.fy + rest.fy,
+        hub.fz + tail.fz + rest.fz,
+        hub.mx + tail.mx + rest.mx,
+        hub.my + tail.my + rest.my,
+        hub.mz + tail.mz + rest.mz,
+    )
+
+
+@kernel()
+def airframe(par, flow):
+    """Return the wrench of all that doesn't turn: fuselage, fin and tailplane."""
+    motion, wash = flow.motion, flow.wash
     body = fuselage(par, motion, wash.fuselage)
     upright, level = fin(par, motion, wash.tail), tailplane(par, motion, wash.tailplane)
     return Wrench(
-        hub.fx + body.fx + upright.fx + level.fx + tail.fx,
-        hub.fy + body.fy + upright.fy + tail.fy,
-        hub.fz + body.fz + level.fz + tail.fz,
-        hub.mx + body.mx + upright.mx + tail.mx,
-        hub.my + body.my + upright.my + level.my + tail.my,
-        hub.mz + body.mz + upright.mz + tail.mz,
+        body.fx + upright.fx + level.fx,
+        body.fy + upright.fy,
+        body.fz + level.fz,
+        body.mx + upright.mx,
+        body.my + upright.my + level.my,
+        body.mz + upright.mz,
     )
+
+
+@kernel()
+def heat(par, flow):
+    """Return the power that is lost to the air, W.
+
+    Of both rotors what they induce and their blades' drag, and what fuselage and surfaces take from
+    the vehicle's motion. What those and the tail rotor take from the main rotor's wake was lost
+    before.
+    """
+    drag, moving, tail = airframe(par, flow), flow.motion, flow.tail
+    work = drag.fx * moving.u + drag.fy * moving.v + drag.fz * moving.w
+    work += drag.mx * moving.p + drag.my * moving.q + drag.mz * moving.r
+    return flow.main.heat + tail.heat - tail.drag_z * flow.wash.tail - work
 
 
 @kernel()
