@@ -96,7 +96,7 @@ def _figures(found: VehicleCheck) -> Iterator[str]:
         "tip speed": f"{own.tip_speed:.4g} m/s",
         "solidity": f"{own.solidity:.3g}",
         "blade loading CT/sigma": f"{own.blade_loading:.3g}",
-        "Lock number": f"{own.lock_number:.3g}, as tau_f implies",
+        "Lock number": f"{own.lock_number:.3g}, of the blades",
         "hover collective": f"{math.degrees(own.collective):.3g} deg of blade pitch",
         "hover power": f"{own.power:.4g} W of main and tail rotor",
         "figure of merit": f"{own.figure_of_merit:.3g}",

@@ -12,14 +12,21 @@ from helisim.errors import ModelError
 from helisim.paper import published
 from helisim.vehicle import calibrate, read_parameters
 from helisim.vehicle.assembly import mass_and_gravity
+from helisim.vehicle.blade_inertia import INERTIA, REDUCTION, lock_number, with_both
+from helisim.vehicle.calibrate import spared
 from helisim.vehicle.estimate import estimated_targets
 from helisim.vehicle.folder import is_shipped, model_folder
-from helisim.vehicle.parameters import Parameters, completed, to_toml
+from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, to_toml
 from helisim.vehicle.targets import lacking, stated_targets
 
 _HEADER = """\
 Written by `helisim calibrate --write`; not by hand.
-Solved so that the linearised nonlinear model has the {derivatives} derivatives."""
+Solved so that the linearised nonlinear model has the {derivatives} derivatives.
+
+A blade has a flapping inertia of {inertia:.3g} kg m^2, as {mass:.3g} kg spread evenly over
+{radius:g} m: a Lock number gamma of {lock:.3g}. Inflow that follows its flapping leaves
+{felt:.3g} of it; 16 / ({felt:.3g} Omega) is the disc's own time constant, and springs and
+couplings make tau_f of that."""
 
 
 def calibrated_text(
@@ -52,7 +59,24 @@ def calibrated_text(
         except ModelError as error:
             raise ModelError(f"{files[0]}: {error}") from None
     solved = calibrate(folder, given, targets, source, on_progress=on_progress)
-    return to_toml(solved, _HEADER.format(derivatives=whose))
+    whole = with_both(Parameters({**_entries(given), **_entries(solved)}))
+    return to_toml(solved, _HEADER.format(derivatives=whose, **_blade(whole)))
+
+
+def _entries(parameters: Parameters) -> dict[str, PhysicalParameter]:
+    return {name: parameters.entry(name) for name in parameters}
+
+
+def _blade(own: Parameters) -> dict[str, float]:
+    """Return what is said of a blade, by name."""
+    inertia, radius = own[INERTIA], own["main_rotor.radius"]
+    return {
+        "lock": lock_number(own),
+        "felt": lock_number(own) / own[REDUCTION],
+        "inertia": inertia,
+        "mass": 3.0 * inertia / radius**2,
+        "radius": radius,
+    }
 
 
 def _own(
@@ -61,7 +85,7 @@ def _own(
     """Return a vehicle's own targets, those that it states before those that are estimated."""
     stated = stated_targets(given)
     if not from_geometry:
-        missing = lacking(stated)
+        missing = lacking(stated, given)
         if missing:
             raise ModelError(
                 f"section [targets] lacks {', '.join(missing)}; each is "
@@ -69,5 +93,7 @@ def _own(
                 "helisim calibrate --from-geometry estimates what is missing"
             )
         return dict(stated), "[targets] of parameters.toml"
-    estimated = estimated_targets(given, *mass_and_gravity(folder))
+    estimated = dict(estimated_targets(given, *mass_and_gravity(folder)))
+    for name in spared(given):
+        del estimated[name]
     return {**estimated, **stated}, "[targets] and closed forms of the geometry"

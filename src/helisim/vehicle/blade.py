@@ -139,6 +139,8 @@ class TipPathPlane(Value):
     def flapping(self, *, speed: float, direction: float) -> Flapping:
         """Return eq. (8) of this disc at a rotor speed, rad/s; `direction` as in `behind`.
 
+        Its one time constant is the mean of both axes'.
+
         Raises:
             ModelError: nothing holds the disc.
         """

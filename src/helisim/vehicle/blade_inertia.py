@@ -108,6 +108,11 @@ def changed(parameters: Parameters, changes: Mapping[str, float | str]) -> Param
     return with_both(Parameters(entries))
 
 
+def lock_number(parameters: Mapping[str, float]) -> float:
+    """Return the blades' own Lock number, of parameters that have their inertia."""
+    return parameters[REDUCTION] * _held(parameters)
+
+
 def _sound(parameters: Mapping[str, float]) -> bool:
     """Return whether a rotor can have these parameters; the force laws refuse others by name."""
     positive = {*_FELT, "main_rotor.blades", TIME_CONSTANT} & set(parameters)

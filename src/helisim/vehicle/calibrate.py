@@ -6,7 +6,7 @@ tail's side force: a few percent from the solution, whatever the size of the hel
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -17,6 +17,7 @@ from scipy.optimize import root
 
 from helisim.errors import InputError, ModelError
 from helisim.vehicle.assembly import assemble, mass_and_gravity
+from helisim.vehicle.blade_inertia import INERTIA
 from helisim.vehicle.linearize import linearize, plain_rotor, stability_derivatives
 from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, untuned
 from helisim.vehicle.swashplate import Swashplate
@@ -60,25 +61,32 @@ def calibrate(
     Args:
         vehicle: name of a shipped one or path of a folder, whose MJCF is flown.
         given: given and chosen parameters; the gyro's may be missing.
-        targets: values of DIRECT and SOLVED by name, SI.
+        targets: values of DIRECT and SOLVED by name, SI; without tau_f where the blades' inertia is
+            given.
         source: where the targets come from, for the provenance.
         on_progress: called with the vehicle's name each time other parameters are tried.
 
     Raises:
-        InputError: a target is missing or not finite.
+        InputError: a target is missing or not finite, or there is one too many.
         ModelError: no solution.
     """
-    for wanted in DIRECT + SOLVED:
+    direct_ones = tuple(key for key in DIRECT if key not in spared(given))
+    for wanted in direct_ones + SOLVED:
         if not np.isfinite(targets.get(wanted, np.nan)):
             raise InputError(
                 f"calibration needs a finite {wanted}, got {targets.get(wanted)!r}; "
-                f"it takes {', '.join(DIRECT + SOLVED)}"
+                f"it takes {', '.join(direct_ones + SOLVED)}"
+            )
+    for extra in spared(given):
+        if extra in targets:
+            raise InputError(
+                f"{INERTIA} and the target {extra} both say how fast the disc follows: give one"
             )
     direct = {
         f"flapping.{key.lower()}": PhysicalParameter(
             f"flapping.{key.lower()}", targets[key], "s" if key == "tau_f" else _unit(key), source
         )
-        for key in DIRECT
+        for key in direct_ones
     }
     guess = first_guess(given, targets, *mass_and_gravity(vehicle))
     starts = np.array([guess[key] for key in UNKNOWNS])
@@ -107,6 +115,11 @@ def calibrate(
         )
     complete = join(solution.x)
     return Parameters({key: complete.entry(key) for key in (*direct, *UNKNOWNS)})
+
+
+def spared(given: Container[str]) -> tuple[str, ...]:
+    """Return the targets that are not needed, as they follow from what is given."""
+    return ("tau_f",) if INERTIA in given else ()
 
 
 def _unit(derivative: str) -> str:

@@ -1,16 +1,17 @@
 """Derivatives of a helicopter that has not flown yet, from its geometry, in closed form.
 
 Momentum theory and untwisted blades for thrust, as in `calibrate`; for the tip-path plane a rotor
-with a spring at its centre (Padfield, Helicopter Flight Dynamics, ch. 3): its time constant is
-16 / (gamma Omega), where the Lock number gamma = rho a c R^4 / I is reduced by the inflow that the
-blades' own flapping makes, by 1 + a sigma / (16 lambda); its coupling is the stiffness number
-8 k / (gamma I Omega^2). No hinge offset, no delta-3, no dampers: flown derivatives of small
-helicopters are up to some four times larger in tau_f and in A_b and B_a. A start, not a truth.
+with a spring at its centre, `helisim.vehicle.blade`, its Lock number reduced by the inflow that the
+blades' own flapping makes, under a swashplate that is turned so that it tilts the disc straight. No
+delta-3, no dampers: flown derivatives of small helicopters are up to some four times larger in
+tau_f and in A_b and B_a. A start, not a truth.
 """
 
+import math
 from collections.abc import Mapping
 
 from helisim.errors import ModelError
+from helisim.vehicle.blade import flapping_from_blade, lock_reduction
 from helisim.vehicle.calibrate import Disc, hover_torque
 from helisim.vehicle.glossary import glossary
 from helisim.vehicle.parameters import Parameters, PhysicalParameter
@@ -87,13 +88,19 @@ def _flapping(
     radius, speed = given["main_rotor.radius"], given["main_rotor.speed"]
     inertia, slope = own["blade_inertia"], own["lift_slope"]
     lock = given["air.density"] * slope * given["main_rotor.chord"] * radius**4 / inertia
-    lock /= 1.0 + slope * main.solidity / (16.0 * main.inflow)
     spring = 2.0 * own["hub_stiffness"] / given["main_rotor.blades"]  # of one blade
-    coupling = given["main_rotor.direction"] * 8.0 * spring / (lock * inertia * speed**2)
+    found = flapping_from_blade(
+        lock_number=lock / lock_reduction(slope, main.solidity, main.inflow),
+        speed=speed,
+        direction=given["main_rotor.direction"],
+        flap_frequency=math.sqrt(1.0 + spring / (inertia * speed**2)),
+        lon_range=own["cyclic_range"],
+        lat_range=own["cyclic_range"],
+    )
     return {
-        "tau_f": 16.0 / (lock * speed),
-        "A_b": -coupling,
-        "B_a": coupling,
+        "tau_f": found.tau_f,
+        "A_b": found.a_b,
+        "B_a": found.b_a,
         "A_lat": 0.0,
         "A_lon": own["cyclic_range"],
         "B_lat": own["cyclic_range"],

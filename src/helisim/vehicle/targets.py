@@ -7,10 +7,10 @@ They are those of Wu and Chen's equations (1), (8) and (10), in the field's axes
 identification of one's own flights finds them and `Vehicle.derivatives` has them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 from helisim.errors import ModelError
-from helisim.vehicle.calibrate import DIRECT, SOLVED
+from helisim.vehicle.calibrate import DIRECT, SOLVED, spared
 from helisim.vehicle.glossary import glossary
 from helisim.vehicle.parameters import Parameters, PhysicalParameter
 
@@ -42,6 +42,12 @@ def stated_targets(given: Parameters) -> Parameters:
     return Parameters(found)
 
 
-def lacking(targets: Mapping[str, float]) -> list[str]:
-    """Return the derivatives that a calibration still lacks, each with its unit."""
-    return [f"{name} ({unit})" for name, unit in UNITS.items() if name not in targets]
+def lacking(targets: Mapping[str, float], given: Container[str]) -> list[str]:
+    """Return the derivatives that a calibration still lacks, each with its unit.
+
+    Args:
+        targets: derivatives that are stated, by name.
+        given: the vehicle's parameters, from which one may follow.
+    """
+    there = {*targets, *spared(given)}
+    return [f"{name} ({unit})" for name, unit in UNITS.items() if name not in there]

@@ -8,6 +8,7 @@ import numpy as np
 
 from helisim.study.check.problem import Problem
 from helisim.vehicle import Vehicle
+from helisim.vehicle.blade_inertia import lock_number
 from helisim.vehicle.motion import root_body
 
 _USUAL = {
@@ -39,7 +40,8 @@ _USUAL = {
         0.3,
         20.0,
         "",
-        "16 / (tau_f times rotor speed), how fast the disc follows: look at flapping.tau_f",
+        "how the air holds a blade beside its inertia, and so how fast the disc follows: look at "
+        "flapping.tau_f or main_rotor.blade_inertia",
     ),
     "figure_of_merit": (
         0.15,
@@ -61,7 +63,7 @@ class Figures:
         tip_speed: m/s, of the main blades.
         solidity: of the main rotor.
         blade_loading: thrust coefficient over solidity.
-        lock_number: that the disc's time constant implies.
+        lock_number: density x lift slope x chord x radius^4 over a blade's flapping inertia.
         collective: pitch of the main blades, rad.
         power: W, of the main rotor's shaft.
         figure_of_merit: ideal over real power.
@@ -115,7 +117,7 @@ def at_a_glance(own: Mapping[str, float], weight: float) -> dict[str, float]:
         "tip_speed": speed * radius,
         "solidity": solidity,
         "blade_loading": weight / dynamic / solidity,
-        "lock_number": 16.0 / (own["flapping.tau_f"] * speed),
+        "lock_number": lock_number(own),
     }
 
 

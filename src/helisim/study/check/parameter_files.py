@@ -10,7 +10,8 @@ from typing import Any
 from helisim.errors import InputError, ModelError, StorageError, similar
 from helisim.records.files import read_text
 from helisim.study.check.problem import Problem, command, sentence
-from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS
+from helisim.vehicle.blade_inertia import INSTEAD
+from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS, spared
 from helisim.vehicle.folder import PARAMETER_FILES
 from helisim.vehicle.glossary import Term, glossary, sections, term
 from helisim.vehicle.parameters import PhysicalParameter, name_fault, plain_number, unit_fault_of
@@ -164,12 +165,14 @@ class ParameterFiles:
             file = _file_of(known.name)
             there = (self._folder / file).is_file()
             section = known.name.split(".")[0]
-            found = known.name in self._places or bool({known.name, section} & self._meant)
+            others = {known.name, *INSTEAD.get(known.name, ())}
+            found = bool(others & set(self._places) or {known.name, section} & self._meant)
             if known.needed and there and self._read and not found:
                 in_file, line = self._places.get(section, (None, None))
                 line = line if in_file is not None and in_file.name == file else None
                 self.problems.append(Problem(_missing(known), self._folder / file, line))
-        targets = [f"targets.{name}" for name in (*DIRECT, *SOLVED)]
+        needed = [name for name in (*DIRECT, *SOLVED) if name not in spared(self._places)]
+        targets = [f"targets.{name}" for name in needed]
         lacking = [name for name in targets if name not in self._places]
         if lacking and len(lacking) < len(targets):
             names = ", ".join(name.split(".")[1] for name in lacking)

@@ -8,15 +8,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import HelisimError
+from helisim.errors import HelisimError, ModelError
 from helisim.physics.layout import ACTUATORS, ROTOR, ROTOR_STATES
 from helisim.physics.timing import TICK_TOLERANCE
 from helisim.study.check.figures import at_a_glance, implausible
 from helisim.study.check.parameter_files import ParameterFiles
 from helisim.study.check.problem import Problem, sentence
 from helisim.vehicle.assembly import total_inertia
+from helisim.vehicle.blade_inertia import INERTIA, with_both
 from helisim.vehicle.mjcf import Element, Mjcf
 from helisim.vehicle.motion import root_body
+from helisim.vehicle.parameters import Parameters, completed
 from helisim.vehicle.roles import Roles
 
 _OFF_CENTRE = 0.002
@@ -29,7 +31,6 @@ _DIVISORS = (
     "main_rotor.speed",
     "main_rotor.chord",
     "main_rotor.blades",
-    "flapping.tau_f",
 )
 _AXES = ("ixx", "iyy", "izz")
 
@@ -59,7 +60,12 @@ def body_problems(path: Path, files: ParameterFiles) -> list[Problem]:
     problems += _misplaced(model, root, own, files)
     problems += _not_solid(model, root, own, files)
     problems += _out_of_step(model, own, files)
-    if min(own[name] for name in _DIVISORS) > 0.0:
+    try:
+        own = dict(with_both(completed(Parameters(files.entries))))
+    except ModelError as error:
+        files.add(str(error), INERTIA)
+        return problems
+    if INERTIA in own and min(own[name] for name in _DIVISORS) > 0.0:
         weight = model.body_subtreemass[root] * np.linalg.norm(model.opt.gravity)
         problems += implausible(at_a_glance(own, float(weight)))
     return problems
