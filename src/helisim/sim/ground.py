@@ -15,7 +15,7 @@ from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord
 from helisim.sim.clearance import outline
-from helisim.sim.plain import from_plain
+from helisim.sim.plain import from_plain, in_brief
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
@@ -114,6 +114,9 @@ class Deck:
                     f"a deck's {name} must stay below 0.5 rad, got {swing.amplitude:g}"
                 )
 
+    def __repr__(self) -> str:
+        return in_brief(self)
+
     @property
     def swings(self) -> dict[str, Swing]:
         """The motions that it has by name, the outermost first."""
@@ -181,6 +184,9 @@ class Ground:
             raise InputError(f"a ground's deck must be a Deck or None, got {self.deck!r}")
         if self.deck is not None and self.slope != 0.0:
             raise InputError("a deck is level at rest: a ground has a slope or a deck, not both")
+
+    def __repr__(self) -> str:
+        return in_brief(self)
 
     def put_into(self, spec: mujoco.MjSpec, vehicle: mujoco.MjModel) -> None:
         """Add the ground to a specification: what `assemble` takes as `around`.
