@@ -193,3 +193,16 @@ def test_off_it_costs_and_changes_nothing(jr700):
     par = jr700.model.actuator_user[addresses(jr700.model).rotor]
     assert par[PARAM.ground_effect] == 0.0
     assert inflow(jr700.model, (0, 0, 0.3)) == inflow(jr700.model, (0, 0, 30.0))
+
+
+@given(height=st.floats(0.5, 20.0), share=st.floats(0.0, 1.0))
+def test_wash_is_stopped_by_the_ground(height, share):
+    """Between hub and ground the mirrored source, by vectors, takes away so much of the wash."""
+    place, hub = np.array([0.0, 0.0, share * height]), np.array([0.0, 0.0, height])
+    flow = [
+        (place - at) / max(np.linalg.norm(place - at), 1e-12) ** 3 for at in (hub, hub * [1, 1, -1])
+    ]
+    left = ground.wash_left(1.0 / (4.0 * height) ** 2, (1.0 - share) * height)
+    if share < 1.0:
+        assert left == pytest.approx((flow[0] + flow[1])[2] / flow[0][2], abs=1e-9)
+    assert 0.0 <= left <= 1.0

@@ -136,6 +136,7 @@ def test_a_flight_without_ground_touches_nothing(jr700):
         (lambda: Deck(heave=0.3), "heave must be a Swing or None"),
         (lambda: Deck(length=0.0), "length must be above 0 m"),
         (lambda: Deck(roll=Swing(amplitude=0.6)), "roll must stay below 0.5 rad"),
+        (lambda: Deck(above=1.0, heave=Swing(amplitude=-1.0)), "1 m above .* can't heave by 1 m"),
         (lambda: Swing(amplitude=1.0, period=0.0), "period must be above 0 s"),
         (lambda: Swing(amplitude=math.nan), "finite amplitude"),
     ],

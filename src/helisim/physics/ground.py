@@ -147,3 +147,21 @@ def _corner(a, b):
     if a > 0.0 and b > 0.0:
         return 2.0 * (below + beside)
     return 0.5 * math.pi + 2.0 * (below if a <= 0.0 else beside)
+
+
+@kernel()
+def wash_left(nearness, drop):
+    """Return the share of the main rotor's wash that is left at a place above the ground.
+
+    The ground stops it: source and image of Cheeseman and Bennett's, of which the image is the
+    farther by twice the place's height. Above the ground by h and below a hub at d the two differ
+    by ((d - h) / (d + h))^2 of the source's own.
+
+    Args:
+        nearness: (R / 4d)^2 of the ground.
+        drop: of the place below the hub, in radii.
+    """
+    below = 4.0 * max(0.0, drop) * math.sqrt(nearness)  # over the hub's own distance
+    if below >= 1.0:
+        return 0.0
+    return 1.0 - (below / (2.0 - below)) ** 2

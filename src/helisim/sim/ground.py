@@ -113,6 +113,11 @@ class Deck:
                 raise InputError(
                     f"a deck's {name} must stay below 0.5 rad, got {swing.amplitude:g}"
                 )
+        if self.heave is not None and abs(self.heave.amplitude) >= self.above:
+            raise InputError(
+                f"a deck {self.above:g} m above what is around it can't heave by "
+                f"{abs(self.heave.amplitude):g} m"
+            )
 
     def __repr__(self) -> str:
         return in_brief(self)
