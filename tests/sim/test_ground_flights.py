@@ -203,6 +203,18 @@ def test_a_hand_lands_on_a_slope(jr700):
     assert hover < aloft.hover_collective - 1e-3
 
 
+def test_a_hand_and_the_viewer_start_parked(jr700):
+    """On the slope, still and at the origin; a pilot that is switched on already doesn't matter."""
+    ground = Ground(slope=0.2, parked=True)
+    flight = hs.HandFlight(jr700, ground=ground)
+    assert flight.clearance == pytest.approx(0.0, abs=1e-3)
+    live = prepare_live(jr700, ground=ground)
+    for data in (flight.data, live.data):
+        assert np.abs(data.qpos[:2]).max() < 0.1  # the centre of gravity is up the slope's normal
+        assert data.qvel == pytest.approx(np.zeros(6))
+        assert data.body("jr700").xmat[8] == pytest.approx(math.cos(0.2), abs=1e-3)
+
+
 def test_a_hand_crashes_into_a_deck_that_comes_up(jr700):
     """The deck's own motion counts: hovering still, it is hit by 3 m/s from below."""
     deck = Deck(heave=Swing(amplitude=3.0, period=6.0), above=10.0)

@@ -258,7 +258,8 @@ class Ground:
     def _standing(self, vehicle: Vehicle, model: mujoco.MjModel) -> NDArray[np.float64]:
         """Return position and orientation in which a vehicle stands, a deck at rest, (7,)."""
         model = copy.copy(model)
-        model.actuator_user[addresses(model).rotor, PARAM.gyro_on] = 0.0
+        par = model.actuator_user[addresses(model).rotor]
+        par[[PARAM.gyro_on, PARAM.pilot_on, PARAM.turbulence_on]] = 0.0
         model.opt.wind[:] = 0.0
         data = mujoco.MjData(model)
         where, turn = addresses(model), self._quaternion()
