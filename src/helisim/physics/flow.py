@@ -52,6 +52,6 @@ def flow(view, ahead):
     swashplate = cyclic_tilt(view.par, lon, lat)
     main = main_rotor(view.par, motion, speed, collective, tips, swashplate, nearness)
     pedal = position_ahead(view, STATE.tail_position, ahead)
-    wake = wash(view.par, motion, main, speed)
+    wake = wash(view.par, motion, main, speed, nearness)
     tail = tail_rotor(view.par, motion, speed, pedal, wake.tail)
     return Flow(motion, speed, main, tail, wake, moving)

@@ -150,18 +150,20 @@ def _corner(a, b):
 
 
 @kernel()
-def wash_left(nearness, drop):
-    """Return the share of the main rotor's wash that is left at a place above the ground.
+def wash_left(par, nearness, z):
+    """Return the share of the main rotor's wake that is left at a place above the ground.
 
     The ground stops it: source and image of Cheeseman and Bennett's, of which the image is the
-    farther by twice the place's height. Above the ground by h and below a hub at d the two differ
-    by ((d - h) / (d + h))^2 of the source's own.
+    farther by twice the place's height. Between the hub, at d above the ground, and a place at h
+    that is 1 - ((d - h) / (d + h))^2.
 
     Args:
+        par: parameters.
         nearness: (R / 4d)^2 of the ground.
-        drop: of the place below the hub, in radii.
+        z: of the place, body axes, m.
     """
-    below = 4.0 * max(0.0, drop) * math.sqrt(nearness)  # over the hub's own distance
+    drop = max(0.0, z - par[PARAM.hub_z])
+    below = 4.0 * math.sqrt(nearness) * drop / par[PARAM.main_radius]  # over d
     if below >= 1.0:
         return 0.0
     return 1.0 - (below / (2.0 - below)) ** 2

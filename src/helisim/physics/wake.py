@@ -7,6 +7,7 @@ the tail, and at high speed the tail flies in the downwash behind the disc as be
 import math
 from typing import NamedTuple
 
+from helisim.physics.ground import wash_left
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import turning
@@ -30,7 +31,7 @@ class Wash(NamedTuple):
 
 
 @kernel()
-def wash(par, motion, main, speed=1.0):
+def wash(par, motion, main, speed=1.0, nearness=0.0):
     """Return the `Wash` of a main rotor.
 
     Args:
@@ -38,6 +39,7 @@ def wash(par, motion, main, speed=1.0):
         motion: `Velocities` of the body through the air.
         main: what the main rotor does, a `MainRotor`.
         speed: rotor speed over the nominal one; the wake of one that stops fades with its forces.
+        nearness: (R / 4z)^2 of the ground, which stops the wake; 0 far from it.
     """
     _, turns = turning(speed)
     induced = main.induced * main.tip_speed
@@ -50,11 +52,14 @@ def wash(par, motion, main, speed=1.0):
     induced *= turns
     cosine = through / math.sqrt(square)
     behind = max(ahead, 0.0) ** 2 / square
-    return Wash(
-        par[PARAM.download] * induced,
-        induced * share(par, PARAM.tail_wash, cosine, behind),
-        induced * share(par, PARAM.tailplane_wash, cosine, behind),
-    )
+    fuselage = par[PARAM.download] * induced
+    tail = induced * share(par, PARAM.tail_wash, cosine, behind)
+    tailplane = induced * share(par, PARAM.tailplane_wash, cosine, behind)
+    if nearness > 0.0:
+        fuselage *= wash_left(par, nearness, par[PARAM.drag_centre_z])
+        tail *= wash_left(par, nearness, par[PARAM.tail_z])
+        tailplane *= wash_left(par, nearness, par[PARAM.tailplane_z])
+    return Wash(fuselage, tail, tailplane)
 
 
 @kernel()
