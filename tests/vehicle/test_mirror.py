@@ -28,8 +28,9 @@ ASKEW = {
     "swashplate.right_angle": -2.3,
     "swashplate.left_arm": 1.1,
     "swashplate.right_sign": -1.0,
+    "drive.governor": "motor",
 }
-"""A swashplate that is not its own mirror image."""
+"""A swashplate that is not its own mirror image, and a motor that turns the rotor."""
 
 
 @pytest.fixture(scope="module", params=["as shipped", "askew"])
