@@ -8,6 +8,7 @@ from command import fails
 from helisim.errors import ModelError, TrimError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
+from helisim.sim import Doublet, fly
 from helisim.study.check import check_vehicle
 from helisim.vehicle import load
 from helisim.vehicle.build import write_numbers
@@ -164,6 +165,13 @@ def test_euler_steps_fly_the_motor_as_runge_kutta_does(motor):
     one, other = map(np.array, histories)
     assert np.abs(one - 1.0).max() > 5e-4
     assert np.abs(one - other).max() < 2e-5
+
+
+def test_an_ideal_governor_knows_nothing_of_the_motor(jr700):
+    """Another motor, or none at all: the same flight to the last bit."""
+    other = load("jr700", parameters={"drive.inertia": 0.1, "drive.engine": "combustion"})
+    (one,), (two,) = (fly(each, Doublet(axis="ped"), seed=3) for each in (jr700, other))
+    assert one.values.tobytes() == two.values.tobytes()
 
 
 def test_a_motor_that_is_too_weak_is_told():
