@@ -35,7 +35,7 @@ def test_it_lands_without_an_engine(jr700, height, speed):
     assert reached.finished
     landed = reached.touch_down
     assert landed.sink < GEAR_STANDS
-    assert landed.ground_speed < 5.0  # a brisk walk to a jog; skids slide
+    assert landed.ground_speed < 6.0  # a run; skids slide
     assert max(abs(landed.phi), abs(landed.theta)) < 0.12  # at 0.1 rad the tail would strike first
     assert [text for _, text in reached.phases][-4:] == [
         "collective down",

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -10,9 +11,12 @@ import pytest
 import helisim as hs
 from helisim.errors import DivergedError, InputError
 from helisim.sim import simulate
+from helisim.sim.clearance import outline
 from helisim.sim.missions import MISSIONS, Autopilot, Mission, missions_by_name
 from helisim.sim.missions.glide import Glide, Ramp
+from helisim.sim.missions.outer_loop import Sight
 from helisim.sim.missions.reached import Reached
+from helisim.vehicle.motion import rotation_matrix
 
 CALM = hs.Pilot(remnant=0.0)
 
@@ -241,6 +245,46 @@ def test_a_mission_that_can_not_be_is_refused(make, says):
     """In a line that says what was received."""
     with pytest.raises(InputError, match=says):
         make()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Looking(Mission):
+    """Keep what is seen in a turning climb."""
+
+    duration: float = 3.0
+    kept: ClassVar[list[Sight]] = []
+
+    def fly(self, pilot: Autopilot) -> Iterator[None]:
+        """Climb and turn, off level."""
+        for _ in pilot.climb(25.0):
+            pilot.wanted.turning, pilot.wanted.east_rate = 1.0, 3.0
+            self.kept.append(pilot.seen)
+            yield
+
+
+@pytest.mark.parametrize("ground", [None, hs.Ground(slope=0.2, uphill=1.0)])
+def test_a_script_sees_the_truth(jr700, ground):
+    """Motion, velocity and clearance are those of the trajectory at the tick."""
+    Looking.kept.clear()
+    _, flight = flown(jr700, Looking(), ground=ground)
+    seen = Looking.kept[60]
+    k = np.searchsorted(flight.time, seen.time - 1e-9)
+    now, arm = seen.motion, flight.imu_offset
+    turn = rotation_matrix(now.phi, now.theta, now.psi)
+    assert flight.attitudes[k] == pytest.approx([now.phi, now.theta, now.psi], abs=1e-9)
+    assert flight.rates[k] == pytest.approx([now.p, now.q, now.r], abs=1e-9)
+    velocity = np.array([now.u, now.v, now.w])
+    assert flight.velocities[k] == pytest.approx(
+        velocity + np.cross(flight.rates[k], arm), abs=1e-6
+    )
+    rates = [seen.north_rate, seen.east_rate, seen.down_rate]
+    assert turn @ velocity == pytest.approx(rates, abs=1e-9)
+    place = np.array([now.north, now.east, now.down])
+    assert flight.positions[k] == pytest.approx(place + turn @ arm, abs=1e-9)
+    shape = outline(jr700)
+    points = flight.positions[k] + shape.points @ turn.T
+    above = (ground or hs.Ground()).heights(flight.time[[k]], points[None])[0]
+    assert seen.clearance == pytest.approx(float((above - shape.radii).min()), abs=1e-9)
 
 
 def test_a_script_must_yield(jr700):

@@ -45,7 +45,7 @@ def strikes(
         return
     near = np.zeros_like(low)
     for name, rim in rims(shape):
-        near[low] = _heights(ground, trajectory.rows(low), rim).min(axis=1) < least
+        near[low] = point_heights(ground, trajectory.rows(low), rim).min(axis=1) < least
         if not near.any():
             continue
         rolled = "tipped over and " if touched_before(trajectory, near) else ""
@@ -61,10 +61,16 @@ def rims(shape: Outline) -> Iterator[tuple[str, NDArray[np.float64]]]:
         yield name, centre + radius * rim
 
 
-def _heights(
+def point_heights(
     ground: Ground, trajectory: Trajectory, points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return how high points of the vehicle, (n, 3) from its IMU, are, (n_time, n), m."""
+    """Return how high points of the vehicle are above what is below, (n_time, n_point), m.
+
+    Args:
+        ground: below the flight.
+        trajectory: of the flight.
+        points: (n_point, 3) from the vehicle's IMU, m, body axes.
+    """
     turns = Rotation.from_euler("ZYX", trajectory.attitudes[:, ::-1]).as_matrix()
     places = trajectory.positions[:, None] + np.einsum("tij,nj->tni", turns, points)
     return ground.heights(trajectory.time, places)
@@ -88,7 +94,7 @@ def hard_landings(
     starts = np.flatnonzero(touches[1:] & ~touches[:-1]) + 1
     for start in starts[starts >= 2]:
         near = trajectory.rows(slice(start - 2, start))
-        gear = (_heights(ground, near, shape.points) - shape.radii).min(axis=1)
+        gear = (point_heights(ground, near, shape.points) - shape.radii).min(axis=1)
         speed = float(gear[0] - gear[1]) / trajectory.timestep
         if speed > limit:
             yield f"hit the ground at {speed:.1f} m/s", np.arange(touches.size) >= start

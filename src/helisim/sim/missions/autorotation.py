@@ -10,13 +10,13 @@ from helisim.sim.missions.autopilot import Autopilot
 from helisim.sim.missions.mission import Mission, Start, check_above
 from helisim.sim.missions.outer_loop import Sight, Wanted
 
-_LOWEST = -0.47
+_LOWEST = -0.44
 """Collective stick, unitised, that a pilot who governs the rotor's speed doesn't go below."""
-_WINDMILL = -0.45
+_WINDMILL = -0.42
 """Collective stick, unitised, about which the rotor's speed is kept."""
 _SPEED_GAIN = 1.6
 """Collective stick, unitised, for a rotor that turns faster by the whole of its speed."""
-_SLOWING = 5.0
+_SLOWING = 5.5
 """m/s^2, at which collective takes the descent away at the end."""
 _BRAKING = 7.0
 """m/s^2, at which speed is taken away at most."""
@@ -31,7 +31,7 @@ _SHORTEST = 0.6
 _LEVEL, _LEVELLED, _LEVELLING = 1.0, 0.03, 0.35
 """m, of clearance below which the helicopter is level within so many rad, so that its tail doesn't
 strike; rad of tilt for each metre above."""
-_TILT = 0.5
+_TILT = 0.55
 """rad, that is asked for at most."""
 
 

@@ -23,11 +23,13 @@ from helisim.sim.missions.mission import Mission
 from helisim.sim.missions.outer_loop import OuterLoop, Sight, Wanted
 from helisim.sim.trajectory import Script, Trajectory
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import Motion, addresses, read_motion, rotation_matrix
+from helisim.vehicle.motion import Motion, addresses
 from helisim.vehicle.trim import Trim
 
 _TICK = 0.02
 """s between two looks of the pilot, as of a radio link: 50 Hz."""
+_FLIPS = np.outer(flip(1.0, 1.0, 1.0), flip(1.0, 1.0, 1.0))
+"""Of a rotation, from MuJoCo's axes to FRD and NED."""
 _LOST = 1.4
 """rad, of roll or pitch, beyond which a script is not asked any more."""
 
@@ -63,8 +65,10 @@ class MissionFlight:
         self.mission, self.vehicle, self.model, self.added = mission, vehicle, model, added
         self.trim, self.ground = trim, ground
         self.failure: Failure | None = None
+        self._touched = False
         self._where = addresses(model)
         self._shape = outline(vehicle)
+        self._points = self._shape.points + vehicle.imu_offset
         self._par = model.actuator_user[self._where.rotor]
         self._par[PARAM.pilot_on] = HANDS_OFF_ROTOR
         self._par[PARAM.pilot_k_attitude : PARAM.pilot_k_heading + 1] = 0.0
@@ -86,11 +90,13 @@ class MissionFlight:
         pilot = Autopilot(loop, self._seen(data), each * model.opt.timestep)
         ticks, wanted = self._ticks(pilot), []
         rows = np.empty((count, model.nsensordata))
-        finished, flown = False, 0
+        finished, flown, self._touched = False, 0, False
+        grounded, contact = self.ground is not None, data.sensor("contact").data
         with installed():
             for flown in range(count):
                 if flown % each == 0:
                     seen = self._seen(data)
+                    self._touched = False
                     if not self._can_fly(seen):
                         break
                     pilot.seen = seen
@@ -104,6 +110,7 @@ class MissionFlight:
                     data.userdata[: row.size] = row
                 mujoco.mj_step(model, data)
                 rows[flown] = data.sensordata
+                self._touched = self._touched or (grounded and bool(contact.any()))
             else:
                 flown = count
         self.sensordata = rows[:flown]
@@ -163,40 +170,55 @@ class MissionFlight:
             self.failure = raised(error)
 
     def _seen(self, data: mujoco.MjData) -> Sight:
-        now = read_motion(data)
-        north, east, down = (float(one) for one in flip(*data.qvel[:3]))
+        turn = self._turn(data)
+        now = self._motion(data, turn)
+        north, east, down = flip(*data.qvel[:3].tolist())
         return Sight(
             time=float(data.time),
             motion=now,
             north_rate=north,
             east_rate=east,
             down_rate=down,
-            clearance=self._clearance(float(data.time), now),
-            touches=bool(self._contact(data).any()),
+            clearance=self._clearance(float(data.time), now, turn),
+            touches=self._touched,
             rotor_speed=self._rotor_speed(data),
         )
 
-    def _contact(self, data: mujoco.MjData) -> NDArray[np.float64]:
-        """Return the force of all that is touched, (3,), of the step before."""
-        return data.sensor("contact").data
+    def _can_fly(self, seen: Sight) -> bool:
+        """Return whether it is still for a pilot to fly; the envelope says why not."""
+        tilt = max(abs(seen.motion.phi), abs(seen.motion.theta))
+        return math.isfinite(seen.motion.down) and tilt < _LOST
 
-    def _clearance(self, time: float, now: Motion) -> float:
+    def _turn(self, data: mujoco.MjData) -> NDArray[np.float64]:
+        """Return the rotation from body (FRD) to earth (NED) axes, (3, 3)."""
+        matrix = np.empty(9)
+        mujoco.mju_quat2Mat(matrix, data.qpos[3:7])
+        return _FLIPS * matrix.reshape(3, 3)
+
+    def _motion(self, data: mujoco.MjData, turn: NDArray[np.float64]) -> Motion:
+        """Return what `read_motion` does, in a tenth of its time."""
+        u, v, w = (np.array(flip(*data.qvel[:3].tolist())) @ turn).tolist()
+        p, q, r = flip(*data.qvel[3:6].tolist())
+        north, east, down = flip(*data.qpos[:3].tolist())
+        (xx, _, _), (yx, _, _), (zx, zy, zz) = turn.tolist()
+        phi, psi = math.atan2(zy, zz), math.atan2(yx, xx)
+        theta = -math.asin(min(1.0, max(-1.0, zx)))
+        return Motion(u, v, w, p, q, r, phi, theta, psi, north, east, down)
+
+    def _clearance(self, time: float, now: Motion, turn: NDArray[np.float64]) -> float:
         """Return how high the lowest point of the landing gear is above what is below, m."""
-        turn = rotation_matrix(now.phi, now.theta, now.psi)
-        points = (self._shape.points + self.vehicle.imu_offset) @ turn.T
+        points = self._points @ turn.T
+        if self.ground is None or (self.ground.deck is None and self.ground.slope == 0.0):
+            lowest = float((points[:, 2] + self._shape.radii).max(initial=-math.inf))
+            return -now.down - lowest
         points += (now.north, now.east, now.down)
-        above = (self.ground or Ground()).heights(np.array([time]), points[None])[0]
+        above = self.ground.heights(np.array([time]), points[None])[0]
         return float((above - self._shape.radii).min(initial=math.inf))
 
     def _rotor_speed(self, data: mujoco.MjData) -> float:
         if self._par[PARAM.drive_governor]:
             return float(data.act[self._where.state + STATE.speed])
         return float(data.ctrl[self._where.control + ROTOR])
-
-    def _can_fly(self, seen: Sight) -> bool:
-        """Return whether it is still for a pilot to fly; the envelope says why not."""
-        tilt = max(abs(seen.motion.phi), abs(seen.motion.theta))
-        return math.isfinite(seen.motion.down) and tilt < _LOST
 
     def _move(self, data: mujoco.MjData, pilot: Autopilot) -> None:
         self._par[PARAM.pilot_col : PARAM.pilot_ped + 1] = pilot.sticks(pilot.seen)

@@ -47,7 +47,7 @@ class Sight(NamedTuple):
         east_rate: likewise.
         down_rate: likewise; positive sinks.
         clearance: m, of the landing gear above what is below; without a ground above height 0.
-        touches: whether the helicopter touches anything.
+        touches: whether the helicopter touched anything since the last tick.
         rotor_speed: of the main rotor, over its nominal one.
     """
 

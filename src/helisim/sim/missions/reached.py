@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from helisim.records.value import Value
 from helisim.sim.clearance import outline
+from helisim.sim.ground import Ground
+from helisim.sim.landing import point_heights
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
 
@@ -24,7 +26,7 @@ class TouchDown:
 
     Attributes:
         at: s.
-        sink: m/s, of the centre of gravity, downwards.
+        sink: m/s, at which the lowest point of the gear came down on it.
         ground_speed: m/s.
         phi: roll angle, rad.
         theta: pitch angle, rad.
@@ -142,16 +144,16 @@ def _touch_down(
     vehicle: Vehicle, flight: Trajectory, velocities: NDArray[np.float64]
 ) -> TouchDown | None:
     """Return how the gear first met the ground after it was in the air."""
-    gear = outline(vehicle)._replace(discs=())
-    near = gear.closer_than(_AIRBORNE, flight.positions, flight.attitudes)
-    airborne = np.flatnonzero(~near)
-    if not airborne.size:
+    shape = outline(vehicle)
+    above = point_heights(flight.ground or Ground(), flight, shape.points) - shape.radii
+    lowest = above.min(axis=1)
+    airborne = lowest > _AIRBORNE
+    down = lowest <= 0.0
+    down[: int(np.argmax(airborne))] = False
+    if not (airborne.any() and down.any()):
         return None
-    down = gear.closer_than(0.0, flight.positions, flight.attitudes)
-    down[: airborne[0]] = False
-    if not down.any():
-        return None
-    k = int(np.argmax(down))
-    north, east, sink = (float(one) for one in velocities[max(k - 1, 0)])
+    k = max(int(np.argmax(down)), 1)
+    sink = float(lowest[k - 1] - lowest[k]) / flight.timestep
+    north, east, _ = (float(one) for one in velocities[k - 1])
     phi, theta, _ = (float(one) for one in flight.attitudes[k])
     return TouchDown(float(flight.time[k]), sink, math.hypot(north, east), phi, theta)
