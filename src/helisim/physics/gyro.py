@@ -272,5 +272,7 @@ def filter_through(first, second, period):
         period: s.
     """
     apart = period / second - period / first
+    if abs(apart) > 1.0:  # where the exponential of a long period could overflow
+        return period / second * (math.exp(-period / first) - math.exp(-period / second)) / apart
     ratio = -math.expm1(-apart) / apart if abs(apart) > 1e-8 else 1.0 - 0.5 * apart
     return period / second * math.exp(-period / first) * ratio
