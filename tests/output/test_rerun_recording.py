@@ -278,3 +278,17 @@ def test_each_flight_of_a_recording_is_progress(tmp_path):
     flights = {"b": make_flight(), "a": make_flight(RATES)}
     write_recording(tmp_path / "a.rrd", flights, on_progress=reported.append)
     assert reported == ["b", "a"]
+
+
+def test_a_missions_phases_are_in_the_log(tmp_path):
+    """With their times, and where a manoeuvre begins that is flown on top."""
+    record = make_flight(
+        RATES,
+        300,
+        reached={"phases": [[0.02, "hover"], [1.5, "flare"]]},
+        excitation={"kind": "Doublet", "axis": "lat", "trim_time": 1.0, "width": 0.5},
+    )
+    found = read(write_recording(tmp_path / "a.rrd", {"landing": record}))["/landing/log"]
+    texts = [str(text) for text in found["TextLog:text"].ravel()]
+    assert texts == ["hover", "lat doublet begins", "flare"]
+    assert found["time"].tolist() == [20_000_000, 1_000_000_000, 1_500_000_000]

@@ -240,8 +240,10 @@ def _log_flight(
 
 def _log_events(recording: rr.RecordingStream, root: str, record: FlightRecord) -> None:
     """Log what was flown when, as far as the provenance tells."""
-    events = _phases(record.provenance.get("reached"))
-    events += _events(record.provenance.get("excitation"), float(record.time[-1]))
+    phases = _phases(record.provenance.get("reached"))
+    events = _events(record.provenance.get("excitation"), float(record.time[-1]))
+    if phases:  # a mission's pilot isn't in a trimmed hover before and after a manoeuvre
+        events = phases + [one for one in events if one[1].endswith("begins")]
     if not events:
         return
     times, texts = zip(*sorted(events))
