@@ -75,8 +75,8 @@ def test_hover_assist_climbs_and_turns(vehicle):
 def test_level_assist_commands_tilt(vehicle):
     """Half a stick is half of 0.45 rad; let go, it is level again."""
     flight = HandFlight(vehicle, assist="level")
-    flight.fly(2.0, lon=0.5)
-    assert flight.motion.theta == pytest.approx(0.225, abs=0.03)
+    flight.fly(2.0, lon=-0.5)  # forward: backward the fin would turn it round
+    assert flight.motion.theta - vehicle.trim.theta == pytest.approx(-0.225, abs=0.03)
     flight.fly(2.0, lat=-0.5)
     assert flight.motion.phi - vehicle.trim.phi == pytest.approx(-0.225, abs=0.03)
     flight.fly(2.0, col=0.0)
@@ -110,9 +110,9 @@ def test_without_gyro_the_sticks_move_the_servos(hovering):
     hovering.reset()
     hovering.assist, hovering.gyro = "none", False
     hovering.fly(0.02, col=0.1)
-    servos = hovering.data.ctrl[4:7]
-    np.testing.assert_allclose(servos, servos[0], atol=1e-6)  # collective alone
-    assert servos[0] == pytest.approx(0.05, abs=1e-6)
+    commanded = hovering.vehicle.swashplate.unmix(*hovering.data.ctrl[4:7])
+    trim = hovering.vehicle.trim
+    assert commanded == pytest.approx([0.05, trim.lon, trim.lat], abs=1e-6)
     hovering.fly(0.1, col=0.0)
     hovering.gyro, hovering.assist = True, "hover"
     hovering.fly(10.0, col=0.0)
