@@ -93,6 +93,7 @@ def test_climb_power_of_the_vehicle_is_the_textbooks(jr700, climb):
     own = jr700.parameters
     thrust, torque = loads(jr700, Motion(w=-climb))
     disc = 2.0 * own["air.density"] * math.pi * own["main_rotor.radius"] ** 2
+    climb *= math.cos(jr700.trim.a) * math.cos(jr700.trim.b)  # along the thrust
     induced = -0.5 * climb + math.sqrt(0.25 * climb**2 + thrust / disc)
     _, still = loads(jr700, Motion())
     weight, _ = loads(jr700, Motion())
