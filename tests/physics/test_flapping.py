@@ -185,6 +185,26 @@ def test_the_advancing_side_is_the_rotors(par):
         assert -direction * b > 0.0
 
 
+@pytest.mark.parametrize("advance", [0.1, 0.2, 0.3])
+def test_flapping_of_nasa_tp_1285(par, advance):
+    """Shaughnessy, Deaux and Yenni, NASA TP-1285 (1979), eqs. (29) and (32), as JSBSim flies them.
+
+    theta_0 is at the root, lambda upwards. Uneven inflow, which they lack, is left out here.
+    """
+    lock, root, twist, through = 7.0, 0.22, -0.14, 0.025
+    par[PARAM.flap_back], par[PARAM.flap_stop] = 1.0, 1.0
+    square = advance**2
+    cone = lock * (
+        -through / 6.0 + (1.0 + square) / 8.0 * root + (1.0 / 10.0 + square / 12.0) * twist
+    )
+    back = advance * (-2.0 * through + 8.0 / 3.0 * (root + 0.75 * twist)) / (1.0 - 0.5 * square)
+    aside = 4.0 / 3.0 * advance * cone / (1.0 + 0.5 * square)
+    held = held_by(par, lock, 1.0, -1.0)
+    found = flight(par, held, root + 0.75 * twist, through, advance, twist=twist)
+    # theirs has 0.04 mu^3 lambda more of coning, of a reversed flow that is not here
+    assert found == pytest.approx([back, aside], rel=1e-12)
+
+
 def test_coning_of_the_books():
     """Bramwell, ch. 3: gamma / 8 (theta (1 + mu^2) - 4/3 lambda)."""
     assert coning(0.15, 0.0, 0.03, 0.2, 8.0, 0.0) == pytest.approx(0.15 * 1.04 - 0.04, rel=1e-12)
