@@ -7,13 +7,14 @@ from scipy.linalg import expm
 from helisim.physics.body import Velocities
 from helisim.physics.flapping import (
     Disc,
+    advance_ratios,
     coning,
     disc,
     flapping_rates,
     inflow_slope,
+    skewed_slopes,
     tilt_by_flight,
 )
-from helisim.physics.flow import Flow
 from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import MainRotor
 from helisim.vehicle import load
@@ -143,7 +144,8 @@ def flight(par, held, pitch, through, advance, sideways=0.0, induced=0.0, twist=
     main = MainRotor(*[0.0] * len(MainRotor._fields))
     main = main._replace(inflow=through, induced=induced, tip_speed=tip, pitch=pitch)
     par[PARAM.main_twist] = twist
-    return tilt_by_flight(par, Flow(motion, 1.0, main, None, None, STILL), held)
+    way = advance_ratios(motion, main)
+    return tilt_by_flight(par, main, held, *way, *skewed_slopes(par, main, *way))
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

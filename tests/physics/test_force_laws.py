@@ -37,7 +37,7 @@ def wrench(par, act, motion, speed_ratio=1.0):
     motion = Velocities(*motion)
     wake = wash(par, motion, main, speed_ratio)
     tail = tail_rotor.tail_rotor(par, motion, speed_ratio, pedal, wake.tail)
-    flow = Flow(motion, speed_ratio, main, tail, wake, CALM)
+    flow = Flow(motion, speed_ratio, main, tail, wake, CALM, 0.0)
     return np.array(loads.wrench(par, a, b, flow, main.torque))
 
 
@@ -145,7 +145,7 @@ def test_half_of_the_torque_tilts_with_the_disc(par, direction):
     down = b * np.sin(azimuth) - a * np.cos(azimuth)
     place = arm * (out + down * np.array([[0.0], [0.0], [1.0]]))
     moment = 2.0 * np.mean(np.cross(place.T, drag * behind.T), axis=0)
-    main = main_rotor.MainRotor(0.0, 2.0 * drag * arm, *[0.0] * 7)
+    main = main_rotor.MainRotor(0.0, 2.0 * drag * arm, *[0.0] * 9)
     par[[PARAM.hub_stiffness, PARAM.main_direction]] = 0.0, direction
     found = loads.hub_wrench(par, a, b, main, 1.0, main.torque)
     # sines of the tilt, and its cosine in the arm: a^2 / 6 and a^2 / 2

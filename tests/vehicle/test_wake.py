@@ -57,7 +57,7 @@ def test_the_polynomial_is_the_integrals(place):
 def tail_wash(par, u, v, inflow):
     """Return the wash at the tail over the induced velocity, in level flight."""
     motion = Velocities(u, v, 0.0, 0.0, 0.0, 0.0)
-    main = MainRotor(78.5, 4.7, 0.0, 0.0, 0.0, inflow, inflow, TIP, 0.1)
+    main = MainRotor(78.5, 4.7, 0.0, 0.0, 0.0, inflow, inflow, 0.0, 0.0, TIP, 0.1)
     return wash(par, motion, main).tail / (inflow * TIP)
 
 
@@ -72,7 +72,7 @@ def test_the_tail_enters_the_wake_with_speed(par):
 
 def test_a_stopped_rotor_has_no_wake(par):
     motion = Velocities(10.0, 1.0, 2.0, 0.0, 0.0, 0.0)
-    main = MainRotor(0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.1, 7.0, 0.1)
+    main = MainRotor(0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.1, 0.0, 0.0, 7.0, 0.1)
     assert wash(par, motion, main, 0.0) == (0.0, 0.0, 0.0)
 
 

@@ -9,6 +9,7 @@ frames, body, timing    axes, motion and wrenches; the gyro's ticks and the inte
 rotor                   blade elements in the air that they move
 main_rotor, tail_rotor  what each of them does; flow: in the air that passes a vehicle
 loads, flapping         forces and moments, the tip-path plane
+pitt_peters             how the air follows the blades' loads; dynamic_inflow: the disc in it
 drive                   what turns the rotor: motor, freewheel, governor
 air                     wind, gust, turbulence and the ground's nearness
 pilot, gyro, servo      from what is seen to sticks, from sticks to commands, to positions

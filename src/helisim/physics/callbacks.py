@@ -13,9 +13,10 @@ from helisim.physics.air import write_turbulence_rates
 from helisim.physics.body import apply_wrench, contact_force
 from helisim.physics.commands import notice_others, remember
 from helisim.physics.drive import drive
+from helisim.physics.dynamic_inflow import keep_tilt_and_inflow_rates
 from helisim.physics.examination import examine, examine_idle, examine_idler
 from helisim.physics.flapping import tilt_rates
-from helisim.physics.flow import flow
+from helisim.physics.flow import flow, flow_later
 from helisim.physics.injection import at_actuators
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
@@ -51,23 +52,36 @@ def passive(m, d, offsets):
     for view in vehicles(m, d, offsets):
         step = held_for(view)
         past = flow(view, 0.5 * step)
-        mast = keep_rotor_rates(view, past, step)
+        keep_disc_rates(view, past, step)
+        if step > 0.0 and view.par[PARAM.main_dynamic_inflow] != 0.0:
+            mean = view.act[STATE.inflow_0] + step * view.act[STATE.inflow_0_rate]
+            past = flow_later(view, past, mean, 0.5 * step)
+        mast = keep_drive_rates(view, past, step)
         a = view.act[STATE.flap_a] + step * view.act[STATE.flap_a_rate]
         b = view.act[STATE.flap_b] + step * view.act[STATE.flap_b_rate]
         apply_wrench(view, wrench(view.par, a, b, past, mast))
 
 
 @kernel()
-def keep_rotor_rates(view, past, step):
-    """Keep the derivatives of the rotor's states, their mean over a step (s), or now at 0.
+def keep_disc_rates(view, past, step):
+    """Keep the derivatives of tilt and inflow, their mean over a step (s), or now at 0."""
+    act = view.act
+    if view.par[PARAM.main_dynamic_inflow] != 0.0:
+        keep_tilt_and_inflow_rates(view, past, step)
+        return
+    act[STATE.flap_a_rate], act[STATE.flap_b_rate] = tilt_rates(view, past, step)
+    for k in range(STATE.inflow_0_rate, STATE.inflow_c_rate + 1):
+        act[k] = 0.0
+
+
+@kernel()
+def keep_drive_rates(view, past, step):
+    """Keep the derivatives of rotor speed and engine, likewise.
 
     Returns:
         The torque that turns the main rotor, N m.
     """
     act = view.act
-    act[STATE.flap_a_rate], act[STATE.flap_b_rate] = tilt_rates(view, past, step)
-    for k in range(STATE.inflow_0_rate, STATE.inflow_c_rate + 1):
-        act[k] = 0.0
     driven = drive(view, past, step)
     act[STATE.speed_rate] = driven.speed_rate
     act[STATE.engine_rate] = driven.engine_rate
@@ -185,10 +199,13 @@ def report(view):
             out[SENSOR.command_front + k] = math.nan
     for k in range(4):
         out[SENSOR.position_front + k] = act[STATE.front_position + 2 * k]
-    since = 0.5 * held_for(view)  # by which the tilt is kept early
+    since = 0.5 * held_for(view)  # by which tilt and inflow are kept early
     out[SENSOR.flap_a] = act[STATE.flap_a] + since * rate[STATE.flap_a]
     out[SENSOR.flap_b] = act[STATE.flap_b] + since * rate[STATE.flap_b]
-    report_rotors(view, flow(view, 0.0))
+    past = flow(view, 0.0)
+    if since > 0.0 and view.par[PARAM.main_dynamic_inflow] != 0.0:
+        past = flow_later(view, past, act[STATE.inflow_0] + since * rate[STATE.inflow_0], 0.0)
+    report_rotors(view, past)
     held = contact_force(view)
     out[SENSOR.contact_north], out[SENSOR.contact_east], out[SENSOR.contact_down] = held
 

@@ -43,6 +43,7 @@ class Disc(NamedTuple):
         stops: 1/s, of the droop stops.
         free: how far the shaft turns without its blades, 1 at full speed and 0 at rest.
         stiffness: nu^2 - 1.
+        lock: the blades' own Lock number.
     """
 
     share: float
@@ -53,6 +54,7 @@ class Disc(NamedTuple):
     stops: float
     free: float
     stiffness: float
+    lock: float
 
 
 @kernel()
@@ -68,6 +70,9 @@ def disc(par, speed):
         speed: of the rotor over the nominal one, 0 or more.
     """
     share = par[PARAM.air_density] * par[PARAM.flap_hold] / 16.0
+    own = par[PARAM.flap_reduction] * share
+    if par[PARAM.main_dynamic_inflow] != 0.0:
+        share = own  # what reduces it has states then
     full = share * par[PARAM.main_speed]
     soft = par[PARAM.flap_stiffness] + _LIMP
     stiff = (1.0 + math.sqrt(1.0 + soft)) / (speed + math.sqrt(speed**2 + soft))
@@ -81,6 +86,7 @@ def disc(par, speed):
         stop * full,
         stiff * speed * (1.0 - stop),
         par[PARAM.flap_stiffness] / max(speed, 0.1) ** 2,
+        16.0 * own,
     )
 
 
@@ -173,36 +179,6 @@ def inflow_slope(induced, inflow, advance):
 
 
 @kernel()
-def tilt_by_flight(par, flow, held):
-    """Return the tilts a and b (rad) that airspeed asks for, against that of no feathering.
-
-    The airspeed is that of the centre of gravity: the hub's own, from turning, would add 0.7 % to
-    tau_f q.
-
-    Args:
-        par: parameters.
-        flow: the `Flow` past the vehicle.
-        held: the `Disc`.
-    """
-    motion, main = flow.motion, flow.main
-    ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
-    fast = math.sqrt(ahead**2 + right**2)
-    advance = rotor.soft_limit(fast, _FASTEST, _CORE)
-    if fast > advance:
-        ahead, right = ahead * advance / fast, right * advance / fast
-    lee = flap_back(main.pitch, main.inflow, advance)
-    lock = 16.0 * abs(held.share) * par[PARAM.flap_reduction]
-    twist = par[PARAM.main_twist]
-    cone = coning(main.pitch, twist, main.inflow, advance, lock, held.stiffness)
-    cone = rotor.soft_limit(cone, par[PARAM.flap_stop], _CORE)
-    slope = inflow_slope(main.induced, main.inflow, advance)
-    aside = (4.0 / 3.0 * cone + slope) / (1.0 + 0.5 * advance**2)
-    aside *= par[PARAM.main_direction]
-    much = par[PARAM.flap_back]
-    return much * (lee * ahead - aside * right), -much * (lee * right + aside * ahead)
-
-
-@kernel()
 def cyclic_tilt(par, lon, lat):
     """Return the tilt that the swashplate alone calls for, rearward and right, rad.
 
@@ -219,24 +195,126 @@ def cyclic_tilt(par, lon, lat):
 
 
 @kernel()
+def advance_ratios(motion, main):
+    """Return the airspeed ahead and to the right over the tip speed, as far as flapping grows.
+
+    That of the centre of gravity: the hub's own, from turning, would add 0.7 % to tau_f q.
+
+    Args:
+        motion: `Velocities` of the body through the air.
+        main: what the main rotor does.
+    """
+    ahead, right = motion.u / main.tip_speed, motion.v / main.tip_speed
+    fast = math.sqrt(ahead**2 + right**2)
+    advance = rotor.soft_limit(fast, _FASTEST, _CORE)
+    if fast > advance:
+        ahead, right = ahead * advance / fast, right * advance / fast
+    return ahead, right
+
+
+@kernel()
+def tilt_by_airspeed(par, main, held, ahead, right):
+    """Return the tilts a and b (rad) that airspeed asks for of coned blades in even inflow.
+
+    Args:
+        par: parameters.
+        main: what the main rotor does.
+        held: the `Disc`.
+        ahead: of `advance_ratios`.
+        right: likewise.
+    """
+    advance = math.sqrt(ahead**2 + right**2)
+    lee = flap_back(main.pitch, main.inflow, advance)
+    twist = par[PARAM.main_twist]
+    cone = coning(main.pitch, twist, main.inflow, advance, held.lock, held.stiffness)
+    cone = rotor.soft_limit(cone, par[PARAM.flap_stop], _CORE)
+    aside = 4.0 / 3.0 * cone / (1.0 + 0.5 * advance**2) * par[PARAM.main_direction]
+    much = par[PARAM.flap_back]
+    return much * (lee * ahead - aside * right), -much * (lee * right + aside * ahead)
+
+
+@kernel()
+def tilt_by_slopes(across, aft, ahead, right, direction):
+    """Return the tilts a and b (rad) that an uneven inflow asks for.
+
+    More air down at a blade's one side takes lift there, and the disc sinks a quarter of a turn
+    later; in forward flight its hold lengthwise is 1 - mu^2 / 2, and across 1 + mu^2 / 2.
+
+    Args:
+        across: by how much more goes down at the right tip, over the tip speed.
+        aft: by how much more at the rear tip.
+        ahead: of `advance_ratios`.
+        right: likewise.
+        direction: 1 for blades that turn clockwise seen from above, -1 for others.
+    """
+    square = 0.5 * (ahead**2 + right**2)
+    part, both = 1.0 / (1.0 + square), 1.0 / (1.0 - square**2)
+    along = both * (across * ahead + aft * right)
+    return direction * (part * across + ahead * along), -direction * (part * aft + right * along)
+
+
+@kernel()
+def tilt_by_flight(par, main, held, ahead, right, across, aft):
+    """Return the tilts a and b (rad) that flight asks for, against that of no feathering.
+
+    Args:
+        par: parameters.
+        main: what the main rotor does.
+        held: the `Disc`.
+        ahead: of `advance_ratios`.
+        right: likewise.
+        across: by how much more air goes down at the right tip, over the tip speed.
+        aft: by how much more at the rear tip.
+    """
+    a, b = tilt_by_airspeed(par, main, held, ahead, right)
+    a_slope, b_slope = tilt_by_slopes(across, aft, ahead, right, par[PARAM.main_direction])
+    return a + a_slope, b + b_slope
+
+
+@kernel()
+def skewed_slopes(par, main, ahead, right):
+    """Return by how much more quasi-steady air goes down at the right and the rear tip.
+
+    Args:
+        par: parameters.
+        main: what the main rotor does.
+        ahead: of `advance_ratios`.
+        right: likewise.
+    """
+    slope = inflow_slope(main.induced, main.inflow, math.sqrt(ahead**2 + right**2))
+    slope *= par[PARAM.flap_back]
+    return -slope * right, slope * ahead
+
+
+@kernel()
+def swashplate_tilt(view):
+    """Return the tilt that the swashplate alone calls for now, rearward and right, rad."""
+    _, lon, lat = unmix(
+        from_element(view.par, PARAM.mix_front_col),
+        view.act[STATE.front_position],
+        view.act[STATE.left_position],
+        view.act[STATE.right_position],
+    )
+    return cyclic_tilt(view.par, lon, lat)
+
+
+@kernel()
 def tilt_rates(view, flow, step):
     """Return the mean da/dt and db/dt of the tip-path plane over a time step (s), or now at 0.
+
+    The inflow is quasi-steady, its slope that of a skewed wake.
 
     Args:
         view: of the vehicle.
         flow: the `Flow` past it.
         step: s.
     """
-    par, act = view.par, view.act
-    _, lon, lat = unmix(
-        from_element(par, PARAM.mix_front_col),
-        act[STATE.front_position],
-        act[STATE.left_position],
-        act[STATE.right_position],
-    )
+    par, act, main = view.par, view.act, flow.main
     held = disc(par, flow.speed)
-    a_asked, b_asked = cyclic_tilt(par, lon, lat)
-    a_flight, b_flight = tilt_by_flight(par, flow, held)
+    ahead, right = advance_ratios(flow.motion, main)
+    across, aft = skewed_slopes(par, main, ahead, right)
+    a_asked, b_asked = swashplate_tilt(view)
+    a_flight, b_flight = tilt_by_flight(par, main, held, ahead, right, across, aft)
     return flapping_rates(
         act[STATE.flap_a],
         act[STATE.flap_b],

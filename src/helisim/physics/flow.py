@@ -25,6 +25,7 @@ class Flow(NamedTuple):
         tail: what the tail rotor does.
         wash: the main rotor's wake at fuselage and tail.
         air: velocities of the air itself.
+        nearness: (R / 4d)^2 of the ground.
     """
 
     motion: Velocities
@@ -33,6 +34,7 @@ class Flow(NamedTuple):
     tail: TailRotor
     wash: Wash
     air: Velocities
+    nearness: float
 
 
 @kernel()
@@ -40,18 +42,45 @@ def flow(view, ahead):
     """Return the `Flow` past a vehicle; the blades' pitch is that of a time `ahead` (s)."""
     moving = air.motion(view)
     motion = air.relative_motion(view, moving)
-    speed = speed_ratio(view)
+    nearness, mean = ground.nearness(view), view.act[STATE.inflow_0]
+    return flow_in(view, motion, moving, speed_ratio(view), nearness, mean, ahead)
+
+
+@kernel()
+def flow_in(view, motion, moving, speed, nearness, mean, ahead):
+    """Return the `Flow` past a vehicle in an induced velocity.
+
+    Args:
+        view: of the vehicle.
+        motion: `Velocities` of the body through the air.
+        moving: those of the air itself.
+        speed: rotor speed over the nominal one.
+        nearness: (R / 4d)^2 of the ground.
+        mean: induced velocity of dynamic inflow, m/s; without one it is found.
+        ahead: s, at which the blades' pitch is taken.
+    """
+    main = main_rotor_in(view, motion, speed, nearness, mean, ahead)
+    pedal = position_ahead(view, STATE.tail_position, ahead)
+    wake = wash(view.par, motion, main, speed, nearness)
+    tail = tail_rotor(view.par, motion, speed, pedal, wake.tail)
+    return Flow(motion, speed, main, tail, wake, moving, nearness)
+
+
+@kernel()
+def main_rotor_in(view, motion, speed, nearness, mean, ahead):
+    """Return what a vehicle's main rotor does; arguments as of `flow_in`."""
     collective, lon, lat = unmix(
         from_element(view.par, PARAM.mix_front_col),
         position_ahead(view, STATE.front_position, ahead),
         position_ahead(view, STATE.left_position, ahead),
         position_ahead(view, STATE.right_position, ahead),
     )
-    nearness = ground.nearness(view)
     tips = view.act[STATE.flap_a], view.act[STATE.flap_b]
     swashplate = cyclic_tilt(view.par, lon, lat)
-    main = main_rotor(view.par, motion, speed, collective, tips, swashplate, nearness)
-    pedal = position_ahead(view, STATE.tail_position, ahead)
-    wake = wash(view.par, motion, main, speed, nearness)
-    tail = tail_rotor(view.par, motion, speed, pedal, wake.tail)
-    return Flow(motion, speed, main, tail, wake, moving)
+    return main_rotor(view.par, motion, speed, collective, tips, swashplate, nearness, mean)
+
+
+@kernel()
+def flow_later(view, past, mean, ahead):
+    """Return the `Flow` as it is with another induced velocity, m/s, the pitch `ahead` (s)."""
+    return flow_in(view, past.motion, past.air, past.speed, past.nearness, mean, ahead)

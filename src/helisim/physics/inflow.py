@@ -145,6 +145,12 @@ def hover_or_climb(free, slope, climb):
 
 
 @kernel()
+def carried(free, slope, limit, induced):
+    """Return CT of blades in an induced velocity; arguments as of `balance`."""
+    return soft_limit(slope * (free - induced), limit, _STALL_CORE)
+
+
+@kernel()
 def balance(free, slope, limit, climb, advance, nearness):
     """Return v where blade elements and momentum meet, and the CT of both.
 
@@ -187,5 +193,5 @@ def balance(free, slope, limit, climb, advance, nearness):
             break
         if not low < induced < high:
             induced = 0.5 * (low + high)
-    thrust = soft_limit(slope * (up * free - induced), limit, _STALL_CORE)
+    thrust = carried(up * free, slope, limit, induced)
     return up * induced, up * thrust

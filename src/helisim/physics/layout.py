@@ -190,7 +190,7 @@ class StateIndex(NamedTuple):
     tail_rate: int
     flap_a: int
     flap_b: int
-    # dynamic inflow: mean, and over the disc; ratios to the tip speed
+    # induced velocity of dynamic inflow, m/s: mean, more at the right tip, more at the rear tip
     inflow_0: int
     inflow_s: int
     inflow_c: int

@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from helisim.physics import rotor
-from helisim.physics.inflow import balance
+from helisim.physics.inflow import balance, carried
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
 
@@ -30,6 +30,8 @@ class MainRotor(NamedTuple):
         heat: power that the air keeps, induced and of the blades' drag, W.
         inflow: ratio of the air's velocity through the plane of no feathering to the tip speed.
         induced: share of it that the rotor itself makes.
+        climb: ratio of the hub's velocity along the thrust, through the air, to the tip speed.
+        advance: likewise across the shaft.
         tip_speed: m/s, at least that of a rotor that counts as stopped.
         pitch: collective pitch of the blades, rad.
     """
@@ -41,6 +43,8 @@ class MainRotor(NamedTuple):
     heat: float
     inflow: float
     induced: float
+    climb: float
+    advance: float
     tip_speed: float
     pitch: float
 
@@ -62,7 +66,7 @@ def turning(speed):
 
 
 @kernel()
-def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0):
+def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0, mean=0.0):
     """Return what the main rotor does.
 
     Args:
@@ -73,6 +77,7 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0):
         tips: tilt of the tips' plane, rearward and right, rad, (2,).
         swashplate: tilt of the plane of no feathering, likewise, (2,).
         nearness: (R / 4z)^2 of the ground, 0 far from it.
+        mean: induced velocity, m/s, where inflow is dynamic; else it is what the thrust asks for.
     """
     speed, share = turning(speed)
     radius = par[PARAM.main_radius]
@@ -88,7 +93,11 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0):
     slope = 0.25 * par[PARAM.main_lift_slope] * par[PARAM.main_solidity]
     limit = par[PARAM.main_stall] * par[PARAM.main_solidity]
     free = rotor.unloaded_inflow(pitch, par[PARAM.main_twist], through, advance)
-    induced, thrust = balance(free, slope, limit, climb, advance, nearness)
+    if par[PARAM.main_dynamic_inflow] != 0.0:
+        induced = mean / tip_speed
+        thrust = carried(free, slope, limit, induced)
+    else:
+        induced, thrust = balance(free, slope, limit, climb, advance, nearness)
     unstalled = slope * (free - induced)
     spent = rotor.losses(
         thrust,
@@ -113,6 +122,8 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0):
         force * tip_speed * (spent.torque + spent.drag * advance**2),
         through + induced,
         induced,
+        climb,
+        advance,
         tip_speed,
         pitch,
     )

@@ -12,6 +12,7 @@ CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "drive.governor": ("ideal", "motor"),
         "drive.engine": ("electric", "combustion"),
+        "main_rotor.inflow": ("quasi-steady", "pitt-peters"),
     }
 )
 """Parameter -> the words that it can be. Inside, each is its place in the row, from 0 on."""

@@ -38,6 +38,7 @@ _DIRECT = {
     "main_pitch_range": "main_rotor.pitch_range",
     "main_twist": "main_rotor.twist",
     "main_stall": "main_rotor.stall",
+    "main_dynamic_inflow": "main_rotor.inflow",
     "hub_x": "main_rotor.hub_x",
     "hub_z": "main_rotor.hub_z",
     "hub_stiffness": "main_rotor.hub_stiffness",

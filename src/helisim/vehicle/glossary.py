@@ -30,6 +30,7 @@ _OPTIONAL = (
     "airframe.fin_area",
     "main_rotor.direction",
     "main_rotor.twist",
+    "main_rotor.inflow",
     "main_rotor.blade_inertia",
     "flapping.lock_reduction",
     "tail_rotor.induced_factor",

@@ -205,17 +205,15 @@ def driven_states(par: NDArray[np.float64]) -> tuple[str, ...]:
 
 
 def plain_rotor(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a model whose rotor has no states but its tilt, as published structures know it.
+    """Return a model whose rotor speed is kept, as published structures know it.
 
-    Its speed is kept and its inflow follows at once. A steady flight is the same. The model itself
-    is returned where it is so already.
+    A steady flight is the same. The model itself is returned where it is so already.
     """
     rotor = addresses(model).rotor
-    if not any(model.actuator_user[rotor, getattr(PARAM, law)] for law in _OPTIONAL):
+    if not model.actuator_user[rotor, PARAM.drive_governor]:
         return model
     plain = copy.copy(model)
-    for law in _OPTIONAL:
-        plain.actuator_user[rotor, getattr(PARAM, law)] = 0.0
+    plain.actuator_user[rotor, PARAM.drive_governor] = 0.0
     return plain
 
 
@@ -266,12 +264,16 @@ def stability_derivatives(base: Linearization, swashplate: Swashplate) -> dict[s
     """Return the derivatives of the base helicopter by their names in the field.
 
     Those of Wu and Chen's equations (1), (8) and (10), and those that their structures leave
-    out; control derivatives are per unit of servo position. SI.
+    out; control derivatives are per unit of servo position. SI. Where the inflow has states they
+    are what is left once it has followed, as those structures have none.
 
     Args:
         base: a linearisation with inputs IN1, of a `plain_rotor`.
         swashplate: of the vehicle, for the derivatives by what its servos do together.
     """
+    inflow = _OPTIONAL["main_dynamic_inflow"]
+    slow = [name for name in base.system.state_labels if name not in inflow]
+    base = Linearization(residualised(base.system, slow), base.delays, base.trim)
     swash = {name: _swash_derivatives(base, swashplate, name) for name in ("w", "flap_a", "flap_b")}
     tau_a = -1.0 / base.derivative("flap_a", "flap_a")
     tau_b = -1.0 / base.derivative("flap_b", "flap_b")

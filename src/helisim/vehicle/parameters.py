@@ -137,6 +137,7 @@ _NOT_GIVEN = "not given: "
 _LEFT_OUT = {
     "main_rotor.direction": (1.0, "1", "clockwise seen from above"),
     "main_rotor.twist": (0.0, "rad", "blades without twist"),
+    "main_rotor.inflow": (0.0, "1", "the air follows the blades' load at once"),
     "drive.governor": (0.0, "1", "the rotor keeps the speed that is asked for"),
     **{
         f"drive.{name}": (0.0, unit, "the governor is ideal")

@@ -22,6 +22,8 @@ _RESIDUAL = 1e-9
 HEIGHT = 10.0
 """m above the ground, where nothing else is said."""
 _UNKNOWNS = ("phi", "theta", "col", "lon", "lat", "ped", "a", "b")
+_INFLOW = ("inflow_0", "inflow_s", "inflow_c")
+"""What is solved for besides where the inflow is dynamic."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,9 @@ class Trim:
         speed: m/s over the ground, level, in the direction of the heading.
         height: m above the ground.
         throttle: of the engine, 0 to 1; 0 under an ideal governor, which has none.
+        inflow_0: induced velocity, m/s, the mean over the disc; 0 where inflow is quasi-steady.
+        inflow_s: by how much it is more at the right tip, m/s; likewise.
+        inflow_c: by how much it is more at the rear tip, m/s; likewise.
     """
 
     phi: float
@@ -53,6 +58,9 @@ class Trim:
     speed: float = 0.0
     height: float = HEIGHT
     throttle: float = 0.0
+    inflow_0: float = 0.0
+    inflow_s: float = 0.0
+    inflow_c: float = 0.0
 
     def __str__(self) -> str:
         """Return what is solved for, to three digits."""
@@ -87,10 +95,13 @@ def find_trim(
     user = model.actuator_user[addresses(model).rotor]
     user[PARAM.drive_governor] = IDEAL
     data = mujoco.MjData(model)
-    unknowns = [getattr(near, name) if near else 0.0 for name in _UNKNOWNS]
+    names = _UNKNOWNS + (_INFLOW if _inflow_moves(model) else ())
+    start = near or _level(model)
+    unknowns = [getattr(start, name) for name in names]
 
     def steady(near_one: NDArray[np.float64]) -> Trim:
-        return Trim(*(float(value) for value in near_one - 1.0), speed=speed, height=height)
+        found = (float(value) for value in near_one - 1.0)
+        return Trim(**dict(zip(names, found)), speed=speed, height=height)
 
     def imbalance(near_one: NDArray[np.float64]) -> NDArray[np.float64]:
         trim = steady(near_one)
@@ -139,6 +150,19 @@ def _throttle(model: mujoco.MjModel, data: mujoco.MjData, flight: str) -> float:
     return throttle
 
 
+def _inflow_moves(model: mujoco.MjModel) -> bool:
+    return bool(model.actuator_user[addresses(model).rotor, PARAM.main_dynamic_inflow])
+
+
+def _level(model: mujoco.MjModel) -> Trim:
+    """Return a level hover with all controls centred, its induced velocity momentum theory's."""
+    par = model.actuator_user[addresses(model).rotor]
+    weight = float(np.sum(model.body_mass)) * float(np.linalg.norm(model.opt.gravity))
+    disc = np.pi * par[PARAM.main_radius] ** 2
+    inflow = float(np.sqrt(weight / (2.0 * par[PARAM.air_density] * disc)))
+    return Trim(*[0.0] * len(_UNKNOWNS), inflow_0=inflow)
+
+
 def _named(speed: float) -> str:
     return "hover" if speed == 0.0 else f"level flight at {speed:g} m/s"
 
@@ -147,8 +171,8 @@ def _imbalance(trim: Trim, model: mujoco.MjModel, data: mujoco.MjData) -> NDArra
     place(model, data, trim)
     mujoco.mj_forward(model, data)
     first = addresses(model).state
-    tilt = data.act_dot[first + STATE.flap_a : first + STATE.flap_b + 1]
-    return np.concatenate([data.qacc[:6], tilt])
+    last = first + (STATE.inflow_c if _inflow_moves(model) else STATE.flap_b)
+    return np.concatenate([data.qacc[:6], data.act_dot[first + STATE.flap_a : last + 1]])
 
 
 def place(
@@ -174,6 +198,7 @@ def place(
     act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*swash, trim.ped]
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b
     _settle_drive(act, model.actuator_user[where.rotor], trim)
+    act[STATE.inflow_0 : STATE.inflow_c + 1] = trim.inflow_0, trim.inflow_s, trim.inflow_c
     act[STATE.feels_x : STATE.feels_z + 1] = steady_force(model, trim)
     _settle_gyro(act, model.actuator_user[where.rotor], trim)
     control = data.ctrl[where.control : where.control + ROTOR + 1]
