@@ -100,7 +100,8 @@ def test_climb_power_of_the_vehicle_is_the_textbooks(jr700, climb):
     ideal = own["main_rotor.induced_factor"] * weight * math.sqrt(weight / disc)
     profile = still * own["main_rotor.speed"] - ideal
     power = thrust * (climb + own["main_rotor.induced_factor"] * induced) + profile
-    assert torque * own["main_rotor.speed"] == pytest.approx(power, rel=1e-9)
+    # the disc leans by 6e-4 against the tail's torque, which counts by its square
+    assert torque * own["main_rotor.speed"] == pytest.approx(power, rel=1e-7)
 
 
 @pytest.mark.parametrize(
