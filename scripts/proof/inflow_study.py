@@ -1,0 +1,165 @@
+"""What dynamic inflow does to identified models, and structures with inflow states that undo it.
+
+The vehicle flies sweeps with `main_rotor.inflow = "pitt-peters"`, faster than a pilot's. Heave and
+roll-pitch are identified with structures without inflow, as the paper's, and with those that have
+it; each is set beside the truth. For roll-pitch the latter is fitted to the exact response too:
+what the structure can do, apart from what flights do to an estimate. The figure has the exact
+responses of both options.
+
+    python scripts/proof/inflow_study.py [FLIGHTS] [FIGURE.png]
+"""
+
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+import helisim as hs
+from helisim import ident
+from helisim.sim import Recorder
+from helisim.study.models import ROLLPITCH_IN1
+from helisim.study.truth import exact_response
+from helisim.vehicle.blade import TipPathPlane
+
+VEHICLE = "jr700"
+HEAVE_BAND, CYCLIC_BAND = (0.8, 60.0), (3.0, 42.0)
+FAST_BAND = (15.0, 90.0)
+"""rad/s, above what drift through the air tilts the disc by."""
+SWEEPS = {
+    "col": hs.Sweep(axis="col", band=(0.5, 70.0), amplitude=0.03),
+    "lat": hs.Sweep(axis="lat", band=(0.8, 70.0)),
+    "lon": hs.Sweep(axis="lon", band=(0.8, 70.0)),
+}
+QUASI_STEADY, PITT_PETERS, EXACT = "without inflow states", "with", "with, exact response"
+
+
+def truth(vehicle: hs.Vehicle, recorder: Recorder) -> dict[str, float]:
+    """Return the true parameters of the structures with inflow: closed forms and derivatives.
+
+    Lags are those of the linearisation, minus one over what an inflow state does to itself; that of
+    the slopes without what the disc's own speed of tilting takes from it, which the structure has
+    apart. The couplings are those beside what that speed makes of them.
+    """
+    linear, own = vehicle.linearize("IN1"), vehicle.parameters
+    delays = {
+        f"tau_{axis}": vehicle.servo_delay(axis) + recorder.late(motion) - recorder.late(axis)
+        for axis, motion in (("col", "w"), ("lat", "p"), ("lon", "q"))
+    }
+    disc = TipPathPlane.of(own)
+    speed = own["main_rotor.speed"]
+    (_, ab), (ba, _) = disc.springs
+    (a_lat, a_lon), (b_lat, b_lon) = disc.cyclic
+    whole = -1.0 / linear.derivative("inflow_0", "inflow_0")
+    solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / np.pi
+    loading = own["main_rotor.lift_slope"] * solidity / own["main_rotor.radius"]
+    mean = vehicle.trim.inflow_0 / (speed * own["main_rotor.radius"])
+    return {
+        **vehicle.derivatives,
+        **delays,
+        "tau_0": whole,
+        "tau_1": 16.0 / (45.0 * np.pi) / speed / (mean + loading / 16.0),
+        "C": 1.0 / own["flapping.lock_reduction"],
+        "tau_f": 1.0 / (disc.share * speed),
+        "A_b": ab,
+        "B_a": ba,
+        "A_lat": a_lat,
+        "A_lon": a_lon,
+        "B_lat": b_lat,
+        "B_lon": b_lon,
+        "turn": own["main_rotor.direction"] / speed,
+    }
+
+
+def table(name: str, fits: Mapping[str, ident.Fit], true: Mapping[str, float]) -> str:
+    """Return a table: a row a parameter, identified by each structure beside the truth."""
+    rows = dict.fromkeys(one for fit in reversed(list(fits.values())) for one in fit.values)
+    lines = [f"{name:<10}{'truth':>11}" + "".join(f"{one:>26}" for one in fits)]
+    for parameter in rows:
+        known = f"{true[parameter]:11.5g}" if parameter in true else " " * 11
+        cells = [f"{parameter:<10}{known}"]
+        for fit in fits.values():
+            if parameter not in fit.values:
+                cells.append(f"{'':26}")
+            elif fit.structure.parameter(parameter).fixed:
+                cells.append(f"{fit[parameter].value:14.5g}{'given':>12}")
+            else:
+                one = fit[parameter]
+                cells.append(f"{one.value:14.5g} +- {one.standard_error:8.2g}")
+        lines.append("".join(cells).rstrip())
+    costs = "".join(f"{fit.cost:15.3g}{'':11}" for fit in fits.values()).rstrip()
+    return "\n".join([*lines, f"{'average J':<20}{costs}"])
+
+
+def draw(path: str, still: hs.Vehicle, moving: hs.Vehicle) -> None:
+    """Draw exact responses of both options: a_z/col, and p/lat and q/lat off the axis."""
+    from matplotlib.figure import Figure
+
+    omega = np.geomspace(0.5, 80.0, 300)
+    pairs = (("az", "col"), ("p", "lat"), ("q", "lat"))
+    figure = Figure(figsize=(10.0, 5.0), layout="constrained")
+    axes = figure.subplots(2, len(pairs), sharex=True)
+    for vehicle, label in ((still, "quasi-steady"), (moving, "pitt-peters")):
+        linear = vehicle.linearize("IN1")
+        response = linear.response(omega)
+        for column, (output, given) in enumerate(pairs):
+            row = linear.system.output_labels.index(output)
+            one = response[row, linear.system.input_labels.index(given)]
+            size, phase = axes[:, column]
+            size.semilogx(omega, 20.0 * np.log10(np.abs(one)), label=label)
+            phase.semilogx(omega, np.rad2deg(np.unwrap(np.angle(one))))
+            size.set_title(f"{output}/{given}")
+            phase.set_xlabel("rad/s")
+    axes[0, 0].set_ylabel("dB")
+    axes[1, 0].set_ylabel("deg")
+    axes[0, 0].legend()
+    figure.savefig(path, dpi=110)
+
+
+def main(count: int = 4, figure: str = "") -> None:
+    """Fly, identify, print the tables, and draw the figure if it has a name."""
+    still = hs.load(VEHICLE)
+    moving = hs.load(VEHICLE, parameters={"main_rotor.inflow": "pitt-peters"})
+    recorder = Recorder.of(moving)
+    flights = {axis: hs.fly(moving, sweep, count=count, seed=1) for axis, sweep in SWEEPS.items()}
+    true = truth(moving, recorder)
+    known = hs.structures.rollpitch_inflow.with_fixed({"turn": true["turn"]})
+    heave = hs.frequency_response(
+        flights["col"], inputs=("col",), outputs=("w", "az"), band=HEAVE_BAND
+    )
+    cyclic = hs.frequency_response(
+        flights["lat"] + flights["lon"],
+        inputs=("lat", "lon"),
+        outputs=("p", "q"),
+        conditioning=("col", "ped"),
+        band=CYCLIC_BAND,
+    )
+    fast = hs.frequency_response(
+        flights["lat"] + flights["lon"],
+        inputs=("lat", "lon"),
+        outputs=("p", "q"),
+        conditioning=("col", "ped"),
+        band=(8.0, 60.0),
+    )
+    spec = replace(ROLLPITCH_IN1, structure=known)
+    exact = exact_response(moving, spec, recorder, np.geomspace(*FAST_BAND, 150))
+    plain = hs.frequency_response(flights["col"], inputs=("col",), outputs=("w",), band=(0.8, 15.0))
+    fits = {
+        "heave": {
+            QUASI_STEADY: hs.identify(plain, hs.structures.heave),
+            PITT_PETERS: hs.identify(heave, hs.structures.heave_inflow),
+        },
+        "roll-pitch": {
+            QUASI_STEADY: hs.identify(cyclic, hs.structures.rollpitch),
+            PITT_PETERS: hs.identify(fast, known),
+            EXACT: hs.identify(exact, known),
+        },
+    }
+    for name, both in fits.items():
+        print(table(name, both, true), end="\n\n")
+    if figure:
+        draw(figure, still, moving)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if sys.argv[1:] else 4, sys.argv[2] if sys.argv[2:] else "")
