@@ -126,12 +126,13 @@ def test_hub_moment_is_spring_plus_tilted_thrust(par, a, b):
     tilted = wrench(par, activations(a, b), (0.0,) * 6)
     thrust = -level[2]
     spring = par[PARAM.hub_stiffness] + thrust * 0.28
-    # sin x = x (1 - x^2 / 6): relative 7e-5 of T h, a quarter of the sum
-    assert tilted[3] - level[3] == pytest.approx(spring * b, rel=2e-5)
-    assert tilted[4] - level[4] == pytest.approx(spring * a, rel=2e-5)
+    # a slope x leans by x (1 - x^2 / 2): relative 2e-4 of T h, a quarter of the sum
+    assert tilted[3] - level[3] == pytest.approx(spring * b, rel=5e-5)
+    assert tilted[4] - level[4] == pytest.approx(spring * a, rel=5e-5)
     # thrust tilts back for a > 0 and right for b > 0
-    assert tilted[0] == pytest.approx(-thrust * math.sin(a), rel=1e-12, abs=1e-12)
-    assert tilted[1] - level[1] == pytest.approx(thrust * math.sin(b), rel=1e-12, abs=1e-12)
+    lean = thrust / math.hypot(1.0, a, b)
+    assert tilted[0] == pytest.approx(-lean * a, rel=1e-12, abs=1e-12)
+    assert tilted[1] - level[1] == pytest.approx(lean * b, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

@@ -85,6 +85,22 @@ def ring_thrust(induced):
 def mass_flow(induced, climb, advance):
     """Return V, the ratio of the air's speed through the disc, and its slope by v.
 
+    Args:
+        induced: v.
+        climb: V_c.
+        advance: mu.
+    """
+    square, half_slope = flow_square(induced, climb, advance)
+    flow = math.sqrt(square)
+    if flow == 0.0:
+        return 0.0, 0.0
+    return flow, half_slope / flow
+
+
+@kernel()
+def flow_square(induced, climb, advance):
+    """Return V^2 and half of its slope by v.
+
     Thrust is 2 v V. Glauert's sqrt(mu^2 + (V_c + v)^2) but in the vortex ring, where the axial
     part is measured. Edgewise flow as fast as v has blown the ring away: Johnson (NASA
     TP-2005-213477) has it gone at 0.95 v_h, where v is about v_h.
@@ -108,10 +124,7 @@ def mass_flow(induced, climb, advance):
         gain = axial**2 - through**2
         square += share * gain
         half_slope += share * (axial * axial_slope - through) + 0.5 * share_slope * gain
-    flow = math.sqrt(square)
-    if flow == 0.0:
-        return 0.0, 0.0
-    return flow, half_slope / flow
+    return square, half_slope
 
 
 @kernel()
@@ -173,21 +186,23 @@ def balance(free, slope, limit, climb, advance, nearness):
     induced = hover_or_climb(high, slope, climb)
     edge = _STALL_CORE * limit
     for _ in range(_MAX_ITERATIONS):
-        flow, flow_slope = mass_flow(induced, climb, advance)
+        square, half_slope = flow_square(induced, climb, advance)
         linear = slope * (up * free - induced)
         thrust, fade = linear, 1.0
         if linear > edge:
             thrust = soft_limit(linear, limit, _STALL_CORE)
             fade = 1.0 - ((thrust - edge) / (limit - edge)) ** 2
         share, share_slope = ground_share(nearness, induced, advance)
+        flow = math.sqrt(square)
         residual = 2.0 * induced * flow - share * thrust
-        steepness = 2.0 * (flow + induced * flow_slope) + share * slope * fade
-        steepness -= share_slope * thrust
+        # of the balance, times the flow: one division less to wait for
+        steepness = 2.0 * (square + induced * half_slope)
+        steepness += flow * (share * slope * fade - share_slope * thrust)
         if residual > 0.0:
             high = induced
         else:
             low = induced
-        step = residual / steepness if steepness > 0.0 else math.inf
+        step = flow * residual / steepness if steepness > 0.0 else math.inf
         induced -= step
         if abs(step) <= _LAST_STEP:
             break

@@ -1,13 +1,10 @@
 """The air's loads on a vehicle: rotors, hub, fuselage, fin and tailplane, body axes."""
 
-import math
-
-from helisim.physics import rotor
 from helisim.physics.body import Wrench
 from helisim.physics.fuselage import fuselage
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
-from helisim.physics.main_rotor import turning
+from helisim.physics.main_rotor import normal, turning
 from helisim.physics.surfaces import fin, tailplane
 from helisim.physics.tail_rotor import tail_wrench
 
@@ -81,22 +78,19 @@ def hub_wrench(par, a, b, main, speed, mast):
         speed: rotor speed over the nominal one.
         mast: torque that turns the rotor, N m.
     """
-    stop = par[PARAM.flap_stop]
-    a = rotor.soft_limit(a, stop, 0.7)
-    b = rotor.soft_limit(b, stop, 0.7)
+    x, y, z = normal(par, (a, b))
+    back, right = x / z, -y / z
     _, share = turning(speed)
     stiffness = share * par[PARAM.hub_stiffness]
-    back, right = math.sin(a), math.sin(b)
-    x, y = main.drag_x - main.thrust * back, main.drag_y + main.thrust * right
-    z = -main.thrust * math.cos(a) * math.cos(b)
     direction = par[PARAM.main_direction]
     leaning = 0.5 * direction * main.torque
+    fx, fy, fz = main.drag_x + main.thrust * x, main.drag_y + main.thrust * y, main.thrust * z
     arm_x, arm_z = par[PARAM.hub_x], par[PARAM.hub_z]
     return Wrench(
-        x,
-        y,
-        z,
-        stiffness * b - arm_z * y - leaning * back,
-        stiffness * a + arm_z * x - arm_x * z + leaning * right,
-        arm_x * y - direction * mast,
+        fx,
+        fy,
+        fz,
+        stiffness * right - arm_z * fy + leaning * x,
+        stiffness * back + arm_z * fx - arm_x * fz + leaning * y,
+        arm_x * fy - direction * mast,
     )

@@ -131,7 +131,11 @@ def main_rotor(par, motion, speed, collective, tips, swashplate, nearness=0.0, m
 
 @kernel()
 def normal(par, tips):
-    """Return the direction of thrust, body axes, at a tilt of the tips' plane (2,), rad."""
+    """Return the direction of thrust, body axes, at a tilt of the tips' plane (2,), rad.
+
+    Tilts are the slopes of that plane, as the first harmonic of small flapping angles is.
+    """
     stop = par[PARAM.flap_stop]
     a, b = rotor.soft_limit(tips[0], stop, 0.7), rotor.soft_limit(tips[1], stop, 0.7)
-    return -math.sin(a), math.sin(b), -math.cos(a) * math.cos(b)
+    level = 1.0 / math.sqrt(1.0 + a * a + b * b)
+    return -a * level, b * level, -level
