@@ -85,11 +85,10 @@ def five_minutes(jr700):
     """The native simulation's turbulence states at each tick of five minutes of hover."""
     quiet = Pilot(remnant=0.0)
     hover = Sweep(axis="lat", duration=300.0, amplitude=1e-9)
-    model = prepare(
-        jr700, FlightPlan(excitation=hover, pilot=quiet, weather=ROUGH), seed=1, number=0
-    )
+    plan = FlightPlan(excitation=hover, pilot=quiet, weather=ROUGH)
+    model = prepare(jr700, plan, seed=1, number=0)
     where = addresses(model)
-    state = _start(jr700, ROUGH, seed=1, number=0)
+    state = _start(jr700, plan, jr700.trim, model, seed=1, number=0)
     first = 1 + model.nq + model.nv + where.state + STATE.air_u
     data, rows = mujoco.MjData(model), []
     with installed():

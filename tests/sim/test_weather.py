@@ -48,12 +48,12 @@ def test_threads_do_not_matter(jr700, rough, jobs):
 def test_turbulence_survives_a_copied_state(jr700):
     """It lives in the state: a flight goes on elsewhere bit for bit, and none of it is left."""
     weather = Weather(turbulence="severe")
-    model = prepare(
-        jr700, FlightPlan(excitation=SHORT, pilot=Pilot(), weather=weather), seed=1, number=0
-    )
+    plan = FlightPlan(excitation=SHORT, pilot=Pilot(), weather=weather)
+    model = prepare(jr700, plan, seed=1, number=0)
+    start = _start(jr700, plan, jr700.trim, model, seed=1, number=0)
     kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
     one, other = mujoco.MjData(model), mujoco.MjData(model)
-    mujoco.mj_setState(model, one, _start(jr700, weather, seed=1, number=0), kind)
+    mujoco.mj_setState(model, one, start, kind)
     state = np.empty(mujoco.mj_stateSize(model, kind))
     with installed():
         mujoco.mj_step(model, one, 300)
@@ -137,15 +137,11 @@ def test_air_is_reported_in_body_axes(jr700, heading):
 def test_turning_air_is_felt_as_the_opposite_turn(jr700, altered):
     """Air that yaws pushes the tail as a vehicle does that yaws the other way."""
     still, moving = altered(), altered(turbulence_on=1.0, turbulence_span=SPAN)
-    yawing = []
+    yawing, plan = [], FlightPlan(excitation=SHORT)
     for model, r, air in ((still, -0.4, 0.0), (moving, 0.0, 0.4)):
         data = mujoco.MjData(model)
-        mujoco.mj_setState(
-            model,
-            data,
-            _start(jr700, Weather(), seed=0, number=0),
-            mujoco.mjtState.mjSTATE_FULLPHYSICS,
-        )
+        start = _start(jr700, plan, jr700.trim, model, seed=0, number=0)
+        mujoco.mj_setState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         write_motion(model, data, Motion(r=r))
         # r = pi / (3 b) (v - v over the span): only the latter, so that v = 0
         data.act[addresses(model).state + STATE.air_r_lag] = -air * 3.0 * SPAN / math.pi

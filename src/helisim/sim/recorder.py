@@ -168,8 +168,9 @@ class Recorder:
         sampling = _Sampling(self, trajectory, rng)
         columns = {name: sampling.inputs(name) for name in (*IN1, *IN2, *SERVOS)}
         columns |= sampling.motion()
-        if trajectory.rotor_speed is not None:
-            columns |= sampling.plain({ROTOR_SPEED})
+        motor = set() if trajectory.rotor_speed is None else {ROTOR_SPEED}
+        own = set(_MEASURED) - {IN2, SERVOS, ROTOR_SPEED, *_MOTION}
+        columns |= sampling.plain(motor | own)
         if self.rotor:
             columns |= sampling.plain(
                 set(_TRUE) - ({CONTACT} if trajectory.ground is None else set())
