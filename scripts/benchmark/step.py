@@ -4,6 +4,8 @@ All run in turn, several times, in this process; the least of each counts. The f
 rotor, flapping, gyro, servos, pilot with sweep and remnant, and all sensors active. Stock
 MuJoCo steps the same model with the same options and sensors, without callbacks: as it comes,
 and with its profiling timers at rest, as they are while helisim's callbacks are installed.
+With all on, a motor turns the rotor, the inflow is Pitt and Peters', the air is turbulent, and a
+ground below has its effect and could be touched; stock MuJoCo then has that ground too.
 JSBSim's AH-1S hovers, and what helisim's sensors write too is read after each step, or nothing is.
 
     python scripts/benchmark/step.py [ROUNDS]
@@ -26,6 +28,13 @@ from helisim.vehicle.trim import place
 STEPS = 20_000
 ROUNDS = 7
 INTEGRATORS: tuple[Integrator, ...] = ("RK4", "Euler")
+ALL_ON = {
+    "main_rotor.inflow": "pitt-peters",
+    "drive.governor": "motor",
+    "air.ground_effect": 1.0,
+}
+"""What the force laws can do beyond what a vehicle is shipped with."""
+FLOWN = (*INTEGRATORS, *(f"{integrator}, all on" for integrator in INTEGRATORS))
 READ, UNREAD = "JSBSim, outputs read", "JSBSim, nothing read"
 
 
@@ -39,7 +48,8 @@ def step_costs(rounds: int = ROUNDS) -> dict[str, float]:
     """Return CPU seconds a step of each, by name; JSBSim's are left out where there is none."""
     rivals: dict[str, Callable[[], float]] = {}
     for integrator in INTEGRATORS:
-        rivals |= _of_ours(integrator)
+        rivals |= _of_ours(integrator, "", *_as_shipped(integrator))
+        rivals |= _of_ours(integrator, ", all on", *_with_all_on(integrator))
     try:
         helicopter = ah1s.hovering()
     except ImportError:
@@ -54,15 +64,27 @@ def step_costs(rounds: int = ROUNDS) -> dict[str, float]:
     return {name: min(each) for name, each in seconds.items()}
 
 
-def _of_ours(integrator: Integrator) -> dict[str, Callable[[], float]]:
-    """Return our vehicle with our callbacks and without, stepped by one of the integrators."""
+def _as_shipped(integrator: Integrator) -> tuple[hs.Vehicle, mujoco.MjModel]:
+    """Return a vehicle and its model in the flight of a sweep."""
     vehicle = hs.load("jr700", integrator=integrator)
-    model = prepare(
-        vehicle,
-        hs.Sweep(axis="lat"),
-        seed=1,
-        number=0,
+    return vehicle, prepare(vehicle, hs.Sweep(axis="lat"), seed=1, number=0)
+
+
+def _with_all_on(integrator: Integrator) -> tuple[hs.Vehicle, mujoco.MjModel]:
+    """Return them with all that the force laws can do."""
+    ground = hs.Ground()
+    plan = hs.FlightPlan(
+        excitation=hs.Sweep(axis="lat"), weather=hs.Weather(turbulence="light"), ground=ground
     )
+    vehicle = hs.load("jr700", integrator=integrator, parameters=ALL_ON)
+    below = vehicle.grounded_model(ground.put_into)
+    return vehicle, prepare(vehicle, plan, seed=1, number=0, model=below)
+
+
+def _of_ours(
+    integrator: Integrator, what: str, vehicle: hs.Vehicle, model: mujoco.MjModel
+) -> dict[str, Callable[[], float]]:
+    """Return our vehicle with our callbacks and without, stepped by one of the integrators."""
 
     def ours() -> float:
         with installed():
@@ -79,9 +101,9 @@ def _of_ours(integrator: Integrator) -> dict[str, Callable[[], float]]:
             mujoco.set_mjcb_time(None)
 
     return {
-        f"helisim, {integrator}": ours,
-        f"stock, {integrator}": stock,
-        f"stock, timers at rest, {integrator}": untimed,
+        f"helisim, {integrator}{what}": ours,
+        f"stock, {integrator}{what}": stock,
+        f"stock, timers at rest, {integrator}{what}": untimed,
     }
 
 
@@ -100,11 +122,11 @@ def main(rounds: int = ROUNDS) -> None:
     peers = [name for name in (READ, UNREAD) if name in cost]
     print(f"{'':22}{'us a step':>10}{'steps/s':>9}{'x stock':>9}{'x same timers':>15}", end="")
     print(f"{'times as fast as JSBSim, read / unread':>41}" if peers else "")
-    for integrator in INTEGRATORS:
-        ours = cost[f"helisim, {integrator}"]
-        print(f"{'helisim, ' + integrator:22}{1e6 * ours:10.2f}{1.0 / ours:9.0f}", end="")
-        print(f"{ours / cost[f'stock, {integrator}']:9.2f}", end="")
-        print(f"{ours / cost[f'stock, timers at rest, {integrator}']:15.2f}", end="")
+    for flown in FLOWN:
+        ours = cost[f"helisim, {flown}"]
+        print(f"{'helisim, ' + flown:22}{1e6 * ours:10.2f}{1.0 / ours:9.0f}", end="")
+        print(f"{ours / cost[f'stock, {flown}']:9.2f}", end="")
+        print(f"{ours / cost[f'stock, timers at rest, {flown}']:15.2f}", end="")
         print(f"{' / '.join(f'{cost[name] / ours:.2f}' for name in peers):>41}")
     for name in peers:
         print(f"{name:22}{1e6 * cost[name]:10.2f}{1.0 / cost[name]:9.0f}")
