@@ -5,13 +5,15 @@ Used by the `build.py` of each vehicle.
 
 import re
 import sys
-import tomllib
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from helisim.vehicle import read_parameters
+from helisim.vehicle.assembly import wanted_inertia
 from helisim.vehicle.build import write_numbers
+from helisim.vehicle.parameters import completed
 
 
 class Balance:
@@ -29,11 +31,8 @@ class Balance:
 
     def wanted_inertia(self):
         """The vehicle's chosen and solved moments of inertia about its centre of gravity."""
-        chosen, solved = (
-            tomllib.loads((self.folder / name).read_text(encoding="utf-8"))["airframe"]
-            for name in ("parameters.toml", "calibrated.toml")
-        )
-        return np.diag([{**chosen, **solved}[axis]["value"] for axis in ("ixx", "iyy", "izz")])
+        files = (self.folder / name for name in ("parameters.toml", "calibrated.toml"))
+        return wanted_inertia(completed(read_parameters(*files)))
 
     def parts(self):
         """Each massive body's mass, centre and inertia about its own centre."""
@@ -94,9 +93,11 @@ class Balance:
         print(rule)
         _, centre, inertia = whole = total(rows.values())
         show("total", *whole)
-        products = np.abs(inertia - np.diag(np.diag(inertia))).max()
+        wanted = self.wanted_inertia()
+        products = np.abs((inertia - wanted)[~np.eye(3, dtype=bool)]).max()
         print(
-            f"products of inertia below {max(products, 1e-12):.0e} kg m2, "
+            (f"product of inertia {wanted[0, 2]:g} kg m2, other " if wanted[0, 2] else "")
+            + f"products of inertia below {max(products, 1e-12):.0e} kg m2, "
             f"centre within {max(np.linalg.norm(centre), 1e-12):.0e} m of the origin"
         )
         mass, _, own = rows["fuselage"]

@@ -252,7 +252,7 @@ def test_nothing_is_kept_of_what_was_loaded(jr700):
     assert resident() - before < 0.5 * 100 * mujoco.mj_sizeModel(jr700.model)
 
 
-def scene(*names, size=240):
+def scene(*names, size=320):
     """Return a world with these vehicles, one after the other."""
     world = mujoco.MjSpec.from_string(
         f"""<mujoco><option timestep="0.002" integrator="RK4" density="0" viscosity="0"

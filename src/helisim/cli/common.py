@@ -100,7 +100,7 @@ def add_vehicle(command: argparse.ArgumentParser) -> None:
         nargs="?",
         default="jr700",
         metavar="VEHICLE",
-        help="jr700 (default) or blade360, or the path of a vehicle's folder of your own",
+        help="jr700 (default), blade360 or lynx, or the path of a vehicle's folder of your own",
     )
 
 

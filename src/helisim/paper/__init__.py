@@ -1,12 +1,20 @@
 """Published numbers with their provenance: compared with, never fed to the identification."""
 
 from helisim.errors import UnknownNameError
-from helisim.paper import blade360, jr700
+from helisim.paper import blade360, jr700, lynx
 from helisim.paper.values import Published, ReferenceTable, ReferenceValue
 
-__all__ = ["Published", "ReferenceTable", "ReferenceValue", "blade360", "jr700", "published"]
+__all__ = [
+    "Published",
+    "ReferenceTable",
+    "ReferenceValue",
+    "blade360",
+    "jr700",
+    "lynx",
+    "published",
+]
 
-_BY_VEHICLE = {"blade360": blade360.PUBLISHED, "jr700": jr700.PUBLISHED}
+_BY_VEHICLE = {"blade360": blade360.PUBLISHED, "jr700": jr700.PUBLISHED, "lynx": lynx.PUBLISHED}
 
 
 def published(vehicle: str) -> Published:

@@ -22,6 +22,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from helisim.paper.values import Published
+
 KNOT = 1852.0 / 3600.0
 """m/s."""
 GRAVITY = 9.81
@@ -188,6 +190,9 @@ _DERIVATIVES = {
 }
 THESIS_DERIVATIVES: Mapping[str, tuple[float, ...]] = MappingProxyType(_DERIVATIVES)
 """Derivatives at `THESIS_KNOTS`; products of inertia are in those of L and N, as in the tables."""
+
+PUBLISHED = Published({}, calibration=(), source="Padfield, see models/lynx/README.md")
+"""None of helisim's own models is published of it, and nothing to calibrate it to."""
 
 RATE_OF = {"X": "u", "Y": "v", "Z": "w", "L": "p", "M": "q", "N": "r"}
 """The state whose rate a force or moment's derivative is of."""

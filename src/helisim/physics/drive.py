@@ -20,6 +20,7 @@ from helisim.physics import rotor
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.memory import commanded_speed
+from helisim.physics.shaft import to_shaft
 
 IDEAL, MOTOR = 0.0, 1.0
 """What `PARAM.drive_governor` says."""
@@ -91,7 +92,7 @@ def drive(view, flow, step):
             mast = turning - tail
     spin = flow.speed * par[PARAM.main_speed]
     power = (mast + tail) * spin
-    power -= mast * par[PARAM.main_direction] * (flow.motion.r + flow.air.r)
+    power -= mast * par[PARAM.main_direction] * (flow.hub.r + to_shaft(par, flow.air).r)
     power -= flow.tail.torque * par[PARAM.tail_direction] * (flow.motion.q + flow.air.q)
     return Drive(speed_rate, engine_rate, governor_rate, mast, power)
 

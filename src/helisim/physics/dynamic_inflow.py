@@ -20,6 +20,7 @@ from helisim.physics.flow import main_rotor_in
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.pitt_peters import inflow_rates, wake
+from helisim.physics.shaft import to_shaft
 
 
 @kernel()
@@ -37,20 +38,20 @@ def keep_tilt_and_inflow_rates(view, past, step):
     held = disc(par, past.speed)
     mean, right, aft = act[STATE.inflow_0], act[STATE.inflow_s], act[STATE.inflow_c]
     main, asked = past.main, swashplate_tilt(view)
-    ahead, side = advance_ratios(past.motion, main)
+    ahead, side = advance_ratios(past.hub, main)
     a_rate = b_rate = mean_rate = right_rate = aft_rate = 0.0
     for _ in range(2):
         mean_now = mean + 0.5 * step * mean_rate
         right_now, aft_now = right + 0.5 * step * right_rate, aft + 0.5 * step * aft_rate
         if step > 0.0:
-            main = main_rotor_in(view, past.motion, past.speed, past.nearness, mean_now, 0.0)
+            main = main_rotor_in(view, past.hub, past.speed, past.nearness, mean_now, 0.0)
         across, down_aft = right_now / main.tip_speed, aft_now / main.tip_speed
         a_flight, b_flight = tilt_by_flight(par, main, held, ahead, side, across, down_aft)
         a_rate, b_rate = flapping_rates(
             act[STATE.flap_a],
             act[STATE.flap_b],
-            past.motion,
-            past.air,
+            past.hub,
+            to_shaft(par, past.air),
             asked[0] + a_flight,
             asked[1] + b_flight,
             held,
@@ -84,7 +85,7 @@ def hub_moments(par, past, held, a, b, a_rate, b_rate):
         a_rate: its derivative, rad/s.
         b_rate: likewise.
     """
-    motion, air = past.motion, past.air
+    motion, air = past.hub, to_shaft(par, past.air)
     by_air_a = a_rate + held.free * (motion.q + air.q) + held.stops * a
     by_air_b = b_rate + held.free * (motion.p + air.p) + held.stops * b
     by_air_a -= held.spring_aa * a + held.spring_ab * b
@@ -110,7 +111,7 @@ def wake_rates(par, past, main, mean, right, aft, roll, pitch):
     """
     radius, tip = par[PARAM.main_radius], main.tip_speed
     # skewed by the airspeed of the centre of gravity, as the disc's flapping is
-    skewed = past.motion.u / tip, past.motion.v / tip
+    skewed = past.hub.u / tip, past.hub.v / tip
     behind = wake(main.induced, main.climb, main.advance, skewed[0], skewed[1])
     share, _ = inflow.ground_share(past.nearness, main.induced, main.advance)
     thrust = share * main.thrust / (par[PARAM.air_density] * math.pi * radius**2)

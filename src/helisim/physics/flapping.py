@@ -18,6 +18,7 @@ from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.memory import from_element
 from helisim.physics.servo import unmix
+from helisim.physics.shaft import to_shaft
 
 _FASTEST = 0.6
 """Advance ratio up to which flapping grows: at 1.41 the equations' hold on the disc is gone."""
@@ -311,15 +312,15 @@ def tilt_rates(view, flow, step):
     """
     par, act, main = view.par, view.act, flow.main
     held = disc(par, flow.speed)
-    ahead, right = advance_ratios(flow.motion, main)
+    ahead, right = advance_ratios(flow.hub, main)
     across, aft = skewed_slopes(par, main, ahead, right)
     a_asked, b_asked = swashplate_tilt(view)
     a_flight, b_flight = tilt_by_flight(par, main, held, ahead, right, across, aft)
     return flapping_rates(
         act[STATE.flap_a],
         act[STATE.flap_b],
-        flow.motion,
-        flow.air,
+        flow.hub,
+        to_shaft(par, flow.air),
         a_asked + a_flight,
         b_asked + b_flight,
         held,

@@ -10,6 +10,7 @@ from helisim.physics.layout import PARAM, STATE
 from helisim.physics.main_rotor import MainRotor, main_rotor
 from helisim.physics.memory import from_element, speed_ratio
 from helisim.physics.servo import unmix
+from helisim.physics.shaft import to_shaft
 from helisim.physics.tail_rotor import TailRotor, tail_rotor
 from helisim.physics.timing import position_ahead
 from helisim.physics.wake import Wash, wash
@@ -20,6 +21,7 @@ class Flow(NamedTuple):
 
     Attributes:
         motion: velocities of the body through the air.
+        hub: the same in shaft axes.
         speed: rotor speed over the nominal one.
         main: what the main rotor does.
         tail: what the tail rotor does.
@@ -29,6 +31,7 @@ class Flow(NamedTuple):
     """
 
     motion: Velocities
+    hub: Velocities
     speed: float
     main: MainRotor
     tail: TailRotor
@@ -59,16 +62,17 @@ def flow_in(view, motion, moving, speed, nearness, mean, ahead):
         mean: induced velocity of dynamic inflow, m/s; without one it is found.
         ahead: s, at which the blades' pitch is taken.
     """
-    main = main_rotor_in(view, motion, speed, nearness, mean, ahead)
+    hub = to_shaft(view.par, motion)
+    main = main_rotor_in(view, hub, speed, nearness, mean, ahead)
     pedal = position_ahead(view, STATE.tail_position, ahead)
-    wake = wash(view.par, motion, main, speed, nearness)
+    wake = wash(view.par, hub, main, speed, nearness)
     tail = tail_rotor(view.par, motion, speed, pedal, wake.tail)
-    return Flow(motion, speed, main, tail, wake, moving, nearness)
+    return Flow(motion, hub, speed, main, tail, wake, moving, nearness)
 
 
 @kernel()
-def main_rotor_in(view, motion, speed, nearness, mean, ahead):
-    """Return what a vehicle's main rotor does; arguments as of `flow_in`."""
+def main_rotor_in(view, hub, speed, nearness, mean, ahead):
+    """Return what a vehicle's main rotor does in velocities in shaft axes, else as `flow_in`."""
     collective, lon, lat = unmix(
         from_element(view.par, PARAM.mix_front_col),
         position_ahead(view, STATE.front_position, ahead),
@@ -77,7 +81,7 @@ def main_rotor_in(view, motion, speed, nearness, mean, ahead):
     )
     tips = view.act[STATE.flap_a], view.act[STATE.flap_b]
     swashplate = cyclic_tilt(view.par, lon, lat)
-    return main_rotor(view.par, motion, speed, collective, tips, swashplate, nearness, mean)
+    return main_rotor(view.par, hub, speed, collective, tips, swashplate, nearness, mean)
 
 
 @kernel()

@@ -31,6 +31,6 @@ def fuselage(par, motion, wash):
         fy,
         fz,
         -z * fy,
-        z * fx - x * fz + half * par[PARAM.pitch_volume] * u * w,
+        z * fx - x * fz + half * par[PARAM.pitch_volume] * u * (w - par[PARAM.pitch_zero] * u),
         x * fy - half * par[PARAM.yaw_volume] * u * v,
     )

@@ -40,7 +40,10 @@ def nearness(view):
         return 0.0
     m, d, offsets = view.m, view.d, view.offsets
     origin = doubles_from(d, offsets.xpos, 3 * view.body)
-    x, y, z = frames.to_world(matrix, par[PARAM.hub_x], 0.0, par[PARAM.hub_z])
+    cosine, sine = par[PARAM.shaft_cosine], par[PARAM.shaft_sine]
+    ahead = par[PARAM.hub_x] * cosine - par[PARAM.hub_z] * sine
+    below = par[PARAM.hub_z] * cosine + par[PARAM.hub_x] * sine
+    x, y, z = frames.to_world(matrix, ahead, 0.0, below)
     hub = (origin[0] + x, origin[1] + y, origin[2] + z)
     shaft = (matrix[2], matrix[5], matrix[8])
     roots, bodies = ints(m, offsets.body_rootid), ints(m, offsets.geom_bodyid)

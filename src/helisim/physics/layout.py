@@ -278,8 +278,11 @@ class ParamIndex(NamedTuple):
     main_twist: int
     main_stall: int
     main_dynamic_inflow: int
+    # the hub in shaft axes, which lean forward by an angle of this cosine and sine
     hub_x: int
     hub_z: int
+    shaft_cosine: int
+    shaft_sine: int
     hub_stiffness: int
     # flapping of the tip-path plane: the air's hold on it over inertia and density, how much inflow
     # that follows reduces that, nu^2 - 1, springs at full speed in 1/s, tilt by the swashplate
@@ -308,6 +311,7 @@ class ParamIndex(NamedTuple):
     tail_direction: int
     tail_x: int
     tail_z: int
+    tail_blockage: int
     # drive: 0 keeps the rotor's speed as commanded, 1 is a motor; then all that follow count
     drive_governor: int
     drive_engine: int
@@ -334,6 +338,7 @@ class ParamIndex(NamedTuple):
     drag_centre_x: int
     drag_centre_z: int
     pitch_volume: int
+    pitch_zero: int
     yaw_volume: int
     download: int
     # fin and tailplane

@@ -5,6 +5,7 @@ from helisim.physics.fuselage import fuselage
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import normal, turning
+from helisim.physics.shaft import from_shaft
 from helisim.physics.surfaces import fin, tailplane
 from helisim.physics.tail_rotor import tail_wrench
 
@@ -20,7 +21,7 @@ def wrench(par, a, b, flow, mast):
         flow: the `Flow` past it.
         mast: torque that turns the main rotor, N m.
     """
-    hub = hub_wrench(par, a, b, flow.main, flow.speed, mast)
+    hub = from_shaft(par, hub_wrench(par, a, b, flow.main, flow.speed, mast))
     tail, rest = tail_wrench(par, flow.tail), airframe(par, flow)
     return Wrench(
         hub.fx + tail.fx + rest.fx,
@@ -53,18 +54,20 @@ def heat(par, flow):
     """Return the power that is lost to the air, W.
 
     Of both rotors what they induce and their blades' drag, and what fuselage and surfaces take from
-    the vehicle's motion. What those and the tail rotor take from the main rotor's wake was lost
-    before.
+    the vehicle's motion, a fin in the tail rotor's slipstream too. What those and the tail rotor
+    take from the main rotor's wake was lost before.
     """
     drag, moving, tail = airframe(par, flow), flow.motion, flow.tail
     work = drag.fx * moving.u + drag.fy * moving.v + drag.fz * moving.w
     work += drag.mx * moving.p + drag.my * moving.q + drag.mz * moving.r
+    aside = moving.v + moving.r * par[PARAM.tail_x] - moving.p * par[PARAM.tail_z]
+    work += par[PARAM.main_direction] * par[PARAM.tail_blockage] * tail.thrust * aside
     return flow.main.heat + tail.heat - tail.drag_z * flow.wash.tail - work
 
 
 @kernel()
 def hub_wrench(par, a, b, main, speed, mast):
-    """Return the wrench of the main rotor's hub: thrust, springs and torque.
+    """Return the wrench of the main rotor's hub, shaft axes: thrust, springs and torque.
 
     Thrust stands on the tip-path plane, the blades' drag in the hub's. Half of the air's torque
     tilts with the tips: the drag of blades that flap acts across them, level with the hub

@@ -77,6 +77,7 @@ def tail_rotor(par, motion, speed, pedal, wash=0.0):
 @kernel()
 def tail_wrench(par, tail):
     """Return the wrench of a tail rotor that does what `tail`, a `TailRotor`, says."""
-    x, z, side = par[PARAM.tail_x], par[PARAM.tail_z], -par[PARAM.main_direction] * tail.thrust
+    x, z = par[PARAM.tail_x], par[PARAM.tail_z]
+    side = -par[PARAM.main_direction] * (1.0 - par[PARAM.tail_blockage]) * tail.thrust
     pitching = z * tail.drag_x - x * tail.drag_z - par[PARAM.tail_direction] * tail.torque
     return Wrench(tail.drag_x, side, tail.drag_z, -z * side, pitching, x * side)

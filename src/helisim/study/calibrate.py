@@ -16,6 +16,7 @@ from helisim.vehicle.blade_inertia import INERTIA, REDUCTION, lock_number, with_
 from helisim.vehicle.calibrate import spared
 from helisim.vehicle.estimate import estimated_targets
 from helisim.vehicle.folder import is_shipped, model_folder
+from helisim.vehicle.known import is_known, settled
 from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, to_toml
 from helisim.vehicle.targets import lacking, stated_targets
 
@@ -28,6 +29,10 @@ A blade has a flapping inertia of {inertia:.3g} kg m^2, as {mass:.3g} kg spread 
 {felt:.3g} of it; 16 / ({felt:.3g} Omega) is the disc's own time constant, and springs and
 couplings make tau_f of that."""
 
+_KNOWN = """\
+Written by `helisim calibrate --write`; not by hand.
+Computed from blades and hub, which parameters.toml says; no derivative was given."""
+
 
 def calibrated_text(
     vehicle: str | PathLike[str],
@@ -36,6 +41,9 @@ def calibrated_text(
     on_progress: Callable[[str], None] | None = None,
 ) -> str:
     """Return a vehicle's `calibrated.toml`, solved from its derivatives.
+
+    Where parameters.toml says itself what would be solved for, the blade's inertia too, nothing
+    but the pitch of the blades in hover is, and no derivative is needed.
 
     Args:
         vehicle: name of a shipped one, or path of a folder.
@@ -49,6 +57,8 @@ def calibrated_text(
     folder = model_folder(vehicle)
     files = (folder / "parameters.toml", folder / "tuned.toml")
     given = completed(read_parameters(*(path for path in files if path.is_file())))
+    if is_known(given) and not stated_targets(given):
+        return to_toml(settled(folder, given), _KNOWN)
     if is_shipped(folder) and not from_geometry:
         known = published(folder.name)
         targets, source, whose = known.targets, known.source, "published"

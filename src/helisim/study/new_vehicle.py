@@ -11,10 +11,16 @@ from pathlib import Path
 from helisim.errors import InputError, StorageError
 from helisim.records.files import make_folder, toml_key, toml_value
 from helisim.study.published import published_of
-from helisim.vehicle import Parameters, PhysicalParameter, standard_parameters
+from helisim.vehicle import (
+    Parameters,
+    PhysicalParameter,
+    read_parameters,
+    standard_parameters,
+)
 from helisim.vehicle.blade_inertia import stated
 from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS
 from helisim.vehicle.folder import (
+    PARAMETER_FILES,
     is_shipped,
     mjcf_file,
     model_folder,
@@ -22,6 +28,7 @@ from helisim.vehicle.folder import (
     vehicle_names,
 )
 from helisim.vehicle.glossary import glossary, sections, term
+from helisim.vehicle.known import HOVER, is_known
 from helisim.vehicle.parameters import to_toml
 from helisim.vehicle.rate_command import STARTS
 from helisim.vehicle.roles import ROLES, Roles
@@ -112,7 +119,8 @@ def _texts(source: Path, name: str) -> dict[str, str]:
         key: replace(own.entry(key), source=f"{like}: {own.entry(key).source}") for key in own
     }
     tuned = {key: entries.pop(key) for key in STARTS}
-    solved = [*(f"flapping.{key.lower()}" for key in DIRECT), *UNKNOWNS]
+    unknown = HOVER if is_known(read_parameters(source / PARAMETER_FILES[0])) else UNKNOWNS
+    solved = [*(f"flapping.{key.lower()}" for key in DIRECT), *unknown]
     calibrated = {key: entries.pop(key) for key in solved if key in entries}
     for key, value in {**_targets(source, own), **_TUNING}.items():
         known = term(key)
@@ -138,7 +146,7 @@ def _targets(source: Path, own: Parameters) -> dict[str, float]:
     if not is_shipped(source):
         return {key: own[key] for key in own if key.startswith("targets.")}
     known = published_of(source, instead="").targets
-    return {f"targets.{key}": known[key] for key in (*DIRECT, *SOLVED)}
+    return {f"targets.{key}": known[key] for key in (*DIRECT, *SOLVED) if key in known}
 
 
 class _Comments:

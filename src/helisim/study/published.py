@@ -25,6 +25,6 @@ def published_of(folder: Path, *, instead: str) -> Published:
 
 def paper_table(vehicle: Vehicle, model: str) -> ReferenceTable:
     """Return the published table of a model, without values where nothing is published."""
-    if is_shipped(vehicle.folder):
-        return published(vehicle.name).table(model)
+    if is_shipped(vehicle.folder) and model in published(vehicle.name).tables:
+        return published(vehicle.name).tables[model]
     return ReferenceTable(model, input="", cost=None, values=())

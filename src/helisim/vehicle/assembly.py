@@ -1,7 +1,7 @@
 """From a model folder to a compiled MuJoCo model that carries the vehicle's parameters."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -178,9 +178,8 @@ def specified(
             around(spec, parts)
         elif rig is None and not visual:  # alone in the air there is nothing to touch
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        wanted = [parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")]
         fuselage = spec.body(roles.body("fuselage"))
-        _close_inertia(fuselage, np.diag(wanted), total_inertia(parts, root_body(parts)))
+        _close_inertia(fuselage, wanted_inertia(parameters), total_inertia(parts, root_body(parts)))
         spec.compiler.fusestatic = not visual
     return spec
 
@@ -273,6 +272,18 @@ def _set_force_laws(spec: mujoco.MjSpec, block: NDArray[np.float64]) -> None:
         user = np.zeros(len(PARAM))
         user[PARAM.magic], user[PARAM.ordinal] = MAGIC, ordinal
         spec.actuator(label).userdata = block if ordinal == ROTOR else user
+
+
+def wanted_inertia(parameters: Mapping[str, float]) -> NDArray[np.float64]:
+    """Return the inertia that a vehicle's parameters ask for, MuJoCo axes, (3, 3).
+
+    The product of inertia counts as in flight mechanics, forward and down; MuJoCo's third axis
+    is up, and an inertia's element is minus the product: they are the same number.
+    """
+    wanted = np.diag([parameters[f"airframe.{axis}"] for axis in ("ixx", "iyy", "izz")])
+    if "airframe.ixz" in parameters:
+        wanted[0, 2] = wanted[2, 0] = parameters["airframe.ixz"]
+    return wanted
 
 
 def _close_inertia(

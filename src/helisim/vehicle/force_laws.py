@@ -39,8 +39,6 @@ _DIRECT = {
     "main_twist": "main_rotor.twist",
     "main_stall": "main_rotor.stall",
     "main_dynamic_inflow": "main_rotor.inflow",
-    "hub_x": "main_rotor.hub_x",
-    "hub_z": "main_rotor.hub_z",
     "hub_stiffness": "main_rotor.hub_stiffness",
     "flap_back": "main_rotor.flap_back",
     "flap_stop": "main_rotor.flap_stop",
@@ -55,6 +53,7 @@ _DIRECT = {
     "tail_direction": "tail_rotor.direction",
     "tail_x": "tail_rotor.arm_x",
     "tail_z": "tail_rotor.arm_z",
+    "tail_blockage": "tail_rotor.blockage",
     "drive_governor": "drive.governor",
     "drive_engine": "drive.engine",
     "drive_inertia": "drive.inertia",
@@ -79,6 +78,7 @@ _DIRECT = {
     "drag_centre_x": "airframe.drag_centre_x",
     "drag_centre_z": "airframe.drag_centre_z",
     "pitch_volume": "airframe.pitch_volume",
+    "pitch_zero": "airframe.pitch_zero",
     "yaw_volume": "airframe.yaw_volume",
     "download": "airframe.download",
     "fin_area": "fin.area",
@@ -170,6 +170,8 @@ _NOT_NEGATIVE = (
     "airframe.download",
     "fin.area",
     "tailplane.area",
+    "tail_rotor.blockage",
+    "airframe.tail_wash",
     "main_rotor.profile_drag",
     "tail_rotor.profile_drag",
     "main_rotor.hub_stiffness",
@@ -216,6 +218,7 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     block[PARAM.layout] = LAYOUT
     for slot, name in _DIRECT.items():
         block[getattr(PARAM, slot)] = parameters[name]
+    _write_hub(parameters, block)
     _write_surfaces(parameters, block)
     block[PARAM.main_solidity] = _solidity(parameters, "main_rotor")
     block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
@@ -276,6 +279,21 @@ def _check_drive(parameters: Parameters) -> None:
             )
 
 
+def _write_hub(parameters: Parameters, block: NDArray[np.float64]) -> None:
+    """Write how the shaft leans, and the hub in its axes."""
+    tilt = parameters["main_rotor.shaft_tilt"]
+    block[PARAM.shaft_cosine], block[PARAM.shaft_sine] = math.cos(tilt), math.sin(tilt)
+    x, z = parameters["main_rotor.hub_x"], parameters["main_rotor.hub_z"]
+    block[PARAM.hub_x], block[PARAM.hub_z] = _in_shaft(parameters, x, z)
+
+
+def _in_shaft(parameters: Parameters, x: float, z: float) -> tuple[float, float]:
+    """Return what is ahead and below in shaft axes."""
+    tilt = parameters["main_rotor.shaft_tilt"]
+    cosine, sine = math.cos(tilt), math.sin(tilt)
+    return x * cosine + z * sine, z * cosine - x * sine
+
+
 def _write_surfaces(parameters: Parameters, block: NDArray[np.float64]) -> None:
     """Write shape and incidence of fin and tailplane, and the rotor's wash at the tail."""
     for surface, first in (("fin", PARAM.fin_slope), ("tailplane", PARAM.tailplane_slope)):
@@ -289,7 +307,8 @@ def _write_surfaces(parameters: Parameters, block: NDArray[np.float64]) -> None:
     ):
         ahead = (parameters[x] - parameters["main_rotor.hub_x"]) / radius
         below = (parameters[z] - parameters["main_rotor.hub_z"]) / radius
-        block[first : first + WASH] = wash_coefficients(ahead, below)
+        coefficients = np.array(wash_coefficients(*_in_shaft(parameters, ahead, below)))
+        block[first : first + WASH] = parameters["airframe.tail_wash"] * coefficients
 
 
 def _travel(parameters: Parameters, rate: str) -> float:

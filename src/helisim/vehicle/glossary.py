@@ -25,10 +25,14 @@ _OPTIONAL = (
     "airframe.drag_centre_x",
     "airframe.drag_centre_z",
     "airframe.pitch_volume",
+    "airframe.tail_wash",
+    "airframe.pitch_zero",
     "airframe.yaw_volume",
     "airframe.download",
     "airframe.fin_area",
+    "airframe.ixz",
     "main_rotor.direction",
+    "main_rotor.shaft_tilt",
     "main_rotor.twist",
     "main_rotor.inflow",
     "main_rotor.blade_inertia",
@@ -36,6 +40,7 @@ _OPTIONAL = (
     "tail_rotor.induced_factor",
     "tail_rotor.profile_drag",
     "tail_rotor.direction",
+    "tail_rotor.blockage",
 )
 _ANY = "*"
 

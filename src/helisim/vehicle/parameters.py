@@ -135,6 +135,7 @@ def untuned(parameters: Parameters) -> Parameters:
 
 _NOT_GIVEN = "not given: "
 _LEFT_OUT = {
+    "airframe.ixz": (0.0, "kg m^2", "symmetric fore and aft"),
     "main_rotor.direction": (1.0, "1", "clockwise seen from above"),
     "main_rotor.twist": (0.0, "rad", "blades without twist"),
     "main_rotor.inflow": (0.0, "1", "the air follows the blades' load at once"),
@@ -169,8 +170,12 @@ _LEFT_OUT = {
     "airframe.drag_centre_x": (0.0, "m", "at the centre of gravity"),
     "airframe.drag_centre_z": (0.0, "m", "at the centre of gravity"),
     "airframe.pitch_volume": (0.0, "m^3", "no moment of the fuselage"),
+    "airframe.pitch_zero": (0.0, "rad", "none level with the flow"),
+    "airframe.tail_wash": (1.0, "1", "as that of vortex rings"),
     "airframe.yaw_volume": (0.0, "m^3", "no moment of the fuselage"),
     "airframe.download": (0.0, "1", "no wash on the fuselage"),
+    "main_rotor.shaft_tilt": (0.0, "rad", "upright"),
+    "tail_rotor.blockage": (0.0, "1", "nothing in its way"),
     "tail_rotor.direction": (1.0, "1", "the lower blade moves forwards"),
     "fin.area": (0.0, "m^2", "no fin"),
     "fin.aspect_ratio": (2.6, "1", "a fin that the tail case halves"),

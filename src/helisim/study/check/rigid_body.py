@@ -14,7 +14,7 @@ from helisim.physics.timing import TICK_TOLERANCE
 from helisim.study.check.figures import at_a_glance, implausible
 from helisim.study.check.parameter_files import ParameterFiles
 from helisim.study.check.problem import Problem, sentence
-from helisim.vehicle.assembly import total_inertia
+from helisim.vehicle.assembly import total_inertia, wanted_inertia
 from helisim.vehicle.blade_inertia import INERTIA, with_both
 from helisim.vehicle.mjcf import Element, Mjcf
 from helisim.vehicle.motion import root_body
@@ -150,7 +150,7 @@ def _not_solid(
         yield Problem(sentence(text), *files.place(f"airframe.{largest}"))
         return
     fuselage = model.body(files.roles.body("fuselage")).id
-    missing = np.diag(list(whole.values())) - total_inertia(model, root)
+    missing = wanted_inertia(own) - total_inertia(model, root)
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.body_iquat[fuselage])
     matrix = turn.reshape(3, 3)

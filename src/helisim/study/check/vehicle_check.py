@@ -135,7 +135,7 @@ def _stale(vehicle: Vehicle, files: ParameterFiles) -> Iterator[Problem]:
     targets = {key: one.value for key, one in files.entries.items() if key.startswith("targets.")}
     if not targets and is_shipped(vehicle.folder):
         known = published(vehicle.name).targets
-        targets = {f"targets.{key}": known[key] for key in (*DIRECT, *SOLVED)}
+        targets = {f"targets.{key}": known[key] for key in (*DIRECT, *SOLVED) if key in known}
     for name in (*DIRECT, *SOLVED):
         wanted, found = targets.get(f"targets.{name}"), vehicle.derivatives[name]
         if wanted is not None and not math.isclose(wanted, found, rel_tol=_MISSED):

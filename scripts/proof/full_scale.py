@@ -1,0 +1,576 @@
+"""A full-scale helicopter beside two prints: trim and derivatives of a Lynx from 0 to 120 kn.
+
+models/lynx has Padfield's configuration; nothing of it is fitted to a derivative. Beside it:
+
+- Padfield's derivatives at 0, 20, 40 and 60 kn, whose inflow follows the mean thrust at once, as
+  helisim's does by default;
+- the trims and derivatives up to 120 kn that a thesis prints of the same configuration, whose
+  inflow over the disc answers the blades, as helisim's does with a reduced Lock number.
+
+Each difference of more than 15 % must have an explanation, and explanations are tried: the model
+flies again with what is named switched, and the difference must shrink. Where the two prints
+differ from each other as much, neither is more than that. Sources: helisim/paper/lynx.py and
+models/lynx/README.md.
+
+    python scripts/proof/full_scale.py [--figure full_scale.png]
+"""
+
+import argparse
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import brentq
+
+from helisim.output.canvas import to_figure
+from helisim.output.figure import Mark, Panel
+from helisim.output.svg import Drawing
+from helisim.paper import lynx
+from helisim.vehicle import Vehicle, load
+from helisim.vehicle.blade import lock_reduction
+from helisim.vehicle.known import flapping_of
+
+CLOSE = 0.15
+"""Relative difference up to which a prediction counts as the print."""
+SMALL = 0.05
+"""Share of an axis's largest effect below which a difference is nobody's matter."""
+PUSH = {
+    **dict.fromkeys("uvw", 1.0),
+    **dict.fromkeys("pqr", 0.1),
+    **dict.fromkeys(lynx.INPUTS, 0.01),
+}
+"""m/s, rad/s and rad whose effects on an axis are compared with each other."""
+HALF_A_DEGREE = np.radians(0.5)
+"""Of an angle: what a protractor on a blade tells."""
+MASS = 4313.7
+"""kg, of both prints' helicopter."""
+FACTOR = (9.0 / 5.0) ** 0.25
+"""Of the inflow of both rotors in the thesis, over momentum theory's."""
+PADFIELD = "Padfield"
+THESIS = "thesis"
+_AS_THESIS = (("main_rotor.hub_x", 0.0198),)
+"""What the thesis reads otherwise from Padfield's data: where the hub is."""
+
+Changes = tuple[tuple[str, float | str], ...]
+
+DERIVATIVES = (
+    *("X_u", "X_w", "X_q", "Z_u", "Z_w", "M_u", "M_w", "M_q", "M_v", "M_p"),
+    *("Y_v", "Y_p", "L_u", "L_v", "L_w", "L_p", "L_q", "N_v", "N_p", "N_r"),
+    *("X_theta_0", "X_theta_1s", "Z_theta_0", "Z_theta_1s", "M_theta_0", "M_theta_1s"),
+    *("M_theta_1c", "Y_theta_1c", "L_theta_0", "L_theta_1s", "L_theta_1c", "N_theta_0"),
+    *("Y_theta_0T", "L_theta_0T", "N_theta_0T"),
+)
+"""What is compared; the rest follows from these by kinematics, or is small."""
+ANGLES = ("theta_0", "theta_1s", "theta_1c", "theta_0T", "theta", "phi")
+
+
+@dataclass(frozen=True)
+class Flight:
+    """The model in level flight at one speed.
+
+    Attributes:
+        knots: airspeed.
+        angles: of the blades and the fuselage, rad, by the names of `ANGLES`.
+        power: W, of both rotors.
+        derivatives: by the names of `DERIVATIVES`, SI.
+    """
+
+    knots: int
+    angles: Mapping[str, float]
+    power: float
+    derivatives: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number of a print and what the model says.
+
+    Attributes:
+        source: whose print it is.
+        name: of the angle or derivative.
+        knots: airspeed.
+        printed: SI.
+        found: SI.
+        small: difference below which neither means anything.
+    """
+
+    source: str
+    name: str
+    knots: int
+    printed: float
+    found: float
+    small: float
+
+    @property
+    def off(self) -> float:
+        """Relative difference."""
+        return self.found / self.printed - 1.0 if self.printed else np.inf
+
+    @property
+    def close(self) -> bool:
+        """Whether they agree."""
+        return abs(self.off) <= CLOSE or abs(self.found - self.printed) <= self.small
+
+
+@cache
+def flights(changes: Changes = ()) -> tuple[Flight, ...]:
+    """Return the model's level flights from 0 to 120 kn, with some parameters changed."""
+    vehicle = load("lynx", parameters=dict(changes))
+    found = []
+    for knots in lynx.THESIS_KNOTS:
+        vehicle = vehicle.trimmed(speed=knots * lynx.KNOT)  # each from the one before
+        found.append(Flight(knots, angles(vehicle), vehicle.power, derivatives(vehicle)))
+    return tuple(found)
+
+
+def travel(vehicle: Vehicle) -> dict[str, tuple[str, float]]:
+    """Return each blade angle's control and how many radians one unit of it is."""
+    own = vehicle.parameters
+    cyclic, hand = own["geometry.cyclic_range"], own["main_rotor.direction"]
+    return {
+        "theta_0": ("col", own["main_rotor.pitch_range"]),
+        "theta_1s": ("lon", cyclic),
+        "theta_1c": ("lat", -cyclic),  # right is minus theta_1c under these blades
+        "theta_0T": ("ped", hand * own["tail_rotor.pitch_range"]),
+    }
+
+
+def angles(vehicle: Vehicle) -> dict[str, float]:
+    """Return the trim as the field's angles, rad; theta_0 is that of the twisted blade's root."""
+    own, trim = vehicle.parameters, vehicle.trim
+    centre = {
+        "theta_0": own["main_rotor.pitch_trim"] - 0.75 * own["main_rotor.twist"],
+        "theta_0T": own["tail_rotor.pitch_trim"],
+    }
+    blades = {
+        name: centre.get(name, 0.0) + unit * getattr(trim, control)
+        for name, (control, unit) in travel(vehicle).items()
+    }
+    return {**blades, "theta": trim.theta, "phi": trim.phi}
+
+
+def derivatives(vehicle: Vehicle) -> dict[str, float]:
+    """Return the derivatives of six degrees of freedom, per radian of the blades' angles."""
+    linear = vehicle.linearize("IN1").rigid_body()
+    by_control = travel(vehicle)
+    found = {}
+    for name in DERIVATIVES:
+        axis, _, cause = name.partition("_")
+        control, unit = by_control.get(cause, (cause, 1.0))
+        found[name] = linear.derivative(lynx.RATE_OF[axis], control) / unit
+    return without_kinematics(found, vehicle.trim.speed, vehicle.trim.theta)
+
+
+def without_kinematics(values: Mapping[str, float], speed: float, theta: float) -> dict[str, float]:
+    """Return derivatives without what turning body axes make of the speed: -W in X_q, W in Y_p."""
+    down = speed * float(np.sin(theta))
+    parts = {"X_q": -down, "Y_p": down}
+    return {name: value - parts.get(name, 0.0) for name, value in values.items()}
+
+
+def rows(source: str, changes: Changes = ()) -> tuple[Row, ...]:
+    """Return every number of a print that is compared, the model with some parameters changed."""
+    if source == PADFIELD:
+        return tuple(_padfield_rows(flights(changes)))
+    return tuple(_thesis_rows(flights((*_AS_THESIS, *changes))))
+
+
+def _padfield_rows(found: Sequence[Flight]) -> Iterator[Row]:
+    for flight in found:
+        linear = lynx.PADFIELD.get(flight.knots)
+        if linear is None:
+            continue
+        theta = attitude(linear)["theta"]
+        printed = {name: value_of(linear, name) for name in DERIVATIVES}
+        printed = without_kinematics(printed, flight.knots * lynx.KNOT, theta)
+        yield from _derivative_rows(PADFIELD, flight, printed)
+        for name, angle in attitude(linear).items():
+            yield Row(PADFIELD, name, flight.knots, angle, flight.angles[name], HALF_A_DEGREE)
+
+
+def _thesis_rows(found: Sequence[Flight]) -> Iterator[Row]:
+    for k, flight in enumerate(found):
+        printed = {name: curve[k] for name, curve in lynx.THESIS_DERIVATIVES.items()}
+        yield from _derivative_rows(THESIS, flight, printed)
+        for name in ANGLES:
+            angle = lynx.THESIS_TRIMS[name][k]
+            yield Row(THESIS, name, flight.knots, angle, flight.angles[name], HALF_A_DEGREE)
+
+
+def _derivative_rows(source: str, flight: Flight, printed: Mapping[str, float]) -> Iterator[Row]:
+    """Yield a print's derivatives at one speed; each is small beside the largest of its axis."""
+    for name, value in printed.items():
+        axis, _, cause = name.partition("_")
+        largest = max(
+            abs(other) * PUSH[by]
+            for one, other in printed.items()
+            for of, _, by in [one.partition("_")]
+            if of == axis
+        )
+        small = SMALL * largest / PUSH[cause]
+        yield Row(source, name, flight.knots, value, flight.derivatives[name], small)
+
+
+def attitude(linear: lynx.LinearFlight) -> dict[str, float]:
+    """Return the angles that a table's elements of gravity are of, rad."""
+    theta = np.arctan2(-linear.derivative("w", "theta"), -linear.derivative("u", "theta"))
+    return {"theta": float(theta), "phi": -float(np.arcsin(linear.derivative("theta", "r")))}
+
+
+def value_of(linear: lynx.LinearFlight, name: str) -> float:
+    """Return a table's derivative by its name."""
+    axis, _, cause = name.partition("_")
+    return linear.derivative(lynx.RATE_OF[axis], cause)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why a prediction is off, in a form that can be tried.
+
+    Attributes:
+        letter: that stands beside the numbers it is for.
+        words: what is simplified, by whom.
+        sources: the prints that are concerned.
+        names: of what it makes different.
+        switch: parameters with which the model does as that print does.
+        term: what it adds to the model's value instead, where no parameter does it.
+    """
+
+    letter: str
+    words: str
+    sources: tuple[str, ...]
+    names: tuple[str, ...]
+    switch: Changes = ()
+    term: Callable[[Row, Flight], float] | None = None
+
+    def tried(self, row: Row) -> Row:
+        """Return a row as it is with what is explained made as the print has it."""
+        if self.term is not None:
+            flown = flights(_AS_THESIS if row.source == THESIS else ())
+            flight = next(one for one in flown if one.knots == row.knots)
+            return replace(row, found=row.found + self.term(row, flight))
+        return _indexed(row.source, self.switch)[row.name, row.knots]
+
+    def holds(self, row: Row) -> bool:
+        """Whether trying it takes away at least half of a difference, or makes it small."""
+        tried = self.tried(row)
+        return tried.close or abs(tried.found - row.printed) <= 0.5 * abs(row.found - row.printed)
+
+
+@cache
+def _indexed(source: str, changes: Changes = ()) -> Mapping[tuple[str, int], Row]:
+    return {(row.name, row.knots): row for row in rows(source, changes)}
+
+
+def verdict(row: Row) -> str:
+    """Return "" for a number that agrees, the letter of what explains it, or "?"."""
+    if row.close:
+        return ""
+    for one in EXPLANATIONS:
+        if row.source in one.sources and row.name in one.names and one.holds(row):
+            return one.letter
+    other = _indexed(THESIS if row.source == PADFIELD else PADFIELD).get((row.name, row.knots))
+    if other is not None and abs(row.found / other.printed - 1.0) <= CLOSE:
+        return APART
+    if row.source == THESIS and row.knots > max(lynx.PADFIELD) and _parts_at_60(row.name):
+        return LIKE_60
+    return "?"
+
+
+def _parts_at_60(name: str) -> bool:
+    """Whether the thesis departs from Padfield at 60 kn where the model has Padfield's value."""
+    book, thesis = (_indexed(source).get((name, 60)) for source in (PADFIELD, THESIS))
+    if book is None or thesis is None:
+        return False
+    return abs(book.off) <= CLOSE < abs(thesis.printed / book.printed - 1.0)
+
+
+def unexplained() -> list[Row]:
+    """Return the numbers that neither agree nor are explained."""
+    return [row for source in (PADFIELD, THESIS) for row in rows(source) if verdict(row) == "?"]
+
+
+def skewed_wake(row: Row, flight: Flight) -> float:
+    """Return what Glauert's wake, as Helisim takes it, adds to a derivative.
+
+    Its inflow rises over the disc by lambda_i tan(chi / 2); helisim's by lambda_i sin(chi)^2, which
+    has no slope at the hover. Each asks for that tilt to the advancing side, less what the hub's
+    springs leave of it, and turned by them. Found here from blade elements and momentum anew.
+    """
+    axis, _, cause = row.name.partition("_")
+    own = load("lynx").parameters
+    tip = own["main_rotor.speed"] * own["main_rotor.radius"]
+    spring = 2.0 * own["main_rotor.hub_stiffness"] / own["main_rotor.blades"]
+    inertia = own["main_rotor.blade_inertia"]
+    lock = own["air.density"] * own["main_rotor.lift_slope"] * own["main_rotor.chord"]
+    lock *= own["main_rotor.radius"] ** 4 / inertia
+    stiffness = 8.0 * spring / (inertia * own["main_rotor.speed"] ** 2) / lock
+    at = {"u": row.knots * lynx.KNOT / tip, "w": 0.0, "theta_0": flight.angles["theta_0"]}
+    right, back = 0.0, 0.0  # of the disc, by what changes
+    if cause == "v":
+        far = at | {"u": max(at["u"], 1e-4)}
+        back = _rise(own, **far) / far["u"] / tip
+    else:
+        step = 1e-5
+        more, less = at | {cause: at[cause] + step}, at | {cause: at[cause] - step}
+        change = (_rise(own, **more) - _rise(own, **less)) / (2.0 * step)
+        right = change if cause == "theta_0" else change / tip
+    whole = 1.0 + stiffness**2
+    right, back = (right - stiffness * back) / whole, (back + stiffness * right) / whole
+    weight = MASS * lynx.GRAVITY
+    moment = own["main_rotor.hub_stiffness"] - weight * own["main_rotor.hub_z"]
+    ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
+    roll = moment * izz / (ixx * izz - ixz**2)
+    return {
+        "L": roll * right,
+        "N": roll * right * ixz / izz,
+        "M": moment / own["airframe.iyy"] * back,
+        "X": -lynx.GRAVITY * back,
+        "Y": lynx.GRAVITY * right,
+    }[axis]
+
+
+def _rise(own: Mapping[str, float], *, u: float, w: float, theta_0: float) -> float:
+    """Return by how much inflow over the disc rises more in Helisim's wake than in helisim's."""
+    solidity = own["main_rotor.blades"] * own["main_rotor.chord"]
+    solidity /= np.pi * own["main_rotor.radius"]
+    slope = own["main_rotor.lift_slope"] * solidity
+    pitch = theta_0 + 0.75 * own["main_rotor.twist"]
+
+    def imbalance(induced: float) -> float:
+        through = induced - w
+        lift = 0.5 * slope * (pitch / 3.0 * (1.0 + 1.5 * u**2) - 0.5 * through)
+        return 2.0 * induced * np.hypot(u, through) - lift
+
+    induced = brentq(imbalance, 0.0, 1.0)
+    through = induced - w
+    ahead = abs(u)
+    tangent = ahead / (np.hypot(ahead, through) + through)  # of half the skew angle
+    least = 0.005**2  # of physics/flapping.py
+    sine = ahead**3 / np.sqrt(ahead**2 + least) / (ahead**2 + through**2 + least)
+    return float(np.sign(u) * induced * (tangent - sine))
+
+
+def answering_inflow() -> Changes:
+    """Return flapping with Lock's number reduced by an inflow that answers the blades at once."""
+    own = load("lynx").parameters
+    solidity = own["main_rotor.blades"] * own["main_rotor.chord"]
+    solidity /= np.pi * own["main_rotor.radius"]
+    tip = own["main_rotor.speed"] * own["main_rotor.radius"]
+    disc = np.pi * own["main_rotor.radius"] ** 2
+    inflow = np.sqrt(MASS * lynx.GRAVITY / (2.0 * own["air.density"] * disc)) / tip
+    name = "flapping.lock_reduction"
+    given = {**own, name: lock_reduction(own["main_rotor.lift_slope"], solidity, inflow)}
+    return (*flapping_of(given).to_parameters().items(), (name, given[name]))
+
+
+def tail_of(own: Mapping[str, float], knots: int) -> tuple[float, float]:
+    """Return a sigma of the tail rotor, and its advance ratio."""
+    tip = own["tail_rotor.speed"] * own["tail_rotor.radius"]
+    solidity = own["tail_rotor.blades"] * own["tail_rotor.chord"]
+    slope = own["tail_rotor.lift_slope"] * solidity / (np.pi * own["tail_rotor.radius"])
+    return slope, knots * lynx.KNOT / tip
+
+
+def more_tail_inflow(row: Row, flight: Flight) -> float:
+    """Return what the thesis's factor of inflow changes in the tail's effectiveness.
+
+    A thrust of a sigma / 2 (theta / 3 - lambda / 2) makes an inflow that takes back part of it.
+    """
+    slope, advance = tail_of(load("lynx").parameters, row.knots)
+    thrust = lynx.THESIS_TRIMS["CT_T"][lynx.THESIS_KNOTS.index(row.knots)]
+    induced = brentq(lambda one: 2.0 * one * np.hypot(advance, one) - thrust, 0.0, 1.0)
+    speed = np.hypot(advance, induced)
+    taken = 0.25 * slope / (2.0 * (speed + induced**2 / speed))
+    return row.found * ((1.0 + taken) / (1.0 + FACTOR * taken) - 1.0)
+
+
+def printed_tail_thrust(row: Row, flight: Flight) -> float:
+    """Return how much more pitch the tail needs for the thrust that the thesis prints."""
+    slope, advance = tail_of(load("lynx").parameters, row.knots)
+    thrust = lynx.THESIS_TRIMS["CT_T"][lynx.THESIS_KNOTS.index(row.knots)]
+    induced = brentq(lambda one: 2.0 * one * np.hypot(advance, one) - thrust, 0.0, 1.0)
+    through = 0.5 * FACTOR * induced
+    pitch = 3.0 * (2.0 * thrust / slope + through) / (1.0 + 1.5 * advance**2)
+    return pitch - row.found
+
+
+def stabilising_fuselage(row: Row, flight: Flight) -> float:
+    """Return what the fuselage's yawing moment adds to N_v with the thesis's sign."""
+    own = load("lynx").parameters
+    ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
+    moment = own["air.density"] * own["airframe.yaw_volume"] * row.knots * lynx.KNOT
+    return moment * ixx / (ixx * izz - ixz**2)
+
+
+APART, LIKE_60 = "=", "~"
+EXPLANATIONS = (
+    Explanation(
+        "w",
+        "The rotor's wake at tailplane and tail is that of vortex rings here, down also above the "
+        "wake, where a tailplane at the hub's height is; both prints have none there.",
+        (PADFIELD, THESIS),
+        ("M_w", "M_u", "X_u", "theta", "theta_1s", "X_theta_1s"),
+        switch=(("airframe.tail_wash", 0.0),),
+    ),
+    Explanation(
+        "s",
+        "The wake's skew makes the inflow rise over the disc by sin^2 chi here, which has no slope "
+        "at the hover, and by tan chi/2 in Helisim.",
+        (PADFIELD, THESIS),
+        ("L_u", "L_v", "L_w", "M_u", "M_v", "N_v", "X_u", "Y_v", "L_theta_0"),
+        term=skewed_wake,
+    ),
+    Explanation(
+        "t",
+        "The thesis's main rotor takes more torque, by an inflow of (9/5)^(1/4) times momentum's "
+        "and a wake that is not uniform; tail pitch is that for the tail thrust it prints, with "
+        "that inflow.",
+        (THESIS,),
+        ("theta_0T",),
+        term=printed_tail_thrust,
+    ),
+    Explanation(
+        "k",
+        "The thesis's tail rotor has that inflow too, and so less thrust for its pitch.",
+        (THESIS,),
+        ("N_theta_0T", "Y_theta_0T", "L_theta_0T"),
+        term=more_tail_inflow,
+    ),
+    Explanation(
+        "i",
+        "The thesis's inflow answers the blades' flapping, here by a reduced Lock number; this "
+        "model's, as Padfield's, follows the mean thrust.",
+        (THESIS,),
+        ("L_theta_1s", "M_q", "M_p", "L_p", "L_q", "N_p", "X_q", "Y_p"),
+        switch=answering_inflow(),
+    ),
+    Explanation(
+        "a",
+        "The fin's lift slope of 2.5 is the thesis's estimate from its shape; Padfield's was not "
+        "seen, and 3.2 would do.",
+        (PADFIELD,),
+        ("N_v",),
+        switch=(("fin.aspect_ratio", 2.8),),
+    ),
+    Explanation(
+        "f",
+        "The fuselage turns away from the flow, as slender bodies do, and as in Padfield's N_v; "
+        "the thesis's yawing moment turns it into the flow.",
+        (THESIS,),
+        ("N_v",),
+        term=stabilising_fuselage,
+    ),
+)
+
+
+_NONE = np.empty(0)
+_MARKS = (
+    (PADFIELD, Mark("line", "identified", _NONE, _NONE), Mark("dots", "identified", _NONE, _NONE)),
+    (THESIS, Mark("dashes", "truth", _NONE, _NONE), Mark("rings", "truth", _NONE, _NONE)),
+)
+"""Of the model and of each print."""
+_PAGE = (
+    ("trim", "Blades and fuselage in trim", ANGLES[:5]),
+    ("forces", "Forces by speed", ("X_u", "X_w", "Z_u", "Z_w", "Y_v")),
+    ("moments", "Moments by motion", ("M_w", "M_q", "L_p", "N_v", "N_r")),
+    ("controls", "Controls", ("Z_theta_0", "M_theta_0", "M_theta_1s", "L_theta_1c", "N_theta_0T")),
+)
+"""Drawings of the figure: name, title, panels."""
+
+
+def draw(path: Path) -> None:
+    """Draw the model's curves and both prints' points."""
+    pages = [_drawing(*page) for page in _PAGE]
+    to_figure([pages[:2], pages[2:]]).savefig(path, dpi=110)
+
+
+def _drawing(name: str, title: str, names: Sequence[str]) -> Drawing:
+    caption = f"{title} of the Lynx over speed: model, Padfield, thesis"
+    panels = tuple(_panel(one, named=one == names[0]) for one in names)
+    return Drawing(name, title, caption, panels, "airspeed, kn")
+
+
+def _panel(name: str, *, named: bool) -> Panel:
+    scale = float(np.degrees(1.0)) if name in ANGLES else 1.0
+    marks = []
+    for source, line, points in _MARKS:
+        mine = [row for row in rows(source) if row.name == name]
+        if mine:
+            knots = np.array([float(row.knots) for row in mine])
+            found = scale * np.array([row.found for row in mine])
+            printed = scale * np.array([row.printed for row in mine])
+            marks.append(replace(line, x=knots, y=found, label=f"as {source}" * named))
+            marks.append(replace(points, x=knots, y=printed, label=source * named))
+    return Panel(f"{name}, deg" if name in ANGLES else name, tuple(marks), 80.0)
+
+
+def table(source: str) -> str:
+    """Return a print's numbers, the model's below them, and by how many percent it is off."""
+    mine = rows(source)
+    speeds = list(dict.fromkeys(row.knots for row in mine))
+    lines = [f"{source:<12}{'kn':>4}" + "".join(f"{knots:>10}" for knots in speeds)]
+    for name in dict.fromkeys(row.name for row in mine):
+        row_of = {row.knots: row for row in mine if row.name == name}
+        scale = float(np.degrees(1.0)) if name in ANGLES else 1.0
+        shown = f"{name}, deg" if name in ANGLES else name
+        cells = [f"{scale * row.printed:>9.4g} " for row in row_of.values()]
+        lines.append(f"{shown:<12}{'':>4}" + "".join(cells))
+        cells = [f"{scale * row.found:>9.4g} " for row in row_of.values()]
+        lines.append(f"{'':<9}model: " + "".join(cells))
+        cells = [f"{_percent(row):>9}{_sign(row):1}" for row in row_of.values()]
+        lines.append(f"{'':<10}off, %" + "".join(cells))
+    return "\n".join(lines)
+
+
+def _sign(row: Row) -> str:
+    return "." if row.close and abs(row.off) > CLOSE else verdict(row)
+
+
+def _percent(row: Row) -> str:
+    return f"{100.0 * row.off:.0f}" if abs(row.off) < 9.995 else "-"
+
+
+def main() -> None:
+    """Print both tables, what explains the differences, and what doesn't."""
+    parser = argparse.ArgumentParser(description="A Lynx beside two prints.")
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="draw them, .png or .svg")
+    options = parser.parse_args()
+    for source in (PADFIELD, THESIS):
+        print(table(source), end="\n\n")
+    power = " ".join(f"{flight.knots} kn {1e-3 * flight.power:.0f}" for flight in flights())
+    print(f"Power of both rotors, kW, which neither prints: {power}\n")
+    print(f"Without a sign: within {100 * CLOSE:.0f} %.")
+    for letter, words in _legend():
+        print(textwrap.fill(f"{letter}  {words}", 88, subsequent_indent="   "))
+    left = unexplained()
+    print(f"?  {len(left)} of {sum(len(rows(one)) for one in (PADFIELD, THESIS))} unexplained")
+    if options.figure:
+        draw(options.figure)
+
+
+def _legend() -> Iterator[tuple[str, str]]:
+    yield (
+        ".",
+        (
+            f"small: less than {100 * SMALL:.0f} % of the largest effect on that axis, of 1 m/s, "
+            "0.1 rad/s or 0.01 rad; of angles, half a degree"
+        ),
+    )
+    yield APART, f"the prints differ, and the model is within {100 * CLOSE:.0f} % of the other one"
+    yield (
+        LIKE_60,
+        (
+            f"as at 60 kn, where the thesis is more than {100 * CLOSE:.0f} % off Padfield and the "
+            "model is not"
+        ),
+    )
+    for one in EXPLANATIONS:
+        yield one.letter, one.words
+
+
+if __name__ == "__main__":
+    main()
