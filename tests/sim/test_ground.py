@@ -169,7 +169,7 @@ def test_friction_holds_it_against_the_rotors_torque(jr700):
 def test_friction_holds_it_while_the_motor_spins_the_rotor_up():
     """From rest to flying speed; the heading gives way by what the skids' springs do."""
     vehicle = hs.load(parameters={"drive.governor": "motor"})
-    model, data = standing(vehicle, Ground(rotor=0.0))
+    model, data = standing(vehicle, Ground(parked=True, rotor=0.0))
     where = addresses(model)
     data.ctrl[where.control + CONTROL.rotor] = 1.0
     speed, turned = [], []

@@ -132,6 +132,7 @@ def test_a_flight_without_ground_touches_nothing(jr700):
         (lambda: Ground(friction=0.0), "friction must be above 0"),
         (lambda: Ground(effect=1.5), "effect must be from 0 to 1"),
         (lambda: Ground(rotor=-1.0), "rotor's speed must be from 0 to 1"),
+        (lambda: Ground(rotor=0.0), "only a parked flight starts with a slow rotor"),
         (lambda: Ground(deck=3.0), "must be a Deck or None"),
         (lambda: Deck(heave=0.3), "heave must be a Swing or None"),
         (lambda: Deck(length=0.0), "length must be above 0 m"),

@@ -65,6 +65,18 @@ class Wishless(Mission):
     duration: float = 3.0
 
 
+@dataclass(frozen=True, kw_only=True)
+class Backwards(Mission):
+    """Start in a flight that no trim is looked for in."""
+
+    duration: float = 3.0
+    start: ClassVar[hs.missions.Start] = hs.missions.Start(speed=-3.0)
+
+    def fly(self, pilot: Autopilot) -> Iterator[None]:
+        """Fly on."""
+        yield from pilot.hold(1.0)
+
+
 def flown(vehicle, mission, **settings):
     """Return what a flight of a mission reached, and its trajectory."""
     plan = hs.FlightPlan(mission=mission, **{"pilot": CALM, **settings})
@@ -126,6 +138,26 @@ def test_take_off_hover_and_landing(jr700):
     assert np.any(flight.contact[-1] != 0.0)
     assert flight.ground == hs.Ground(parked=True)
     assert -flight.positions[:, 2].min() == pytest.approx(2.1, abs=0.3)
+
+
+def test_take_off_waits_for_a_rotor_that_a_motor_spins_up():
+    """It stays on the ground until the rotor has its speed, and then flies as ever."""
+    vehicle = hs.load("jr700", parameters={"drive.governor": "motor"})
+    mission = hs.missions.TakeOffHoverLand(height=1.0, hover=0.5)
+    reached, flight = flown(vehicle, mission, ground=hs.Ground(parked=True, rotor=0.0))
+    times = {text: time for time, text in reached.phases}
+    lifted = float(flight.time[np.argmin(flight.contact.any(axis=1))])
+    assert reached.finished
+    assert reached.rotor_speed[0] == 0.0
+    assert times["spool-up"] < times["take-off"] < lifted < times["hover"]
+    assert flight.rotor[flight.time > times["take-off"], 4].min() > 0.9
+    assert reached.touch_down.at > times["landing"]
+
+
+def test_an_ideal_governor_spins_no_rotor_up(jr700):
+    """It has no speed of its own, so a rotor at rest is refused with what to change."""
+    with pytest.raises(InputError, match=r"needs a motor .* drive\.governor = motor, not ideal"):
+        flown(jr700, hs.missions.TakeOffHoverLand(), ground=hs.Ground(parked=True, rotor=0.0))
 
 
 def test_a_pirouette_keeps_its_place(jr700):
@@ -212,7 +244,9 @@ def test_a_flight_that_leaves_its_envelope_ends(jr700):
     plan = hs.FlightPlan(
         mission=hs.missions.Forward(speed=10.0), envelope=hs.FlightEnvelope(advance=0.05)
     )
-    with pytest.raises(DivergedError, match=r"advance ratio of 0\.05") as caught:
+    with pytest.raises(
+        DivergedError, match=r"advance ratio of 0\.05 .*; give the mission other settings"
+    ) as caught:
         hs.fly(jr700, plan, seed=1)
     record = caught.value.record
     assert record.ended
@@ -238,6 +272,10 @@ def test_a_script_that_raises_ends_its_flight(jr700):
         (lambda: hs.FlightPlan(mission="forward"), "got 'forward'"),
         (lambda: hs.FlightPlan(mission=Triangle(side=math.nan)), "must be finite numbers"),
         (lambda: hs.missions.Forward(speed=-1.0), "speed of Forward must be above 0, got -1"),
+        (lambda: hs.missions.Forward(speed=math.inf), "speed of Forward must be finite, got inf"),
+        (lambda: hs.missions.Autorotation(speed=-5.0), "speed .* must be 0 or more, got -5"),
+        (lambda: hs.missions.Autorotation(reaction=-1.0), "reaction .* must be 0 or more"),
+        (lambda: hs.FlightPlan(mission=Backwards()), "must start at 0 m/s or more, got -3"),
         (lambda: hs.missions.Forward(speed="fast"), "Forward.speed must be a number, got 'fast'"),
     ],
 )

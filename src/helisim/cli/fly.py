@@ -46,9 +46,9 @@ examples:
   helisim fly --axis ped --controller my_laws:yaw --out ped.parquet
   helisim fly --mission forward,speed=20 --out forward.parquet
 
-a plan is a TOML file with all that is flown: excitation, mission, pilot, recorder,
-weather, faults, envelope. Options beside --plan change what it says, but
---fault adds to its faults.
+a plan is a TOML file with all that is flown: excitation, mission, pilot,
+recorder, weather, ground, faults, envelope. Options beside --plan change what
+it says, but --fault adds to its faults.
 
 {manoeuvres}
 {missions}
@@ -68,7 +68,8 @@ A flight is terminated early where it leaves what the model is valid for. Its
 record says so and the identification refuses it; last_second/ beside it keeps
 how it came. Exit status 3. The limits of --envelope are
   tilt=1.2, rate=20                      rad, rad/s
-  clearance=0                            m above the ground; with --ground the rotors' alone
+  clearance=0                            m above the ground; with --ground that
+                                         of the rotors alone
   touchdown=2.5                          m/s, on a ground that can be landed on
   flapping=1                             of the head's stop
   descent=2                              of the hover's induced velocity

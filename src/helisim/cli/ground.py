@@ -12,6 +12,7 @@ EPILOG = """\
 a ground is flat, or SETTING=VALUE[,...], to take off from and to land on:
   --ground slope=0.1,uphill=1.57         rad, rising to the east
   --ground flat,parked                   start on it, not in the hover above it
+  --ground flat,parked,rotor=0           and a motor spins the rotor up
   --ground deck,length=8,heave=0.3/6     m, and m over s; also surge, sway, and
                                          roll, pitch in rad over s
 """
@@ -51,7 +52,8 @@ def ground(options: argparse.Namespace, planned: "Ground | None" = None) -> "Gro
             continue
         where = "deck" if name in deck else "ground"
         if name not in deck and (name not in own or name in ("deck", "parked")):
-            raise UnknownNameError("setting of --ground", item, [*_WORDS, *own, *deck])
+            known = dict.fromkeys([*_WORDS, *own, *deck])
+            raise UnknownNameError("setting of --ground", name, known)
         given[where][name] = _value(item, text, swing=name in Deck.motions)
     if given["deck"] or "deck" in items:
         given["ground"]["deck"] = Deck(**given["deck"])

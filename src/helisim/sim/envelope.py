@@ -180,7 +180,9 @@ class FlightEnvelope:
             yield f"flew beyond an advance ratio of {self.advance:g}", across > self.advance * tip
 
 
-def terminated_early(time: float, why: str, traceback: str | None = None) -> DivergedError:
+def terminated_early(
+    time: float, why: str, traceback: str | None = None, *, scripted: bool = False
+) -> DivergedError:
     """Return the error of a flight that is terminated early.
 
     Args:
@@ -188,9 +190,12 @@ def terminated_early(time: float, why: str, traceback: str | None = None) -> Div
         why: in words.
         traceback: of a controller that failed, "" if it didn't raise; it is the error's note.
             None for an end of any other kind.
+        scripted: whether a mission was flown, whose settings are to be changed then.
     """
-    advice = "; fly a smaller amplitude or a narrower band, or check the gyro's gains"
-    error = DivergedError(f"{why} at {time:.2f} s{advice if traceback is None else ''}")
+    swept = "fly a smaller amplitude or a narrower band"
+    change = "give the mission other settings" if scripted else swept
+    advice = f"; {change}, or check the gyro's gains" if traceback is None else ""
+    error = DivergedError(f"{why} at {time:.2f} s{advice}")
     if traceback:
         error.add_note(traceback)
     return error

@@ -109,7 +109,8 @@ def fly_each(
     def kept(flight: Flight) -> FlightRecord:
         if flight.last_second is not None and not keep_ended:
             end = flight.record.provenance["ended"]
-            error = terminated_early(end["at"], end["why"], end.get("traceback"))
+            scripted = "mission" in flight.record.provenance
+            error = terminated_early(end["at"], end["why"], end.get("traceback"), scripted=scripted)
             error.record, error.last_second = flight.record, flight.last_second
             raise error
         return flight.record
@@ -159,7 +160,8 @@ def flown(
         if end is not None:
             provenance["ended"] = end.to_dict()
             if trajectory.time[-1] * recorder.rate_hz < _FEWEST_SAMPLES:
-                raise terminated_early(end.at, end.why, end.traceback)
+                scripted = trajectory.script is not None
+                raise terminated_early(end.at, end.why, end.traceback, scripted=scripted)
         record = recorder.record(trajectory, generator(seed, number, "sensors"), provenance)
         for n, fault in enumerate(plan.faults):
             if isinstance(fault, RecorderFault):

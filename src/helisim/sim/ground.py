@@ -185,6 +185,10 @@ class Ground:
             raise InputError(f"the ground's effect must be from 0 to 1, got {self.effect}")
         if not 0.0 <= self.rotor <= 1.0:
             raise InputError(f"the rotor's speed must be from 0 to 1, got {self.rotor}")
+        if self.rotor < 1.0 and not self.parked:
+            raise InputError(
+                f"only a parked flight starts with a slow rotor: parked=True, got {self.rotor}"
+            )
         if not isinstance(self.deck, Deck | None):
             raise InputError(f"a ground's deck must be a Deck or None, got {self.deck!r}")
         if self.deck is not None and self.slope != 0.0:
@@ -235,7 +239,16 @@ class Ground:
             vehicle: that flies.
             model: of it on this ground.
             data: with the vehicle in its hover.
+
+        Raises:
+            InputError: the rotor is to start slow, and no motor turns it.
         """
+        par = model.actuator_user[addresses(model).rotor]
+        if self.rotor < 1.0 and not par[PARAM.drive_governor]:
+            raise InputError(
+                f"a rotor at {self.rotor:g} of its speed needs a motor that spins it up: "
+                "drive.governor = motor, not ideal"
+            )
         standing = self._standing(vehicle, model) if self.parked else None
         if self.deck is not None:
             for name, swing in self.deck.swings.items():
@@ -243,7 +256,6 @@ class Ground:
                 joint.qpos[0], joint.qvel[0] = swing.at(0.0), swing.rate(0.0)
         if standing is None:
             return
-        par = model.actuator_user[addresses(model).rotor]
         flat = -par[PARAM.main_pitch_trim] / par[PARAM.main_pitch_range]
         trim = replace(vehicle.trim, col=max(-0.5, flat), lon=0.0, lat=0.0, a=0.0, b=0.0)
         deck = data.qpos[7:].copy(), data.qvel[6:].copy()

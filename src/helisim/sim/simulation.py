@@ -54,7 +54,8 @@ def simulate(
     def kept(trajectory: Trajectory) -> Trajectory:
         end = trajectory.end
         if end is not None and not keep_ended:
-            raise terminated_early(end.at, end.why, end.traceback)
+            scripted = trajectory.script is not None
+            raise terminated_early(end.at, end.why, end.traceback, scripted=scripted)
         return trajectory
 
     return (kept(one) for one in trajectories)

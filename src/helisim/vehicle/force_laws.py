@@ -210,6 +210,9 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     for name in _NOT_NEGATIVE:
         if parameters[name] < 0.0:
             raise ModelError(f"parameter {name!r} must be 0 or more, got {parameters[name]:g}")
+    if parameters["air.ground_effect"] > 1.0:
+        given = parameters["air.ground_effect"]
+        raise ModelError(f"parameter 'air.ground_effect' must be from 0 to 1, got {given:g}")
     _check_drive(parameters)
     parameters = with_both(parameters)
     block = np.zeros(len(PARAM))

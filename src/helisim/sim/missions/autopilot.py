@@ -10,6 +10,8 @@ from helisim.sim.missions.outer_loop import OuterLoop, Sight, Wanted
 _TOUCH_DOWN = 0.5
 """m/s, of sinking through the last metre of a landing."""
 _LAST_METRE = 1.0
+_FLYING_SPEED = 0.98
+"""Of the nominal rotor speed, from which on collective is raised."""
 _RAISE_COLLECTIVE, _NEARLY, _LIFT_OFF = 0.5, 0.1, 0.15
 """1/s, unitised, at which collective goes up on the ground; how near to the hover's, slower."""
 _CLEAR = 0.03
@@ -156,10 +158,17 @@ class Autopilot:
             yield
 
     def take_off(self, height: float, *, rate: float = 1.0) -> Iterator[None]:
-        """Raise collective until the ground is left, and climb to a height, m, at a rate, m/s."""
+        """Raise collective until the ground is left, and climb to a height, m, at a rate, m/s.
+
+        A rotor that is slower than in flight is waited for.
+        """
         wanted, last = self.wanted, -0.5
+        wanted.cyclic, wanted.collective = False, last
+        if self.seen.rotor_speed < _FLYING_SPEED:
+            self.say("spool-up")
+        while self.seen.rotor_speed < _FLYING_SPEED:
+            yield
         self.say("take-off")
-        wanted.cyclic = False
         while self.seen.clearance < _CLEAR:
             near = last > self.loop.collective - _NEARLY
             last += self.seconds * (_LIFT_OFF if near else _RAISE_COLLECTIVE)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from helisim.sim.ground import Ground
 from helisim.sim.missions.autopilot import Autopilot
-from helisim.sim.missions.mission import Mission, Start, check_above
+from helisim.sim.missions.mission import Mission, Start, check_above, check_from_zero
 from helisim.sim.missions.outer_loop import Sight, Wanted
 
 _LOWEST = -0.44
@@ -65,6 +65,7 @@ class Autorotation(Mission):
 
     def __post_init__(self) -> None:
         check_above(self, "height", "glide", "rotor_speed")
+        check_from_zero(self, "speed", "reaction")
 
     @property
     def start(self) -> Start:  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -115,6 +115,8 @@ def check_mission(mission: Any) -> None:
     start = mission.start
     if start.height is not None and not 0.0 <= start.height < math.inf:
         raise InputError(f"{kind} must start 0 m or more above the ground, got {start.height:g} m")
+    if not 0.0 <= start.speed < math.inf:
+        raise InputError(f"{kind} must start at 0 m/s or more, got {start.speed:g}")
     try:
         hash(mission)
         json.dumps(to_plain(mission), allow_nan=False)
@@ -126,9 +128,20 @@ def check_mission(mission: Any) -> None:
 
 
 def check_above(mission: Mission, *names: str) -> None:
-    """Raise InputError unless settings of a mission are numbers above 0."""
+    """Raise InputError unless settings of a mission are finite numbers above 0."""
     settle(mission)
     for name in names:
         value = getattr(mission, name)
         if not 0.0 < value < math.inf:
-            raise InputError(f"{name} of {type(mission).__name__} must be above 0, got {value:g}")
+            said = "finite" if value > 0.0 else "above 0"
+            raise InputError(f"{name} of {type(mission).__name__} must be {said}, got {value:g}")
+
+
+def check_from_zero(mission: Mission, *names: str) -> None:
+    """Raise InputError unless settings of a mission are finite numbers, 0 or more."""
+    settle(mission)
+    for name in names:
+        value = getattr(mission, name)
+        if not 0.0 <= value < math.inf:
+            said = "finite" if value > 0.0 else "0 or more"
+            raise InputError(f"{name} of {type(mission).__name__} must be {said}, got {value:g}")
