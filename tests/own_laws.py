@@ -35,11 +35,12 @@ def pi_settings(vehicle):
 
 def attitude(seen, state, settings):
     """Hold roll and pitch by rates, angles, forces and servo positions, and the heading."""
-    k_rate, k_angle, k_force, k_servo, k_sum, phi, theta, ax, ay = settings
+    k_rate, k_angle, k_force, k_servo, k_sum, phi, theta, ax, ay, lon_0, lat_0 = settings
     state[0] = 0.9 * state[0] + 0.1 * seen.p
     state[1] = 0.9 * state[1] + 0.1 * seen.q
     lat = k_angle * (seen.LAT + phi - seen.phi) - k_rate * state[0] - k_force * (seen.ay - ay)
     lon = k_angle * (seen.LON + theta - seen.theta) - k_rate * state[1] + k_force * (seen.ax - ax)
+    lat, lon = lat + lat_0, lon + lon_0
     error = seen.PED - seen.r
     state[2] += k_sum * error
     ped = 0.3 * error + state[2] + 0.02 * math.sin(seen.psi)
@@ -55,10 +56,11 @@ def attitude_from_trim(seen, state):
 
 def attitude_settings(vehicle):
     """Return the settings of `attitude` with which centred sticks hold the vehicle's trim."""
-    phi, theta = vehicle.trim.phi, vehicle.trim.theta
+    trim = vehicle.trim
+    phi, theta = trim.phi, trim.theta
     gravity = -vehicle.model.opt.gravity[2]
     force = (gravity * math.sin(theta), -gravity * math.sin(phi) * math.cos(theta))
-    return [0.06, 0.25, 0.002, 0.1, 0.002, phi, theta, *force]
+    return [0.06, 0.25, 0.002, 0.1, 0.002, phi, theta, *force, trim.lon, trim.lat]
 
 
 pi_yaw_native = numba.njit(pi_yaw)

@@ -77,8 +77,8 @@ def test_what_reaches_an_actuator_is_behind_the_command(jr700):
     assert moved.servo_commands[50, 3] == held.servo_commands[50, 3]
     lag = 1.0 - np.exp(-1.0)  # the tail servo has gone most of its way in 20 ms
     assert moved.servo_positions[60, 3] - held.servo_positions[60, 3] > 0.02 * lag
-    # the others answer to the little that the yaw has changed of all else in 20 ms
-    assert moved.servo_positions[60, :3] == pytest.approx(held.servo_positions[60, :3], abs=1e-5)
+    # the tail rotor's torque pitches the body, a sixtieth of the yaw in 20 ms; the gyro answers
+    assert moved.servo_positions[60, :3] == pytest.approx(held.servo_positions[60, :3], abs=1e-4)
 
 
 def test_a_rate_is_disturbed_for_the_gyro_alone():

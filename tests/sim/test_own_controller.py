@@ -477,8 +477,9 @@ def test_what_a_law_sees_is_the_truth(jr700):
     assert np.array_equal(found[:, 0], true[:, 0])
     assert found[:, 1:6] == pytest.approx(true[:, 1:6], abs=1e-12)  # rounding
     assert np.array_equal(found[1:, 7:10], true[1:, 6:9])
-    phi, g = jr700.trim.phi, 9.8015
-    assert found[0, 7:10] == pytest.approx([0.0, -g * np.sin(phi), -g * np.cos(phi)], abs=1e-12)
+    phi, theta, g = jr700.trim.phi, jr700.trim.theta, 9.8015
+    weight = [np.sin(theta), -np.sin(phi) * np.cos(theta), -np.cos(phi) * np.cos(theta)]
+    assert found[0, 7:10] == pytest.approx(g * np.array(weight), abs=1e-12)
     assert np.array_equal(found[:, 10:14], true[:, 9:])
     assert found[1:, 9] == pytest.approx(-10.0, abs=0.5)  # g, and a little more collective
     assert np.array_equal(found[:, 15], 0.002 * np.arange(40))
