@@ -233,4 +233,4 @@ def _settle_gyro(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim)
         cyclic[gyro.CYCLIC.q_integral] = float(lon) / float(par[PARAM.gyro_ki_lon])
     if par[PARAM.tail_law] == SHIPPED_LAW:
         yaw = act[FIRST_LAW_STATE + int(par[PARAM.swash_states]) :]
-        yaw[gyro.YAW.r_integral] = trim.ped / par[PARAM.gyro_k_i]
+        yaw[gyro.YAW.r_integral] = trim.ped / float(par[PARAM.gyro_k_i])
