@@ -15,6 +15,7 @@ from helisim.study.identified import read_models
 from helisim.study.reproduce import Arguments, reproduce
 from helisim.study.results import read_results
 from helisim.study.run import FITS, FLIGHTS
+from helisim.vehicle.choices import number_of
 
 _APART = ("versions", "made_by", "model_digest", "marks", "spans")
 """Left out of the numbers: versions are compared apart, marks and spans only say which records a
@@ -125,9 +126,15 @@ def arguments_of(folder: Path) -> Arguments:
             f"({', '.join(names)}); another version wrote it"
         )
     try:
-        return from_plain(Arguments, stated, "configuration.arguments")
+        arguments = from_plain(Arguments, stated, "configuration.arguments")
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    for name, value in arguments.parameters.items():
+        try:
+            number_of(name, value)
+        except InputError as error:
+            raise InputError(f"{path}: configuration.arguments.parameters: {error}") from None
+    return arguments
 
 
 def compare_runs(before: Path, now: Path) -> Repetition:
