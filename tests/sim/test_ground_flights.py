@@ -129,6 +129,10 @@ def test_a_flight_without_ground_touches_nothing(jr700):
     [
         (lambda: Ground(slope=-0.1), "slope from 0 to pi/2"),
         (lambda: Ground(slope=0.1, deck=Deck()), "a slope or a deck, not both"),
+        (lambda: Ground(slope="steep"), "slope must be a number, got 'steep'"),
+        (lambda: Ground(parked=3), "parked must be"),
+        (lambda: Deck(length="8"), "length must be a number, got '8'"),
+        (lambda: Swing(amplitude="a", period=1.0), "amplitude must be a number, got 'a'"),
         (lambda: Ground(friction=0.0), "friction must be above 0"),
         (lambda: Ground(effect=1.5), "effect must be from 0 to 1"),
         (lambda: Ground(rotor=-1.0), "rotor's speed must be from 0 to 1"),

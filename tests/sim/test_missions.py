@@ -48,6 +48,19 @@ class Stumbling(Mission):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Lost(Mission):
+    """Ask for a place that is none, half a second into the flight."""
+
+    duration: float = 3.0
+
+    def fly(self, pilot: Autopilot) -> Iterator[None]:
+        """Want it."""
+        yield from pilot.hold(0.5)
+        pilot.wanted.north = math.nan
+        yield
+
+
+@dataclass(frozen=True, kw_only=True)
 class Silent(Mission):
     """Return nothing that can be asked at each tick."""
 
@@ -96,6 +109,26 @@ def test_references_are_smooth(way):
         np.diff(speed), 0.5 * step * (acceleration[1:] + acceleration[:-1]), atol=1e-6
     )
     assert np.abs(acceleration).max() <= way.acceleration * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Glide(3.0, -1.0, 1.0), "a speed and an acceleration above 0, got 3, -1 and 1"),
+        (lambda: Glide(math.nan, 1.0, 1.0), "a finite distance"),
+        (lambda: Ramp(0.0, 5.0, 0.0), "acceleration above 0, got 5 and 0"),
+    ],
+)
+def test_a_way_that_can_not_be_flown_is_refused(make, says):
+    """In a line, where a script asks for it."""
+    with pytest.raises(InputError, match=says):
+        make()
+
+
+def test_a_script_that_wants_no_number_ends_its_flight(jr700):
+    """Which, is said; the sticks are not moved by it."""
+    with pytest.raises(DivergedError, match=r"mission 'lost' wants north = nan at 0\.5"):
+        hs.fly(jr700, Lost(), seed=1)
 
 
 def test_a_glide_ends_at_rest_where_it_was_to_end():

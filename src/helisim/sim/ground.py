@@ -15,7 +15,7 @@ from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord
 from helisim.sim.clearance import outline
-from helisim.sim.plain import from_plain, in_brief
+from helisim.sim.plain import from_plain, in_brief, settle
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
@@ -52,6 +52,7 @@ class Swing:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
+        settle(self)
         if not (math.isfinite(self.amplitude) and math.isfinite(self.phase)):
             raise InputError(f"a swing needs a finite amplitude and phase, got {self}")
         if not 0.0 < self.period < math.inf:
@@ -102,14 +103,16 @@ class Deck:
     """m, of every deck, downwards from where one lands."""
 
     def __post_init__(self) -> None:
-        for name in ("length", "width", "above"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise InputError(f"a deck's {name} must be above 0 m, got {getattr(self, name)}")
         for name in _AXES:
             swing = getattr(self, name)
             if not isinstance(swing, Swing | None):
                 raise InputError(f"a deck's {name} must be a Swing or None, got {swing!r}")
-            if swing is not None and name in _TURNS and abs(swing.amplitude) >= 0.5:
+        settle(self)
+        for name in ("length", "width", "above"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise InputError(f"a deck's {name} must be above 0 m, got {getattr(self, name)}")
+        for name, swing in self.swings.items():
+            if name in _TURNS and abs(swing.amplitude) >= 0.5:
                 raise InputError(
                     f"a deck's {name} must stay below 0.5 rad, got {swing.amplitude:g}"
                 )
@@ -174,6 +177,9 @@ class Ground:
     rotor: float = 1.0
 
     def __post_init__(self) -> None:
+        if not isinstance(self.deck, Deck | None):
+            raise InputError(f"a ground's deck must be a Deck or None, got {self.deck!r}")
+        settle(self)
         if not (0.0 <= self.slope < 0.5 * math.pi and math.isfinite(self.uphill)):
             raise InputError(
                 "a ground needs a slope from 0 to pi/2 rad and a finite heading uphill, got "
@@ -189,8 +195,6 @@ class Ground:
             raise InputError(
                 f"only a parked flight starts with a slow rotor: parked=True, got {self.rotor}"
             )
-        if not isinstance(self.deck, Deck | None):
-            raise InputError(f"a ground's deck must be a Deck or None, got {self.deck!r}")
         if self.deck is not None and self.slope != 0.0:
             raise InputError("a deck is level at rest: a ground has a slope or a deck, not both")
 

@@ -91,7 +91,9 @@ class Autopilot:
         return self.moved
 
     def hold(self, seconds: float) -> Iterator[None]:
-        """Keep on as it is: in the hover, or at a steady velocity."""
+        """Keep on as it is: in the hover, or at a steady velocity. Raises InputError."""
+        if not 0.0 <= seconds < math.inf:
+            raise InputError(f"a pilot holds for 0 s or more, got {seconds:g}")
         wanted = self.wanted
         for _ in range(round(seconds / self.seconds)):
             wanted.north += self.seconds * wanted.north_rate
@@ -204,8 +206,6 @@ class Autopilot:
 
     def _along(self, way: Ramp | Glide) -> Iterator:
         """Yield the motion along a way at each tick, the last one at its end."""
-        if not math.isfinite(way.lasts):
-            raise InputError(f"can't fly {way}")
         count = math.ceil(way.lasts / self.seconds - 1e-9)
         for k in range(1, count + 1):
             yield way.at(min(k * self.seconds, way.lasts))

@@ -163,6 +163,9 @@ class MissionFlight:
                 kind = type(self.mission).__name__
                 raise InputError(f"{kind}.fly must yield for each tick of the pilot")
             for _ in script:
+                if unsound := pilot.wanted.unsound:
+                    self.failure = Failure(f"wants {unsound}", "")
+                    return
                 yield False
         except InputError:
             raise

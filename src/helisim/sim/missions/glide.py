@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from helisim.errors import InputError
+
 
 class Moved(NamedTuple):
     """How far along one is, how fast, and how hard it is pushed: m, m/s, m/s^2, or in rad."""
@@ -21,11 +23,21 @@ class Ramp:
         start: speed before, m/s or rad/s.
         end: speed after.
         acceleration: the most there is on the way, above 0.
+
+    Raises:
+        InputError: it can't be flown so.
     """
 
     start: float
     end: float
     acceleration: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.end) and self.acceleration > 0.0):
+            raise InputError(
+                "a change of speed needs a finite speed and an acceleration above 0, got "
+                f"{self.end:g} and {self.acceleration:g}"
+            )
 
     @property
     def lasts(self) -> float:
@@ -53,11 +65,21 @@ class Glide:
         distance: m, or an angle in rad; 0 or more.
         speed: the most there is on the way, above 0; a short way is flown slower.
         acceleration: the most there is on the way, above 0.
+
+    Raises:
+        InputError: it can't be flown so.
     """
 
     distance: float
     speed: float
     acceleration: float
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.distance < math.inf and self.speed > 0.0 and self.acceleration > 0.0):
+            raise InputError(
+                "a way needs a finite distance, and a speed and an acceleration above 0, got "
+                f"{self.distance:g}, {self.speed:g} and {self.acceleration:g}"
+            )
 
     @property
     def top(self) -> float:

@@ -82,7 +82,8 @@ class Wanted:
         tilt: rad, of roll and pitch at most.
         cyclic: whether attitude and heading are held: not on the ground, where the gyro's integrals
             would wind up.
-        rotor: commanded rotor speed over the nominal one; 0 cuts the throttle.
+        rotor: commanded rotor speed over the nominal one; 0 cuts a motor's throttle. An ideal
+            governor's rotor has this speed at once.
     """
 
     north: float = 0.0
@@ -101,6 +102,12 @@ class Wanted:
     tilt: float = _TILT
     cyclic: bool = True
     rotor: float = 1.0
+
+    @property
+    def unsound(self) -> str:
+        """What is no finite number, such as "north = nan"; "" if all is."""
+        said = ((name, value) for name, value in vars(self).items() if value is not None)
+        return ", ".join(f"{name} = {value}" for name, value in said if not math.isfinite(value))
 
 
 @dataclass
