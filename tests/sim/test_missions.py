@@ -287,6 +287,25 @@ def test_a_flight_that_leaves_its_envelope_ends(jr700):
     assert len(record.provenance["ended"]["state"]) > 13
 
 
+def test_what_is_reached_is_reached_within_the_flight(jr700):
+    """Neither places nor phases count that the script wanted after a limit ended the flight."""
+    mission = hs.missions.Forward(speed=8.0, cruise=2.0)
+    whole, _ = flown(jr700, mission)
+    envelope = hs.FlightEnvelope(advance=0.04)  # 6 m/s, on the way out
+    (early,) = simulate(
+        jr700,
+        hs.FlightPlan(mission=mission, pilot=CALM, envelope=envelope),
+        seed=1,
+        jobs=1,
+        keep_ended=True,
+    )
+    reached = Reached.of(jr700, early)
+    assert not reached.finished
+    assert reached.place_error <= whole.place_error
+    assert reached.phases == whole.phases[: len(reached.phases)]
+    assert reached.phases[-1][1] == "out: faster"
+
+
 def test_a_script_that_raises_ends_its_flight(jr700):
     """What it raised is told with its lines, and the record goes as far as the flight did."""
     with pytest.raises(

@@ -68,7 +68,8 @@ class Reached(Value):
     def of(cls, vehicle: Vehicle, flight: Trajectory) -> "Reached":
         """Return what a flight of a mission reached."""
         assert flight.script is not None
-        wanted = flight.script.wanted
+        last = float(flight.time[-1])  # a script goes on behind a flight's early end
+        wanted = flight.script.wanted[flight.script.wanted[:, 0] <= last]
         positions, velocities = _at_centre(flight)
         place = np.column_stack(
             [np.interp(wanted[:, 0], flight.time, positions[:, k]) for k in range(3)]
@@ -79,7 +80,7 @@ class Reached(Value):
         speeds = flight.rotor[:, 4]
         return cls(
             finished=flight.script.finished and flight.end is None,
-            phases=flight.script.phases,
+            phases=tuple(one for one in flight.script.phases if one[0] <= last),
             place_error=_most(np.hypot(off[:, 0], off[:, 1])),
             height_error=_most(off[:, 2]),
             heading_error=float(turned.max()),
