@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
+from helisim.errors import ModelError
 from helisim.sim import simulate
 from helisim.sim.missions.lift import Lift
 from helisim.sim.missions.reached import Reached
@@ -47,6 +48,12 @@ def test_it_lands_without_an_engine(jr700, height, speed):
     after = flight.time > cut + 0.2
     assert flight.power[after, 0].max() <= 0.0  # W: nothing drives; friction takes
     assert flight.power[~after, 0].max() > 500.0
+
+
+def test_a_vehicle_without_a_motor_has_none_to_lose():
+    """It is refused in a line that says what is missing, not flown on a motor of zeros."""
+    with pytest.raises(ModelError, match=r"mission autorotation .* a positive drive\.inertia"):
+        flown(hs.load("lynx"))
 
 
 def test_the_wind_drives_the_rotor(jr700):

@@ -25,6 +25,7 @@ from helisim.sim.missions.mission import Mission
 from helisim.sim.plan import FlightPlan, Flyable, as_plan
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
+from helisim.vehicle.force_laws import check_motor
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import Trim, find_trim, place
 
@@ -130,9 +131,15 @@ def simulated(
 
 
 def _powered(vehicle: Vehicle, plan: FlightPlan) -> Vehicle:
-    """Return a vehicle whose rotor a motor turns, where a mission needs one."""
+    """Return a vehicle whose rotor a motor turns, where a mission needs one.
+
+    Raises:
+        ModelError: the vehicle has none.
+    """
     if plan.mission is None or not plan.mission.engine:
         return vehicle
+    why = f"in the mission {plan.mission.name} a motor turns the rotor of {vehicle.name}"
+    check_motor(vehicle.parameters, why)
     model = copy.copy(vehicle.model)
     model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = MOTOR
     trim = find_trim(model, height=vehicle.trim.height, near=vehicle.trim)

@@ -270,14 +270,27 @@ def _check_drive(parameters: Parameters) -> None:
         if parameters[f"drive.{name}"] < 0.0:
             given = parameters[f"drive.{name}"]
             raise ModelError(f"parameter 'drive.{name}' must be 0 or more, got {given:g}")
-    if parameters.word("drive.governor") != "motor":
-        return
+    if parameters.word("drive.governor") == "motor":
+        check_motor(parameters, "drive.governor is 'motor'")
+
+
+def check_motor(parameters: Parameters, why: str) -> None:
+    """Check what a motor needs of [drive], whether the vehicle's own governor has one or not.
+
+    Args:
+        parameters: of the vehicle.
+        why: a motor turns the rotor, for the message.
+
+    Raises:
+        ModelError: a parameter is not positive.
+    """
+    parameters = completed(parameters)
     engine = str(parameters.word("drive.engine"))
     for name in (*_MOTOR, *_ENGINE[engine]):
         entry = parameters.entry(f"drive.{name}")
         if entry.value <= 0.0:
             raise ModelError(
-                f"drive.governor is 'motor', and with its {engine} engine that needs a positive "
+                f"{why}, and with its {engine} engine that needs a positive "
                 f"{entry.name} ({entry.unit}), got {entry.value:g}"
             )
 
