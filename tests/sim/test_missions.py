@@ -257,6 +257,10 @@ def test_a_plan_file_takes_a_mission(jr700, tmp_path):
     assert again == plan
     assert again.digest == plan.digest
     assert "mission     Forward: speed 5" in str(plan)
+    text = (tmp_path / "plan.toml").read_text().replace('"Forward"', '"Elsewhere"')
+    (tmp_path / "own.toml").write_text(text)
+    with pytest.raises(InputError, match=r"'Elsewhere'; .* one of your own has to be imported"):
+        hs.read_plan(tmp_path / "own.toml")
 
 
 def test_a_manoeuvre_is_flown_on_top_of_a_mission(jr700):

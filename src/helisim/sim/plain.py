@@ -81,7 +81,8 @@ def of_kind(table: Any, kinds: Mapping[str, type], what: str, *, where: str = ""
         )
     kind = table["kind"]
     if kind not in kinds:
-        raise UnknownNameError(f"kind of {what}", kind, kinds)
+        own = "one of your own has to be imported first" if what == "mission" else ""
+        raise UnknownNameError(f"kind of {what}", kind, kinds, advice=own)
     settings = {name: value for name, value in table.items() if name != "kind"}
     return from_plain(kinds[kind], settings, where or f"{what} {kind}")
 
