@@ -3,14 +3,15 @@
 The vehicle flies sweeps with `main_rotor.inflow = "pitt-peters"`, faster than a pilot's. Heave and
 roll-pitch are identified with structures without inflow, as the paper's, and with those that have
 it; each is set beside the truth. For roll-pitch the latter is fitted to the exact response too:
-what the structure can do, apart from what flights do to an estimate. The figure has the exact
+what the structure can do, apart from what flights do to an estimate. So is the hover's, whole and
+without what it has no states for. The figure has the exact
 responses of both options.
 
     python scripts/proof/inflow_study.py [FLIGHTS] [FIGURE.png]
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,13 +25,16 @@ from helisim.vehicle.blade import TipPathPlane
 
 VEHICLE = "jr700"
 HEAVE_BAND, CYCLIC_BAND = (0.8, 60.0), (3.0, 42.0)
-FAST_BAND = (15.0, 90.0)
-"""rad/s, above what drift through the air tilts the disc by."""
+FAST_BAND = (10.0, 60.0)
+"""rad/s, of flights with drift through the air as a further input."""
+EXACT_BAND = (15.0, 60.0)
+"""rad/s, above what drift tilts the disc by."""
 SWEEPS = {
     "col": hs.Sweep(axis="col", band=(0.5, 70.0), amplitude=0.03),
     "lat": hs.Sweep(axis="lat", band=(0.8, 70.0)),
     "lon": hs.Sweep(axis="lon", band=(0.8, 70.0)),
 }
+HOVER_BAND = (1.0, 40.0)
 QUASI_STEADY, PITT_PETERS, EXACT = "without inflow states", "with", "with, exact response"
 
 
@@ -68,7 +72,46 @@ def truth(vehicle: hs.Vehicle, recorder: Recorder) -> dict[str, float]:
         "B_lat": b_lat,
         "B_lon": b_lon,
         "turn": own["main_rotor.direction"] / speed,
+        "torque": -linear.derivative("p", "flap_a") / linear.derivative("p", "flap_b"),
     }
+
+
+def fast_response(records: Sequence[hs.FlightRecord]) -> hs.FrequencyResponse:
+    """Estimate the response of p and q to cyclic with drift held, where the slopes lag."""
+    return hs.frequency_response(
+        records,
+        inputs=("lat", "lon"),
+        outputs=("p", "q"),
+        conditioning=("col", "ped", "u", "v"),
+        band=FAST_BAND,
+    )
+
+
+def hover_fits(vehicle: hs.Vehicle, true: Mapping[str, float]) -> dict[str, ident.Fit]:
+    """Fit the hover to exact responses: whole, without yaw, and with a disc blind to drift too."""
+    linear = vehicle.linearize("IN1").system
+    structure = hs.structures.hover_inflow.with_fixed({"turn": true["turn"]})
+    omega = np.geomspace(*HOVER_BAND, 150)
+    inputs = [linear.input_labels.index(name) for name in structure.inputs]
+    outputs = [linear.state_labels.index(name) for name in structure.outputs]
+    names, a = list(linear.state_labels), np.array(linear.A)
+    fits = {}
+    for label, columns, rows in (
+        ("whole exact response", (), names),
+        ("without yaw", ("r",), names),
+        ("nor drift on the disc", ("u", "v"), ("flap_a", "flap_b", "inflow_s", "inflow_c")),
+    ):
+        a[np.ix_([names.index(row) for row in rows], [names.index(one) for one in columns])] = 0.0
+        pencils = 1j * omega[:, None, None] * np.eye(len(names)) - a
+        moved = np.linalg.solve(pencils, np.asarray(linear.B)[None, :, inputs])
+        exact = ident.FrequencyResponse.exact(
+            omega,
+            np.moveaxis(moved[:, outputs], 0, -1),
+            inputs=structure.inputs,
+            outputs=structure.outputs,
+        )
+        fits[label] = hs.identify(exact, structure)
+    return fits
 
 
 def table(name: str, fits: Mapping[str, ident.Fit], true: Mapping[str, float]) -> str:
@@ -88,7 +131,24 @@ def table(name: str, fits: Mapping[str, ident.Fit], true: Mapping[str, float]) -
                 cells.append(f"{one.value:14.5g} +- {one.standard_error:8.2g}")
         lines.append("".join(cells).rstrip())
     costs = "".join(f"{fit.cost:15.3g}{'':11}" for fit in fits.values()).rstrip()
-    return "\n".join([*lines, f"{'average J':<20}{costs}"])
+    off = "".join(f"{worst(fit, true):>15}{'':11}" for fit in fits.values()).rstrip()
+    ends = [f"{'average J':<20}{costs}", f"{'errors off':<20}{off}"]
+    for one, fit in fits.items():
+        for first, second, much in fit.correlated:
+            if {first, second} & {"C", "tau_0", "tau_1"}:
+                ends.append(f"{one}: {first} and {second} correlated by {much:.2f}")
+    return "\n".join([*lines, *ends])
+
+
+def worst(fit: ident.Fit, true: Mapping[str, float]) -> str:
+    """Return the parameter that is most of its standard errors off the truth, and how many."""
+    off = {
+        name: abs(fit[name].value - true[name]) / fit[name].standard_error
+        for name in fit.values
+        if name in true and not fit.structure.parameter(name).fixed
+    }
+    name = max(off, key=off.__getitem__)
+    return f"{name} {off[name]:.1f}"
 
 
 def draw(path: str, still: hs.Vehicle, moving: hs.Vehicle) -> None:
@@ -134,15 +194,9 @@ def main(count: int = 4, figure: str = "") -> None:
         conditioning=("col", "ped"),
         band=CYCLIC_BAND,
     )
-    fast = hs.frequency_response(
-        flights["lat"] + flights["lon"],
-        inputs=("lat", "lon"),
-        outputs=("p", "q"),
-        conditioning=("col", "ped"),
-        band=(8.0, 60.0),
-    )
+    fast = fast_response(flights["lat"] + flights["lon"])
     spec = replace(ROLLPITCH_IN1, structure=known)
-    exact = exact_response(moving, spec, recorder, np.geomspace(*FAST_BAND, 150))
+    exact = exact_response(moving, spec, recorder, np.geomspace(*EXACT_BAND, 150))
     plain = hs.frequency_response(flights["col"], inputs=("col",), outputs=("w",), band=(0.8, 15.0))
     fits = {
         "heave": {
@@ -157,6 +211,9 @@ def main(count: int = 4, figure: str = "") -> None:
     }
     for name, both in fits.items():
         print(table(name, both, true), end="\n\n")
+    lag = moving.servo_delay("lat") - 0.5 * moving.parameters["gyro.period"]
+    known_lag = {**true, "tau_lat": lag, "tau_lon": lag}
+    print(table("hover", hover_fits(moving, true), known_lag), end="\n\n")
     if figure:
         draw(figure, still, moving)
 

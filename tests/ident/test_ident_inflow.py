@@ -9,7 +9,7 @@ from helisim.ident.evaluate import response, state_space
 
 HEAVE = {"Z_w": -0.9, "Z_col": -25.0, "tau_0": 0.05, "C": 0.6, "tau_col": 0.01}
 TURN = {"turn": 1.0 / 178.0}
-ROLLPITCH = {**plants.ROLLPITCH_IN1, "C": 0.6, "tau_1": 0.03, **TURN}
+ROLLPITCH = {**plants.ROLLPITCH_IN1, "C": 0.6, "tau_1": 0.03, **TURN, "torque": 0.02}
 HOVER = {
     **ROLLPITCH, "X_u": -0.05, "X_a": -9.8, "Y_v": -0.15, "Y_b": 9.8, "L_u": -1.5, "L_v": -1.2,
     "M_u": 0.9, "M_v": -0.8,
@@ -66,8 +66,8 @@ def test_heave_is_chen_and_hindsons_without_coning():
     ],
 )
 def test_without_lag_and_turn_the_model_without_inflow_comes_back(structure, without):
-    """With inflow that follows at once the slopes are no states."""
-    values = {**HOVER, "tau_1": 1e-9, "turn": 0.0}
+    """With inflow that follows at once the slopes are no states; without torque none leans."""
+    values = {**HOVER, "tau_1": 1e-9, "turn": 0.0, "torque": 0.0}
     free = structure.with_bounds({"tau_1": None})
     np.testing.assert_allclose(
         response(free, {name: values[name] for name in free.names}, FREQUENCY),

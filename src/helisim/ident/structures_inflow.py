@@ -24,6 +24,15 @@ _TURN = Parameter(
     "speed makes of it",
     fixed=True,
 )
+_TORQUE = Parameter(
+    "torque",
+    "1",
+    0.0,
+    None,
+    "torque on the hub over its moment for a radian of tilt: torque leans with the disc; "
+    "negative for blades that turn counter-clockwise",
+    0.02,
+)
 
 heave_inflow = Structure(
     name="heave_inflow",
@@ -51,9 +60,12 @@ heave_inflow = Structure(
 def with_inflow(flapping: Structure, name: str) -> Structure:
     """Return a model of p, q and tilts a, b with the inflow's slopes that stand against each tilt.
 
+    The rotor's torque leans with the disc, dp/dt = L_b (b - torque a) and its like. It turns the
+    hub's moment by a degree or so, as much off the axis as the inflow's slopes do.
+
     Args:
         flapping: whose rows of a and b are tau_f (da/dt + q) = -a + A_b b + A_lat lat + A_lon lon
-            and its like.
+            and its like, and whose moments are L_b b and M_a a.
         name: of the new one.
     """
     kept = {one.name: one for one in flapping.parameters}
@@ -74,6 +86,7 @@ def with_inflow(flapping: Structure, name: str) -> Structure:
         rates[tilt][roll] = f"{minus}turn/C"
         rates[slope][roll] = f"{minus}({lost})*turn"
         rates[slope][tilt], rates[slope][slope] = f"-({lost})", "-1"
+    rates[p][a], rates[q][b] = "-torque*L_b", "torque*M_a"
     asked = [list(row) for row in flapping.G]
     slopes = [[f"({lost})*({cell})" for cell in asked[tilt]] for tilt in (a, b)]
     for tilt in (a, b):
@@ -87,6 +100,7 @@ def with_inflow(flapping: Structure, name: str) -> Structure:
             Parameter("tau_1", "s", 0.03, _LAG_BOUNDS, "time constant of the inflow's slopes"),
             _DEFICIENCY,
             _TURN,
+            _TORQUE,
             *delays,
         ),
         states=states,
