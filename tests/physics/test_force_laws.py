@@ -121,7 +121,7 @@ def test_stopped_rotor_has_no_hub_moment(par):
 @pytest.mark.parametrize(("a", "b"), [(0.02, 0.0), (0.0, 0.02)])
 def test_hub_moment_is_spring_plus_tilted_thrust(par, a, b):
     """M = (K_beta + T h) a and L = (K_beta + T h) b for small tilt (design, section 3)."""
-    par[[PARAM.main_induced_factor, PARAM.main_profile_drag]] = 0.0  # no torque
+    par[[PARAM.main_induced_factor, PARAM.main_profile_drag, PARAM.hub_cross]] = 0.0  # no torque
     level = wrench(par, activations(), (0.0,) * 6)
     tilted = wrench(par, activations(a, b), (0.0,) * 6)
     thrust = -level[2]
@@ -147,7 +147,7 @@ def test_half_of_the_torque_tilts_with_the_disc(par, direction):
     place = arm * (out + down * np.array([[0.0], [0.0], [1.0]]))
     moment = 2.0 * np.mean(np.cross(place.T, drag * behind.T), axis=0)
     main = main_rotor.MainRotor(0.0, 2.0 * drag * arm, *[0.0] * 9)
-    par[[PARAM.hub_stiffness, PARAM.main_direction]] = 0.0, direction
+    par[[PARAM.hub_stiffness, PARAM.hub_cross, PARAM.main_direction]] = 0.0, 0.0, direction
     found = loads.hub_wrench(par, a, b, main, 1.0, main.torque)
     # sines of the tilt, and its cosine in the arm: a^2 / 6 and a^2 / 2
     assert found[3:] == pytest.approx(moment, rel=1e-3)

@@ -124,7 +124,9 @@ def test_rollouts_need_something_in_every_column(model, data, column):
         mujoco.mj_getState(model, data, state[0], full)
         state[:] = state[0]
         state[1:, 11] += [0.1, 0.2, 0.3]  # a rate of each one's own, and of each column's:
-        state[:, 10] += 0.01 * len(column)  # memory that is used again may hold another's flight
+        state[:, 10] += {"zero": 0.0, "trim": 0.01, "stale": 0.02}[
+            column
+        ]  # memory that is used again may hold another's flight
         row = {"zero": np.zeros(9), "trim": model.key("hover").ctrl, "stale": data.ctrl}[column]
         control = np.tile(row, (4, 40, 1))
         control[:, :, 1] = 0.1 * np.sin(0.3 * np.arange(40))

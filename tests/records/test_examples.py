@@ -76,9 +76,9 @@ def test_models_are_identified_from_them(structure, sweeps, unseen, options, log
     for name, one in fit.parameters.items():
         if name in jr700.derivatives:
             truth = jr700.derivatives[name]
-            # the torque leans with the disc, 2 % of L_b and M_a across the axes: the structure has
-            # none of it and takes it for couplings, 10 % beside bounds of 6 to 8 %
-            allowed = 2.0 if name in ("A_b", "B_lon") else 1.0
+            # one flight an axis, so with more scatter than the bound of the smallest coupling, a
+            # sixth of B_lat: 1.3 of it
+            allowed = 1.5 if name == "B_lon" else 1.0
             assert abs(one.value - truth) <= allowed * one.cramer_rao, (name, one.value, truth)
             found += 1
     assert found >= 2

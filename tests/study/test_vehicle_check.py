@@ -310,7 +310,7 @@ def test_what_is_well_is_shown(own, capsys):
         "hover collective        4.58 deg",
         "hover power             899.8 W",
         "figure of merit         0.389",
-        "-8.86 +- 12.3j",
+        "-8.64 +- 12.4j",
         "ped margins             23.1 dB",
     ):
         assert text in printed

@@ -284,6 +284,7 @@ class ParamIndex(NamedTuple):
     shaft_cosine: int
     shaft_sine: int
     hub_stiffness: int
+    hub_cross: int
     # flapping of the tip-path plane: the air's hold on it over inertia and density, how much inflow
     # that follows reduces that, nu^2 - 1, springs at full speed in 1/s, tilt by the swashplate
     flap_hold: int

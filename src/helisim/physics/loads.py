@@ -71,7 +71,8 @@ def hub_wrench(par, a, b, main, speed, mast):
 
     Thrust stands on the tip-path plane, the blades' drag in the hub's. Half of the air's torque
     tilts with the tips: the drag of blades that flap acts across them, level with the hub
-    (Padfield, Helicopter Flight Dynamics, chapter 3, of the hub's moments).
+    (Padfield, Helicopter Flight Dynamics, chapter 3, of the hub's moments). A head whose springs
+    lag in phase has a moment across the tilt too, against it.
 
     Args:
         par: parameters.
@@ -86,7 +87,7 @@ def hub_wrench(par, a, b, main, speed, mast):
     _, share = turning(speed)
     stiffness = share * par[PARAM.hub_stiffness]
     direction = par[PARAM.main_direction]
-    leaning = 0.5 * direction * main.torque
+    leaning = direction * (0.5 * main.torque - share * par[PARAM.hub_cross])
     fx, fy, fz = main.drag_x + main.thrust * x, main.drag_y + main.thrust * y, main.thrust * z
     arm_x, arm_z = par[PARAM.hub_x], par[PARAM.hub_z]
     return Wrench(

@@ -34,6 +34,7 @@ UNKNOWNS = {
     "main_rotor.pitch_trim": ("rad", "hover with the collective centred"),
     "main_rotor.pitch_range": ("rad", "Z_col"),
     "main_rotor.hub_stiffness": ("N m/rad", "L_b"),
+    "main_rotor.hub_cross": ("N m/rad", "L_a = 0"),
     "airframe.iyy": ("kg m^2", "M_a"),
     "airframe.izz": ("kg m^2", "N_r"),
     "tail_rotor.pitch_trim": ("rad", "hover with the pedals centred"),
@@ -132,9 +133,11 @@ def _miss(
     model = plain_rotor(assemble(vehicle, parameters, delays=False))
     trim = find_trim(model)
     plate = Swashplate.of(completed(parameters))
-    found = stability_derivatives(linearize(model, trim), plate)
+    base = linearize(model, trim)
+    found = stability_derivatives(base, plate)
     errors = [found[key] / targets[key] - 1.0 for key in SOLVED]
-    return np.array([trim.col, trim.ped, *errors])
+    across = base.derivative("p", "flap_a") / targets["L_b"]
+    return np.array([trim.col, trim.ped, across, *errors])
 
 
 @dataclass(frozen=True)
@@ -222,6 +225,7 @@ def first_guess(
         "main_rotor.pitch_trim": main.pitch(slope),
         "main_rotor.pitch_range": -targets["Z_col"] * mass / main.per_pitch(slope),
         "main_rotor.hub_stiffness": targets["L_b"] * ixx + main.thrust * given["main_rotor.hub_z"],
+        "main_rotor.hub_cross": 0.5 * hover_torque(given, main),
         "airframe.iyy": ixx * targets["L_b"] / targets["M_a"],
         "airframe.izz": izz,
         "tail_rotor.pitch_trim": tail.pitch(tail_slope),

@@ -40,6 +40,7 @@ _DIRECT = {
     "main_stall": "main_rotor.stall",
     "main_dynamic_inflow": "main_rotor.inflow",
     "hub_stiffness": "main_rotor.hub_stiffness",
+    "hub_cross": "main_rotor.hub_cross",
     "flap_back": "main_rotor.flap_back",
     "flap_stop": "main_rotor.flap_stop",
     "tail_radius": "tail_rotor.radius",

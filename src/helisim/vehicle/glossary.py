@@ -33,6 +33,7 @@ _OPTIONAL = (
     "airframe.ixz",
     "main_rotor.direction",
     "main_rotor.shaft_tilt",
+    "main_rotor.hub_cross",
     "main_rotor.twist",
     "main_rotor.inflow",
     "main_rotor.blade_inertia",

@@ -27,7 +27,8 @@ _CENTRED = 1e-9
 
 def is_known(given: Mapping[str, float]) -> bool:
     """Return whether parameters, uncalibrated, say all but the hover that is solved for."""
-    return all(name in given for name in (*set(UNKNOWNS) - set(HOVER), *BLADE))
+    solved = set(UNKNOWNS) - {*HOVER, "main_rotor.hub_cross"}
+    return all(name in given for name in (*solved, *BLADE))
 
 
 def settled(vehicle: str | PathLike[str], given: Parameters) -> Parameters:

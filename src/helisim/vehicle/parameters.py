@@ -137,6 +137,7 @@ _NOT_GIVEN = "not given: "
 _LEFT_OUT = {
     "airframe.ixz": (0.0, "kg m^2", "symmetric fore and aft"),
     "main_rotor.direction": (1.0, "1", "clockwise seen from above"),
+    "main_rotor.hub_cross": (0.0, "N m/rad", "the springs' moment is in phase with the tilt"),
     "main_rotor.twist": (0.0, "rad", "blades without twist"),
     "main_rotor.inflow": (0.0, "1", "the air follows the blades' load at once"),
     "drive.governor": (0.0, "1", "the rotor keeps the speed that is asked for"),
