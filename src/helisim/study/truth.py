@@ -23,11 +23,12 @@ Air = tuple[tuple[float, Vehicle], ...]
 """The winds that a flight meets: the share of each, and the vehicle trimmed in it."""
 
 
-def air_met(vehicle: Vehicle, weather: Weather, points: int = 3) -> Air:
+def air_met(vehicle: Vehicle, weather: Weather, points: int = 7) -> Air:
     """Return a vehicle trimmed in the winds that it meets: one if there is no turbulence.
 
-    Gauss-Hermite quadrature over steady winds of the turbulence's rms. With 3 points an axis, 27
-    winds, means are exact to the fifth power of the wind's speed.
+    Gauss-Hermite quadrature over steady winds of the turbulence's rms. Derivatives bend where a
+    gust brings a rotor near its vortex ring: of the JR700's mean N_r in light turbulence 3 points
+    an axis miss 6 %, 7 of them, 343 winds, 1 %.
 
     Args:
         vehicle: to trim.
