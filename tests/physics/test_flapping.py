@@ -62,8 +62,14 @@ ROTORS = [(2.0, 1.0), (2.0, 1.07), (5.0, 1.0), (8.0, 1.03), (10.0, 1.12)]
 """Lock numbers and flap frequencies: models with and without springs, full size to a Bo 105."""
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-@pytest.mark.parametrize(("lock", "frequency"), ROTORS)
+@pytest.mark.parametrize("direction", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("lock", "frequency"),
+    [
+        *ROTORS[1:3],
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ROTORS[:1] + ROTORS[3:]),
+    ],
+)
 @pytest.mark.parametrize("turning", ["body", "air", "both"])
 def test_a_turn_tilts_the_disc_as_one_blade(par, direction, lock, frequency, turning):
     """Body, air, or both together in a steady turn, which leaves the gyroscopic lag alone."""

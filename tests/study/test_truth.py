@@ -104,7 +104,7 @@ def test_heave_damping_in_gusts(jr700):
 
     An updraught is a descent, at whose 0.3 v_h the vortex ring begins.
     """
-    mean = mean_derivatives(air_met(jr700, LIGHT))["Z_w"]
+    mean = mean_derivatives(air_met(jr700, LIGHT, points=(5, 5, 5)))["Z_w"]
 
     def damping(*wind):
         return jr700.trimmed(wind=wind).derivatives["Z_w"]
@@ -114,7 +114,7 @@ def test_heave_damping_in_gusts(jr700):
     # two axes of level wind, each adding its mean square
     expected = 2.0 * (damping(level, 0.0, 0.0) - still)
     # the mean over the vertical one, which is far from a parabola where the ring begins
-    nodes, weights = hermegauss(7)
+    nodes, weights = hermegauss(5)
     changes = [damping(0.0, 0.0, vertical * node) - still for node in nodes]
     expected += weights @ changes / weights.sum()
     # both at once: of fourth order
@@ -125,7 +125,7 @@ def test_gusts_lie_along_the_path_through_the_air(jr700):
     """A rms of its own along the path is from the side where the wind comes from there."""
     rms = (2.0, 0.1, 0.1)
     weather = Weather(wind=1.0, wind_from=np.pi / 2, rms=rms)
-    air = air_met(jr700, weather)
+    air = air_met(jr700, weather, points=(3, 3, 3))
     assert sum(share for share, _ in air) == pytest.approx(1.0, rel=1e-12)
     winds = np.array([flip(*there.model.opt.wind) for _, there in air])
     shares = np.array([share for share, _ in air])

@@ -119,6 +119,7 @@ def heavy_heron(folder, inertia=0.0115):
     return there
 
 
+@pytest.mark.slow
 def test_a_folder_may_give_the_inertia(tmp_path, capsys):
     """Calibrated without a tau_f, the vehicle flies with that of its blades."""
     there = heavy_heron(tmp_path / "swung")
