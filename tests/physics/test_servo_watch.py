@@ -172,3 +172,18 @@ def test_other_commands_in_a_rollout_are_noticed(model, data):
     mujoco.mj_getState(model, data, state[0], full)
     with pytest.warns(RuntimeWarning, match="servo_tail"), hs.installed():
         rollout.rollout(model, data, state, control, nstep=40)
+
+
+@pytest.mark.usefixtures("silence")
+def test_a_flight_at_the_address_of_another_that_ended_as_it_begins_is_its_own(model, data):
+    """Memory that is given back holds the next mjData; a reset is the same to whoever watches."""
+    integration = mujoco.mjtState.mjSTATE_INTEGRATION
+    state = np.empty(mujoco.mj_stateSize(model, integration))
+    with hs.installed():
+        fly(model, data)
+        mujoco.mj_getState(model, data, state, integration)
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_setState(model, data, state, integration)
+        trim = model.key("hover").ctrl[SERVOS]
+        assert np.any(trim != 0.0)  # nothing is said of zeros
+        fly(model, data, before=lambda _: data.ctrl.__setitem__(SERVOS, trim))

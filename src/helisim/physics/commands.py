@@ -9,16 +9,18 @@ is zero, or where it was found before: who gives a whole row of controls at each
 import math
 
 from helisim.physics.examination import OVERRULED
+from helisim.physics.fields import POSITION_COUNT
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, NO_LAW, PARAM, STATE
-from helisim.physics.memory import double, doubles_at, longs_at
+from helisim.physics.memory import double, doubles_at, integer, longs_at
 from helisim.physics.notes import OVERWRITTEN, note, slot
 from helisim.physics.timing import tick_number
 
-_DATA, _ROTOR, _TICK, _STATES, _WROTE, _FOUND, _CHECK = 0, 1, 2, 3, 4, 8, 12
+_DATA, _ROTOR, _TICK, _STATES, _WROTE, _FOUND, _AGE, _CHECK = 0, 1, 2, 3, 4, 8, 12, 13
 """Where in a slot, in numbers: address of mjData, the rotor, the gyro's last tick, a sum of the
-laws' states, the four servos' controls as they were written there, and as they were found; and a
-sum of these, as two threads may have met in one slot."""
+laws' states, the four servos' controls as they were written there, and as they were found; how
+often mjData had been evaluated, as another's flight may have ended at this address; and a sum of
+these, as two threads may have met in one slot."""
 
 
 @kernel()
@@ -48,6 +50,7 @@ def remember(view):
     kept[_ROTOR], kept[_TICK], kept[_STATES] = view.rotor, _tick(view), _sum(view)
     for k in range(4):
         kept[_WROTE + k] = view.controls[CONTROL.servo_front + k]
+    kept[_AGE] = _age(view)
     kept[_CHECK] = _check(kept)
 
 
@@ -75,10 +78,18 @@ def _tick(view):
 
 @kernel()
 def _is_sound(view):
-    """Return whether what is kept in the slot is this vehicle's."""
+    """Return whether what is kept in the slot is this vehicle's, from an evaluation before."""
     kept = _slot(view)
+    if kept[_AGE] >= _age(view):
+        return False
     same = longs_at(_place(view))[_DATA] == view.d and kept[_ROTOR] == view.rotor
     return same and kept[_CHECK] == _check(kept)
+
+
+@kernel()
+def _age(view):
+    """Return how often this mjData was evaluated: 0 when it is made or reset."""
+    return integer(view.d, view.offsets.timer + POSITION_COUNT) + 0.0
 
 
 @kernel()

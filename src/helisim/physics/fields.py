@@ -95,6 +95,7 @@ class Offsets(NamedTuple):
     qfrc_constraint: int
     sensordata: int
     userdata: int
+    timer: int
     fingerprint: int = 0
 
 
@@ -117,8 +118,11 @@ _DATA = (
     "qfrc_constraint",
     "sensordata",
     "userdata",
+    "timer",
 )
 _FIELDS = Offsets._fields[:-1]
+POSITION_COUNT = 16 * int(mujoco.mjtTimer.mjTIMER_POSITION) + 8
+"""Where among mjData's timers, pairs of a duration and a count, evaluations are counted, bytes."""
 _ALIGNED = 64
 """Bytes; MuJoCo's arrays start at multiples of them."""
 
@@ -213,7 +217,9 @@ def _verify(found: Offsets) -> None:
         owner = data if name in _DATA else model.opt if name in _OPTION else model
         base = data._address if name in _DATA else model._address
         expected = getattr(owner, name)
-        if isinstance(expected, bytes):
+        if name == "timer":
+            agrees = _counts(base + found.timer, model, data)
+        elif isinstance(expected, bytes):
             agrees = _holds_names(base + getattr(found, name), model)
         else:
             agrees = _agrees(base + getattr(found, name), expected, name)
@@ -234,6 +240,19 @@ def _agrees(address: int, expected: Any, name: str) -> bool:
         return ctypes.c_double.from_address(address).value == expected
     size = ctypes.c_int if name in _INTS else ctypes.c_int64
     return size.from_address(address).value == int(expected)
+
+
+def _evaluations(address: int) -> int:
+    """Return how often the positions of mjData were evaluated, from where its timers are."""
+    return ctypes.c_int.from_address(address + POSITION_COUNT).value
+
+
+def _counts(address: int, model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    """Return whether mjData's timers are there: whether evaluations are counted."""
+    before = _evaluations(address)
+    mujoco.mj_fwdPosition(model, data)
+    after = data.timer[mujoco.mjtTimer.mjTIMER_POSITION].number
+    return _evaluations(address) == after == before + 1
 
 
 def _holds_names(address: int, model: mujoco.MjModel) -> bool:
