@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from helisim.physics import drive
 from helisim.physics.body import Velocities
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
 from helisim.physics.main_rotor import main_rotor, turning
 from helisim.physics.native import installed
+from helisim.physics.params import PARAM
 from helisim.physics.tail_rotor import tail_rotor
 from helisim.units import RAD_S_PER_RPM
 from helisim.vehicle import load

@@ -15,8 +15,8 @@ from helisim.physics.flapping import (
     skewed_slopes,
     tilt_by_flight,
 )
-from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import MainRotor
+from helisim.physics.params import PARAM
 from helisim.vehicle import load
 from helisim.vehicle.blade import TipPathPlane, flapping_from_blade
 from one_blade import OneBlade

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from helisim.physics import loads, main_rotor, tail_rotor
 from helisim.physics.body import Velocities
 from helisim.physics.flow import Flow
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
+from helisim.physics.params import PARAM
 from helisim.physics.wake import wash
 from plates import H3_120
 

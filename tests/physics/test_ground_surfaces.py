@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from helisim.physics import ground
-from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
+from helisim.physics.params import PARAM
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place

@@ -14,7 +14,8 @@ from helisim.physics import main_rotor as rotors
 from helisim.physics import rotor
 from helisim.physics.body import Velocities
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
+from helisim.physics.params import PARAM
 
 pytestmark = pytest.mark.skipif(
     interpreted.wanted(), reason="the force laws are interpreted here: nothing is compiled"

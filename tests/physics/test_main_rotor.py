@@ -10,7 +10,7 @@ from scipy.optimize import fsolve
 
 from helisim.physics import main_rotor as rotors
 from helisim.physics.body import Velocities
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 
 speed = st.floats(-25.0, 25.0)
 sinking = st.floats(-8.0, 16.0)

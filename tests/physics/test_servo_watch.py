@@ -10,7 +10,8 @@ from mujoco import rollout
 from mujoco.batch import Batch
 
 import helisim as hs
-from helisim.physics.layout import CONTROL, NO_LAW, PARAM
+from helisim.physics.layout import CONTROL
+from helisim.physics.params import NO_LAW, PARAM
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
 

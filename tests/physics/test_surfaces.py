@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helisim.physics.body import Velocities
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 from helisim.physics.surfaces import fin, lift_slope, normal_force, tailplane
 from helisim.vehicle import load
 

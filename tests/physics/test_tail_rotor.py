@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from helisim.physics.body import Velocities
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 from helisim.physics.tail_rotor import tail_rotor
 
 RADIUS, CHORD, SPEED, SLOPE, DRAG = 0.137, 0.029, 840.2, 5.0, 0.012

@@ -10,8 +10,8 @@ import pytest
 from helisim.cli import main
 from helisim.errors import InputError
 from helisim.output.viewer import prepare_live
-from helisim.physics.layout import HISTORY, PARAM
 from helisim.physics.native import installed
+from helisim.physics.params import HISTORY, PARAM
 from helisim.records.storage import read_record, write_record
 from helisim.sim import (
     Doublet,

@@ -12,7 +12,6 @@ from helisim.physics.layout import (
     ACTUATORS,
     CONTROL,
     MAGIC,
-    PARAM,
     ROTOR,
     SENSOR,
     SENSORS,
@@ -21,6 +20,7 @@ from helisim.physics.layout import (
     TAIL_STATES,
 )
 from helisim.physics.native import installed
+from helisim.physics.params import PARAM
 from helisim.vehicle import load
 from helisim.vehicle.assembly import assemble, check_interface, total_inertia
 from helisim.vehicle.motion import addresses

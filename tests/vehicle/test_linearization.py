@@ -7,8 +7,8 @@ import pytest
 
 from helisim.errors import InputError
 from helisim.paper.jr700 import table
-from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
+from helisim.physics.params import PARAM
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 from plates import H3_120

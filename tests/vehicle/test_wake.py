@@ -7,8 +7,8 @@ import pytest
 
 from helisim.physics.body import Velocities
 from helisim.physics.fuselage import fuselage
-from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import MainRotor
+from helisim.physics.params import PARAM
 from helisim.physics.surfaces import fin
 from helisim.physics.wake import wash
 from helisim.vehicle import load

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.physics.frames import flip
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 

@@ -18,8 +18,9 @@ from scipy.spatial.transform import Rotation
 from helisim.errors import DisplayError, DivergedError, InputError
 from helisim.output.drawn_rotor import SLOWED, TILT_GAIN, RotorGeoms, drawn_tilt, drawn_turn
 from helisim.physics.frames import flip
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
 from helisim.physics.native import installed
+from helisim.physics.params import PARAM
 from helisim.sim import Ground, Pilot
 from helisim.sim.excitation import Excitation, check_excitation
 from helisim.sim.hand.flight import hover_height

@@ -13,8 +13,9 @@ import math
 from helisim.physics import frames
 from helisim.physics.body import Velocities, rates, rotation, velocity
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
 from helisim.physics.memory import buffer, double, doubles_at, from_element
+from helisim.physics.params import PARAM
 from helisim.physics.pilot import hashed_noise
 from helisim.physics.timing import clock, tick_number
 

@@ -19,7 +19,7 @@ from helisim.physics.flapping import tilt_rates
 from helisim.physics.flow import flow, flow_later
 from helisim.physics.injection import at_actuators
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
+from helisim.physics.layout import CONTROL, SENSOR, STATE
 from helisim.physics.loads import heat, wrench
 from helisim.physics.memory import (
     buffer,
@@ -29,6 +29,7 @@ from helisim.physics.memory import (
     vehicles,
     view_of,
 )
+from helisim.physics.params import PARAM
 from helisim.physics.pilot import fly
 from helisim.physics.servo import write_servo_rates
 from helisim.physics.timing import held_for, is_tick, last_tick

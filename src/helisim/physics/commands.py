@@ -11,9 +11,10 @@ import math
 from helisim.physics.examination import OVERRULED
 from helisim.physics.fields import POSITION_COUNT
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, NO_LAW, PARAM, STATE
+from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, STATE
 from helisim.physics.memory import double, doubles_at, integer, longs_at
 from helisim.physics.notes import OVERWRITTEN, note, slot
+from helisim.physics.params import NO_LAW, PARAM
 from helisim.physics.timing import tick_number
 
 _DATA, _ROTOR, _TICK, _STATES, _WROTE, _FOUND, _AGE, _CHECK = 0, 1, 2, 3, 4, 8, 12, 13

@@ -9,17 +9,10 @@ from helisim.physics.gyro import Seen, cyclic_law, yaw_law
 from helisim.physics.injection import add_to_commands, at_sensors
 from helisim.physics.kernel import kernel
 from helisim.physics.laws import COMMANDS, SEEN, ask, row_of
-from helisim.physics.layout import (
-    CONTROL,
-    FIRST_LAW_STATE,
-    NO_LAW,
-    PARAM,
-    SENSOR,
-    SHIPPED_LAW,
-    STATE,
-)
+from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, SENSOR, STATE
 from helisim.physics.memory import buffer, double, from_element, sensor_numbers, states_end
 from helisim.physics.notes import REFUSED, note
+from helisim.physics.params import NO_LAW, PARAM, SHIPPED_LAW
 from helisim.physics.timing import delayed_control, last_tick, tick_number
 
 _STARTS = 0.5

@@ -18,8 +18,9 @@ from typing import NamedTuple
 
 from helisim.physics import rotor
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
 from helisim.physics.memory import commanded_speed
+from helisim.physics.params import PARAM
 from helisim.physics.shaft import to_shaft
 
 IDEAL, MOTOR = 0.0, 1.0

@@ -18,7 +18,8 @@ from helisim.physics.flapping import (
 )
 from helisim.physics.flow import main_rotor_in
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
+from helisim.physics.params import PARAM
 from helisim.physics.pitt_peters import inflow_rates, wake
 from helisim.physics.shaft import to_shaft
 

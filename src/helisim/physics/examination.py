@@ -19,7 +19,6 @@ from helisim.physics.layout import (
     FIRST_LAW_STATE,
     LAYOUT,
     MAGIC,
-    PARAM,
     ROTOR,
     ROTOR_STATES,
     SENSORS,
@@ -35,6 +34,7 @@ from helisim.physics.memory import (
     user_numbers,
 )
 from helisim.physics.notes import FOREIGN, REFUSED, Note, is_due, note
+from helisim.physics.params import PARAM
 
 _USER = int(mujoco.mjtDyn.mjDYN_USER)
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)

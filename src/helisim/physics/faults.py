@@ -4,7 +4,8 @@ A fault comes, and goes, at one of the gyro's ticks, whatever the time step.
 """
 
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, READS_HELD, READS_ZERO, STATE
+from helisim.physics.layout import STATE
+from helisim.physics.params import PARAM, READS_HELD, READS_ZERO
 from helisim.physics.timing import TIME_TOLERANCE, last_tick
 
 

@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 from helisim.physics import rotor
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
 from helisim.physics.memory import from_element
+from helisim.physics.params import PARAM
 from helisim.physics.servo import unmix
 from helisim.physics.shaft import to_shaft
 

@@ -6,9 +6,10 @@ from helisim.physics import air, ground
 from helisim.physics.body import Velocities
 from helisim.physics.flapping import cyclic_tilt
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
 from helisim.physics.main_rotor import MainRotor, main_rotor
 from helisim.physics.memory import from_element, speed_ratio
+from helisim.physics.params import PARAM
 from helisim.physics.servo import unmix
 from helisim.physics.shaft import to_shaft
 from helisim.physics.tail_rotor import TailRotor, tail_rotor

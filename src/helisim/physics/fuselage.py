@@ -4,7 +4,7 @@ import math
 
 from helisim.physics.body import Wrench
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 
 
 @kernel()

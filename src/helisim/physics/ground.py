@@ -13,8 +13,8 @@ import mujoco
 from helisim.physics import frames, rotor
 from helisim.physics.body import rotation
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM
 from helisim.physics.memory import buffer, doubles_from, ints, long
+from helisim.physics.params import PARAM
 
 _PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 _BOX = int(mujoco.mjtGeom.mjGEOM_BOX)

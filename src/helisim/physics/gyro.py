@@ -13,7 +13,8 @@ import math
 from typing import NamedTuple
 
 from helisim.physics.kernel import kernel, known
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
+from helisim.physics.params import PARAM
 from helisim.physics.servo import mix
 
 _HIGHEST = 0.5

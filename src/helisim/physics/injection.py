@@ -1,8 +1,9 @@
 """What a manoeuvre adds at each time step: to sticks, servo commands, actuators and rates."""
 
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, HISTORY, INJECTION, PARAM
+from helisim.physics.layout import CONTROL, INJECTION
 from helisim.physics.memory import doubles, long
+from helisim.physics.params import HISTORY, PARAM
 
 _NUMBERS = len(INJECTION)
 

@@ -3,8 +3,8 @@
 from helisim.physics.body import Wrench
 from helisim.physics.fuselage import fuselage
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import normal, turning
+from helisim.physics.params import PARAM
 from helisim.physics.shaft import from_shaft
 from helisim.physics.surfaces import fin, tailplane
 from helisim.physics.tail_rotor import tail_wrench

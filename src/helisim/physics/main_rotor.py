@@ -13,7 +13,7 @@ from typing import NamedTuple
 from helisim.physics import rotor
 from helisim.physics.inflow import balance, carried
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 
 STOPPED = 0.05
 """Fraction of its speed below which a rotor's forces fade, to nothing where it stands."""

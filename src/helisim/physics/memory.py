@@ -10,17 +10,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import (
-    CONTROL,
-    HANDS_OFF_ROTOR,
-    LAYOUT,
-    MAGIC,
-    PARAM,
-    ROTOR,
-    SENSOR,
-    SENSORS,
-    STATE,
-)
+from helisim.physics.layout import CONTROL, LAYOUT, MAGIC, ROTOR, SENSOR, SENSORS, STATE
+from helisim.physics.params import HANDS_OFF_ROTOR, PARAM
 
 _USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)

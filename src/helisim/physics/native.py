@@ -20,8 +20,9 @@ from helisim.errors import CallbackError, InputError
 from helisim.physics import callbacks, notes
 from helisim.physics.examination import sentence
 from helisim.physics.fields import Offsets, offsets
-from helisim.physics.layout import MAGIC, PARAM, ROTOR
+from helisim.physics.layout import MAGIC, ROTOR
 from helisim.physics.own_laws import watched_failures
+from helisim.physics.params import PARAM
 
 _HOOKS = ("passive", "control", "act_dyn", "sensor")
 _PATIENCE = 2.0

@@ -12,8 +12,9 @@ from helisim.physics import frames
 from helisim.physics.body import rotation, velocity
 from helisim.physics.injection import injected, is_injected
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, DOUBLET, HANDS_OFF_ROTOR, INJECTION, PARAM, SWEEP
+from helisim.physics.layout import CONTROL, INJECTION
 from helisim.physics.memory import double, doubles_from
+from helisim.physics.params import DOUBLET, HANDS_OFF_ROTOR, PARAM, SWEEP
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)

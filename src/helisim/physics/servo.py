@@ -1,7 +1,8 @@
 """Servos, and the mixing of three of them under one swashplate (CCPM)."""
 
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, STATE
+from helisim.physics.layout import STATE
+from helisim.physics.params import PARAM
 
 
 @kernel()

@@ -5,7 +5,7 @@ What the main rotor meets is told in them, and what it does: its plane is level 
 
 from helisim.physics.body import Velocities, Wrench
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 
 
 @kernel()

@@ -4,7 +4,7 @@ import math
 
 from helisim.physics.body import Wrench
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 
 _STILL = 1e-60
 """(m/s)^2, below which its own square is lost."""

@@ -7,8 +7,8 @@ from helisim.physics import rotor
 from helisim.physics.body import Wrench
 from helisim.physics.inflow import balance
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import turning
+from helisim.physics.params import PARAM
 
 
 class TailRotor(NamedTuple):

@@ -17,8 +17,9 @@ import math
 import mujoco
 
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM, ROTOR, SENSOR
+from helisim.physics.layout import ROTOR, SENSOR
 from helisim.physics.memory import double, doubles, integer, ints, sensor_numbers
+from helisim.physics.params import PARAM
 
 TICK_TOLERANCE = 1e-6
 """Of a period: a tick, or a whole number of steps, counts so much early, as times are rounded."""

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from helisim.physics.ground import wash_left
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import PARAM
 from helisim.physics.main_rotor import turning
+from helisim.physics.params import PARAM
 
 COEFFICIENTS = 8
 """Of the wash at one place: of hover and vertical descent, then by powers of the skew's cosine."""

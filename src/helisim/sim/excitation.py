@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.physics.layout import HISTORY, PARAM
+from helisim.physics.params import HISTORY, PARAM
 from helisim.records.channels import AXES, RATES
 from helisim.sim.plain import UNSAID, is_number, settle, to_plain
 

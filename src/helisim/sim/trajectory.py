@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from helisim.errors import DivergedError
 from helisim.physics.frames import flip
-from helisim.physics.layout import INJECTION, PARAM, SENSOR
+from helisim.physics.layout import INJECTION, SENSOR
+from helisim.physics.params import PARAM
 from helisim.sim.ground import Ground
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses

@@ -9,7 +9,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics import air as law
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 from helisim.units import METRE_PER_FOOT, METRE_S_PER_KNOT
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses

@@ -15,18 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.errors import InputError, ModelError
 from helisim.physics import laws
 from helisim.physics.compiled_laws import Place, arity, is_compiled, is_native
-from helisim.physics.layout import (
-    FIRST_LAW_STATE,
-    NO_LAW,
-    PARAM,
-    SHIPPED_LAW,
-    STATE,
-    SWASH_STATES,
-    TAIL_STATES,
-    rotor_states,
-)
+from helisim.physics.layout import FIRST_LAW_STATE, STATE, SWASH_STATES, TAIL_STATES, rotor_states
 from helisim.physics.native import check_is_model
 from helisim.physics.own_laws import Failure, OwnLaw, Registered
+from helisim.physics.params import NO_LAW, PARAM, SHIPPED_LAW
 from helisim.records.value import Value
 from helisim.vehicle.law_checks import (
     check_law,

@@ -7,16 +7,8 @@ from numpy.typing import NDArray
 
 from helisim.errors import ModelError
 from helisim.physics.gyro import filter_mean, filter_share, filter_through, held_lag
-from helisim.physics.layout import (
-    LAYOUT,
-    MAGIC,
-    NEVER,
-    PARAM,
-    ROTOR,
-    SHIPPED_LAW,
-    SWASH_STATES,
-    TAIL_STATES,
-)
+from helisim.physics.layout import LAYOUT, MAGIC, ROTOR, SWASH_STATES, TAIL_STATES
+from helisim.physics.params import NEVER, PARAM, SHIPPED_LAW
 from helisim.physics.surfaces import lift_slope
 from helisim.physics.wake import COEFFICIENTS as WASH
 from helisim.vehicle.blade import TipPathPlane

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import ModelError
-from helisim.physics.layout import CONTROL, PARAM, ROTOR, STATE, StateIndex
+from helisim.physics.layout import CONTROL, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
+from helisim.physics.params import PARAM
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
 from helisim.records.display import Displayed, shower
 from helisim.records.value import FrozenMap, Value

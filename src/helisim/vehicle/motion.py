@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from helisim.errors import ModelError, UnknownNameError
 from helisim.physics.frames import flip
-from helisim.physics.layout import MAGIC, PARAM, ROTOR, STATE
+from helisim.physics.layout import MAGIC, ROTOR, STATE
+from helisim.physics.params import PARAM
 
 
 @dataclass(frozen=True)

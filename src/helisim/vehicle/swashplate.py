@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from helisim.errors import ModelError
 from helisim.physics import servo
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 
 SERVOS = ("front", "left", "right")
 """The three in the order of the actuators. "front" is the elevator's servo, wherever it stands."""

@@ -15,8 +15,9 @@ import numpy as np
 
 from helisim.errors import InputError, ModelError
 from helisim.physics.frames import flip
-from helisim.physics.layout import PARAM, SENSOR
+from helisim.physics.layout import SENSOR
 from helisim.physics.native import installed
+from helisim.physics.params import PARAM
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
 from helisim.records.display import Displayed

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import UnknownNameError
-from helisim.physics.layout import PARAM
+from helisim.physics.params import PARAM
 from helisim.sim.hand.sticks import Deflection
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import Motion

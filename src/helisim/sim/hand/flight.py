@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
-from helisim.physics.layout import CONTROL, PARAM, STATE
+from helisim.physics.layout import CONTROL, STATE
 from helisim.physics.native import installed
 from helisim.physics.own_laws import Failure
+from helisim.physics.params import PARAM
 from helisim.records.record import FlightRecord
 from helisim.sim.ground import Ground
 from helisim.sim.hand.assist import Assistance, AssistName, check_assist
