@@ -21,8 +21,15 @@ class Matrices:
     H0: NDArray[np.float64]
     H1: NDArray[np.float64]
     D: NDArray[np.float64]
+    D1: NDArray[np.float64]
     input_delays: NDArray[np.float64]
     output_delays: NDArray[np.float64]
+    delays: NDArray[np.float64]
+
+    @property
+    def lags(self) -> NDArray[np.float64]:
+        """The delay of every response: its input's, its output's and its own, (n_out, n_in) s."""
+        return self.output_delays[:, None] + self.input_delays[None, :] + self.delays
 
 
 Slopes = list[tuple[str, int, int, Mapping[str, float]]]
@@ -77,6 +84,22 @@ def state_space(structure: Structure, values: Mapping[str, float]) -> control.St
     """Return the model without its delays, signals and states named.
 
     Raises:
+        IdentificationError: M is singular, or an output follows an input's rate (D1), so the model
+            has no state space.
+    """
+    if structure.improper:
+        raise IdentificationError(
+            f"the model {structure.name!r} is improper: D1 makes an output follow an input's rate, "
+            "which no state space does; `proper_part` is the model without D1, and `response`, "
+            "`verify` and `to_matlab` have it all"
+        )
+    return proper_part(structure, values)
+
+
+def proper_part(structure: Structure, values: Mapping[str, float]) -> control.StateSpace:
+    """Return the model without its delays and D1, signals and states named.
+
+    Raises:
         IdentificationError: M is singular, so the model has no state space.
     """
     numbers = matrices(structure, values)
@@ -109,8 +132,10 @@ def _evaluate(structure: Structure, values: Mapping[str, float]) -> tuple[Matric
         "H0": np.zeros((n_out, n)),
         "H1": np.zeros((n_out, n)),
         "D": np.zeros((n_out, n_in)),
+        "D1": np.zeros((n_out, n_in)),
         "input_delays": np.zeros((1, n_in)),
-        "output_delays": np.zeros((1, n_out)),
+        "output_delays": np.zeros((n_out, 1)),
+        "delays": np.zeros((n_out, n_in)),
     }
     known = {**structure.constants, **values}
     slopes: Slopes = []
@@ -120,7 +145,7 @@ def _evaluate(structure: Structure, values: Mapping[str, float]) -> tuple[Matric
         if gradient:
             slopes.append((matrix, row, column, gradient))
     for delays in ("input_delays", "output_delays"):
-        arrays[delays] = arrays[delays][0]
+        arrays[delays] = arrays[delays].ravel()
     return Matrices(**arrays), slopes
 
 
@@ -142,9 +167,8 @@ def _transfer(
         resolvent = np.full_like(pencil, np.nan)
     left = observed @ resolvent
     right = resolvent @ numbers.G
-    lag = numbers.output_delays[:, None] + numbers.input_delays[None, :]
-    delay = np.exp(-s * lag)
-    return (observed @ right + numbers.D) * delay, left, right, delay
+    delay = np.exp(-s * numbers.lags)
+    return (observed @ right + numbers.D + s * numbers.D1) * delay, left, right, delay
 
 
 def _entry_slope(
@@ -175,8 +199,12 @@ def _entry_slope(
             slope[:, row, :] = s[:, :, 0] * right[:, column, :] * delay[:, row, :]
         case "D":
             slope[:, row, column] = delay[:, row, column]
+        case "D1":
+            slope[:, row, column] = s[:, 0, 0] * delay[:, row, column]
         case "input_delays":
             slope[:, :, column] = -s[:, :, 0] * total[:, :, column]
         case "output_delays":
-            slope[:, column, :] = -s[:, :, 0] * total[:, column, :]
+            slope[:, row, :] = -s[:, :, 0] * total[:, row, :]
+        case "delays":
+            slope[:, row, column] = -s[:, 0, 0] * total[:, row, column]
     return slope

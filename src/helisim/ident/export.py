@@ -8,6 +8,8 @@ from typing import Any
 
 import control
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from helisim.ident.fitted import FittedParameter
 from helisim.records.files import atomic_write
@@ -132,18 +134,24 @@ def write_matlab(
     model: control.StateSpace,
     parameters: Collection[FittedParameter],
     facts: Mapping[str, Any],
+    *,
+    by_rate: NDArray[np.float64],
 ) -> None:
     """Write A, B, C, D, names, parameters and further facts as a MAT file.
 
     In MATLAB: m = load("model.mat"); sys = ss(m.A, m.B, m.C, m.D, "InputDelay",
     m.InputDelay, "OutputDelay", m.OutputDelay, "InputName", m.InputName). MATLAB's `ss`
-    refuses negative delays, so what leads is written as such and left to the reader.
+    refuses negative delays, so what leads is written as such and left to the reader. It has no
+    delay for a pair either: sys = tf(sys); sys.IODelay = m.IODelay has. A model with D1 has E
+    too, and is sys = dss(m.A, m.B, m.C, m.D, m.E, ...): its last states are the inputs and
+    their rates.
 
     Args:
         path: of the file.
         model: in state space, its signals and states named.
         parameters: of the model.
-        facts: name in the file -> text, number, list of texts or column of numbers.
+        facts: name in the file -> text, number, list of texts or array of numbers.
+        by_rate: (n_out, n_in) D1, by how much an output follows an input's rate.
 
     Raises:
         StorageError: the file can't be written.
@@ -154,13 +162,9 @@ def write_matlab(
         return np.array([[of(one)] for one in parameters]).reshape(-1, 1)
 
     data = {
-        "A": np.asarray(model.A),
-        "B": np.asarray(model.B),
-        "C": np.asarray(model.C),
-        "D": np.asarray(model.D),
+        **_descriptor(model, by_rate),
         "InputName": _cells(model.input_labels),
         "OutputName": _cells(model.output_labels),
-        "StateName": _cells(model.state_labels),
         "ParameterName": _cells([one.name for one in parameters]),
         "ParameterUnit": _cells([one.unit for one in parameters]),
         "ParameterValue": column(lambda one: one.value),
@@ -173,6 +177,29 @@ def write_matlab(
     }
     with atomic_write(path) as temporary:
         savemat(temporary, data, appendmat=False, long_field_names=True)
+
+
+def _descriptor(model: control.StateSpace, by_rate: NDArray[np.float64]) -> dict[str, Any]:
+    """Return E dx/dt = A x + B u, y = C x + D u; E only where outputs follow an input's rate.
+
+    Such an input z has two more states, itself and its rate w: 0 = u - z, dz/dt = w.
+    """
+    a, b, c, d = (np.asarray(matrix) for matrix in (model.A, model.B, model.C, model.D))
+    plain = {"A": a, "B": b, "C": c, "D": d, "StateName": _cells(model.state_labels)}
+    followed = np.flatnonzero(np.any(by_rate != 0.0, axis=0))
+    k, n = followed.size, a.shape[0]
+    if not k:
+        return plain
+    inner, none = np.eye(k), np.zeros((k, k))
+    names = [model.input_labels[j] for j in followed]
+    return {
+        "A": block_diag(a, -inner, inner),
+        "B": np.vstack([b, np.eye(b.shape[1])[followed], np.zeros((k, b.shape[1]))]),
+        "C": np.hstack([c, np.zeros((c.shape[0], k)), by_rate[:, followed]]),
+        "D": d,
+        "E": block_diag(np.eye(n), np.block([[none, none], [inner, none]])),
+        "StateName": _cells([*model.state_labels, *names, *(f"d({name})/dt" for name in names)]),
+    }
 
 
 def _cells(names: Sequence[str]) -> np.ndarray:

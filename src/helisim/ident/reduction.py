@@ -21,6 +21,7 @@ from helisim.ident.points import Band
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
 from helisim.ident.structure import Structure
+from helisim.ident.structure_toml import DELAYS
 from helisim.records.value import Value
 
 ACCEPTED_RISE = 1.0
@@ -260,6 +261,6 @@ def _delays(structure: Structure) -> set[str]:
     return {
         name
         for entry in structure.entries
-        if entry.matrix in ("input_delays", "output_delays")
+        if entry.matrix in DELAYS
         for name in entry.expression.names
     }

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.ident.evaluate import matrices, response, state_space
+from helisim.ident.evaluate import matrices, proper_part, response, state_space
 from helisim.ident.export import latex_table, text_table, write_matlab
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
+from helisim.ident.structure_toml import delay_places
 from helisim.records.display import Displayed, shower
 from helisim.records.files import read_json, write_json
 from helisim.records.provenance import versions
@@ -176,13 +177,19 @@ class Fit(Value, Displayed):
 
     @cached_property
     def model(self) -> control.StateSpace:
-        """The identified state space, named; its delays are in `delays`."""
+        """The identified state space, named; its delays are in `delays`.
+
+        Raises IdentificationError where it has none: M is singular, or D1 makes it improper.
+        """
         return state_space(self.structure, self.values)
 
     @property
     def delays(self) -> dict[str, float]:
-        """The delay of every input and output, s; negative where the channel leads."""
-        return {**self.input_delays, **self.output_delays}
+        """The delay of every input and output, and what a response has beside them ("p/lat"), s.
+
+        Negative where the channel leads.
+        """
+        return {**self.input_delays, **self.output_delays, **self.pair_delays}
 
     @property
     def input_delays(self) -> dict[str, float]:
@@ -195,6 +202,13 @@ class Fit(Value, Displayed):
         """The delay of every output, s."""
         numbers = matrices(self.structure, self.values)
         return dict(zip(self.structure.outputs, numbers.output_delays.tolist()))
+
+    @property
+    def pair_delays(self) -> dict[str, float]:
+        """The delay of each response that has one beside its input's and output's, s."""
+        numbers = matrices(self.structure, self.values)
+        places = delay_places(self.structure.inputs, self.structure.outputs)["delays"]
+        return {name: float(numbers.delays[places[name]]) for name in self.structure.delays}
 
     def response(self, frequency: ArrayLike) -> FrequencyResponse:
         """Return the model's frequency response, delays included, at (n_freq,) rad/s or one."""
@@ -325,15 +339,19 @@ class Fit(Value, Displayed):
         )
 
     def to_matlab(self, path: str | PathLike[str]) -> None:
-        """Write A, B, C, D, InputDelay, OutputDelay and names as a MAT file.
+        """Write A, B, C, D, InputDelay, OutputDelay, IODelay and names as a MAT file.
+
+        A model with D1 is improper; it is written as a descriptor model with E beside A.
 
         Raises:
             StorageError: the file can't be written.
-            IdentificationError: the model has no state-space form.
+            IdentificationError: the model has no state-space form, as its M is singular.
         """
+        numbers = matrices(self.structure, self.values)
         facts = {
             "InputDelay": np.array([[delay] for delay in self.input_delays.values()]),
             "OutputDelay": np.array([[delay] for delay in self.output_delays.values()]),
+            "IODelay": numbers.delays,
             "InputUnit": self.data.input_units,
             "OutputUnit": self.data.output_units,
             "TimeUnit": "seconds",
@@ -341,7 +359,8 @@ class Fit(Value, Displayed):
             "AverageCost": self.cost,
             "Provenance": json.dumps(self.provenance),
         }
-        write_matlab(path, self.model, self.parameters.values(), facts)
+        model = proper_part(self.structure, self.values)
+        write_matlab(path, model, self.parameters.values(), facts, by_rate=numbers.D1)
 
 
 def load_fit(path: str | PathLike[str]) -> Fit:

@@ -39,27 +39,31 @@ def delayed(
     inputs: NDArray[np.float64],
     step: float,
     lags: NDArray[np.float64],
+    by_rate: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Return the outputs of a model at rest with a delay a pair, (n_time, n_out).
 
     Exact for inputs linear between samples, also where a delay isn't a whole number of them.
-    Before the record inputs rest at their first value, after it at their last.
+    Before the record inputs rest at their first value, after it at their last. An input's rate
+    is the mean of the slopes on both sides of a sample, linear between samples.
 
     Args:
         model: a continuous model.
         inputs: (n_time, n_in), deviations from trim.
         step: sample time, s.
         lags: (n_out, n_in) s, negative where an output leads its input.
+        by_rate: (n_out, n_in) D1, by how much an output follows an input's rate; none by default.
     """
     a, b, c, d = (np.asarray(x, dtype=np.float64) for x in (model.A, model.B, model.C, model.D))
     samples, n_in = inputs.shape
     outputs = np.zeros((samples, c.shape[0]))
     # What the delays reach beyond the record, on both sides.
-    margin = int(np.ceil(np.max(np.abs(lags), initial=0.0) / step)) + 1
+    margin = int(np.ceil(np.max(np.abs(lags), initial=0.0) / step)) + 2
     transition, now, change = _discretise(a, b, step)
     for j in range(n_in):
         wide = np.pad(inputs[:, j], margin, mode="edge")
         rise = np.diff(wide, append=wide[-1])
+        rate = np.gradient(wide, step)
         driven = np.outer(wide, now[:, j]) + np.outer(rise, change[:, j])
         states = _propagate(transition, driven, np.zeros(a.shape[0]))
         for lag in np.unique(lags[:, j]):
@@ -73,6 +77,10 @@ def delayed(
             )
             for k in np.flatnonzero(lags[:, j] == lag):
                 outputs[:, k] += moved @ c[k] + (wide[at] + slope) * d[k, j]
+                if by_rate is not None and by_rate[k, j]:
+                    ahead_at = slice(at.start + 1, at.stop + 1)
+                    between = rate[at] + (rate[ahead_at] - rate[at]) * (part / step)
+                    outputs[:, k] += between * by_rate[k, j]
     return outputs
 
 

@@ -42,12 +42,12 @@ def _scatter(structure: Structure, random: np.random.Generator) -> NDArray[np.fl
 
 
 def _gains(structure: Structure) -> NDArray[np.intp]:
-    """Return which free parameters stand in G and D only, where they act linearly."""
+    """Return which free parameters stand in G, D and D1 only, where they act linearly."""
     elsewhere: set[str] = set()
     within: set[str] = set()
     for entry in structure.entries:
         names = entry.expression.names
-        (within if entry.matrix in ("G", "D") else elsewhere).update(names)
+        (within if entry.matrix in ("G", "D", "D1") else elsewhere).update(names)
     found = [
         k
         for k, parameter in enumerate(structure.free)

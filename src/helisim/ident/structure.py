@@ -1,10 +1,11 @@
 """Model structures as data: named parameters and expressions for the matrix entries.
 
     M dx/dt = F x + G u(t - tau_in)
-    y(t + tau_out) = H0 x + H1 dx/dt + D u(t - tau_in)
+    y(t + tau_out) = H0 x + H1 dx/dt + D u(t - tau_in) + D1 du/dt(t - tau_in)
 
-A delay belongs to an input or to an output, and may be negative: recorder channels can be
-skewed against each other.
+A delay belongs to an input, to an output, or to a pair of them, where one input reaches two
+outputs by different ways; those of a response add up. It may be negative: recorder channels can
+be skewed against each other.
 """
 
 import math
@@ -16,7 +17,14 @@ from typing import Any, NamedTuple
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.expression import FUNCTIONS, Expression
-from helisim.ident.structure_toml import MATRICES, axes, read_fields, to_toml
+from helisim.ident.structure_toml import (
+    DELAYS,
+    MATRICES,
+    axes,
+    delay_places,
+    read_fields,
+    to_toml,
+)
 from helisim.records.files import atomic_write, read_toml
 from helisim.records.value import FrozenMap, Value
 
@@ -87,8 +95,20 @@ class Structure(Value):
     """A parametrised linear model with delays; see the module for its equations.
 
     Matrices are rows of expressions in the parameters' and constants' names. Left out, M is
-    the identity, H0 picks the states that have the outputs' names, H1 and D are zero, and
+    the identity, H0 picks the states that have the outputs' names, H1, D and D1 are zero, and
     there are no delays.
+
+    Attributes:
+        name: of the structure.
+        parameters: what the expressions may name, the free ones for a fit to find.
+        states, inputs, outputs: names, in the order of the matrices' rows and columns.
+        M, F, G, H0, H1, D, D1: see the module. D1 is for improper outputs, whose response rises
+            with frequency, such as the acceleration over a collective that flaps the blades.
+        input_delays, output_delays: by input or output, s.
+        delays: by response, such as {"p/lat": "tau_p_lat"}, s; added to those of its input and
+            output.
+        constants: numbers that expressions may name.
+        meaning: what it is.
     """
 
     name: str
@@ -102,15 +122,17 @@ class Structure(Value):
     H0: Entries = ()
     H1: Entries = ()
     D: Entries = ()
+    D1: Entries = ()
     input_delays: Mapping[str, str] = field(default_factory=dict)
     output_delays: Mapping[str, str] = field(default_factory=dict)
+    delays: Mapping[str, str] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
     meaning: str = ""
 
     def __post_init__(self) -> None:
         for attribute in ("parameters", "states", "inputs", "outputs"):
             object.__setattr__(self, attribute, tuple(getattr(self, attribute)))
-        for attribute in ("input_delays", "output_delays", "constants"):
+        for attribute in (*DELAYS, "constants"):
             object.__setattr__(self, attribute, FrozenMap(getattr(self, attribute)))
         n, n_in, n_out = len(self.states), len(self.inputs), len(self.outputs)
         shapes = {
@@ -120,6 +142,7 @@ class Structure(Value):
             "H0": (n_out, n),
             "H1": (n_out, n),
             "D": (n_out, n_in),
+            "D1": (n_out, n_in),
         }
         for matrix, shape in shapes.items():
             rows = getattr(self, matrix) or self._default(matrix, shape)
@@ -157,14 +180,16 @@ class Structure(Value):
                 for column, cell in enumerate(cells):
                     place = f"{matrix}.{rows[row]}.{columns[column]}"
                     found.append(Entry(matrix, row, column, self._expression(cell, place)))
-        for matrix, delays, signals in (
-            ("input_delays", self.input_delays, self.inputs),
-            ("output_delays", self.output_delays, self.outputs),
-        ):
-            for name, cell in delays.items():
+        for matrix, places in delay_places(self.inputs, self.outputs).items():
+            for name, cell in getattr(self, matrix).items():
                 expression = self._expression(cell, f"{matrix}.{name}")
-                found.append(Entry(matrix, 0, signals.index(name), expression))
+                found.append(Entry(matrix, *places[name], expression))
         return tuple(entry for entry in found if entry.expression.text not in ("0", "0.0"))
+
+    @property
+    def improper(self) -> bool:
+        """Whether an output follows an input's rate, so that no state space has its response."""
+        return any(entry.matrix == "D1" for entry in self.entries)
 
     def parameter(self, name: str) -> Parameter:
         """Return a parameter. Raises UnknownNameError."""
@@ -199,6 +224,12 @@ class Structure(Value):
             outputs=tuple(signals.get(x, x) for x in self.outputs),
             input_delays={signals.get(x, x): tau for x, tau in self.input_delays.items()},
             output_delays={signals.get(x, x): tau for x, tau in self.output_delays.items()},
+            delays={
+                f"{signals.get(y, y)}/{signals.get(u, u)}": self.delays[f"{y}/{u}"]
+                for y in self.outputs
+                for u in self.inputs
+                if f"{y}/{u}" in self.delays
+            },
         )
 
     @classmethod
@@ -265,9 +296,12 @@ class Structure(Value):
             "states": list(self.states),
             "inputs": list(self.inputs),
             "outputs": list(self.outputs),
-            **{key: [list(row) for row in getattr(self, key)] for key in MATRICES},
+            **{key: [list(row) for row in getattr(self, key)] for key in MATRICES if key != "D1"},
             "input_delays": dict(self.input_delays),
             "output_delays": dict(self.output_delays),
+            # What few structures have is left out of the others, so older versions read those.
+            **({"D1": [list(row) for row in self.D1]} if self.improper else {}),
+            **({"delays": dict(self.delays)} if self.delays else {}),
             "constants": dict(self.constants),
         }
 
@@ -321,13 +355,10 @@ class Structure(Value):
                 raise InputError(f"{self.name}: {what} names repeat: {', '.join(repeated)}")
         if not self.inputs or not self.outputs:
             raise InputError(f"{self.name}: expected at least one input and one output")
-        for delays, signals, what in (
-            (self.input_delays, self.inputs, "input"),
-            (self.output_delays, self.outputs, "output"),
-        ):
-            for name in delays:
-                if name not in signals:
-                    raise UnknownNameError(f"{what} with a delay", name, signals)
+        for matrix, places in delay_places(self.inputs, self.outputs).items():
+            for name in getattr(self, matrix):
+                if name not in places:
+                    raise UnknownNameError(f"{DELAYS[matrix]} with a delay", name, places)
 
 
 def _entries(rows: Sequence[Sequence[object]], shape: tuple[int, int], what: str) -> Entries:

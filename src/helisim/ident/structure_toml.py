@@ -8,8 +8,10 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.records.files import toml_key, toml_value
 
 REQUIRED = ("name", "parameters", "states", "inputs", "outputs", "F", "G")
-OPTIONAL = ("M", "H0", "H1", "D", "input_delays", "output_delays", "constants", "meaning")
-MATRICES = ("M", "F", "G", "H0", "H1", "D")
+DELAYS = {"input_delays": "input", "output_delays": "output", "delays": "response"}
+"""Each table of delays, and what they belong to."""
+OPTIONAL = ("M", "H0", "H1", "D", "D1", *DELAYS, "constants", "meaning")
+MATRICES = ("M", "F", "G", "H0", "H1", "D", "D1")
 PARAMETER_KEYS = ("unit", "start", "bounds", "meaning", "scale", "fixed")
 
 
@@ -18,7 +20,23 @@ def axes(
 ) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
     """Return the names of every matrix's rows and columns."""
     x, u, y = tuple(states), tuple(inputs), tuple(outputs)
-    return {"M": (x, x), "F": (x, x), "G": (x, u), "H0": (y, x), "H1": (y, x), "D": (y, u)}
+    states = {"M": (x, x), "F": (x, x), "G": (x, u), "H0": (y, x), "H1": (y, x)}
+    return {**states, "D": (y, u), "D1": (y, u)}
+
+
+def delay_places(
+    inputs: Sequence[str], outputs: Sequence[str]
+) -> dict[str, dict[str, tuple[int, int]]]:
+    """Return for each table of delays which names it may have, with their row and column."""
+    return {
+        "input_delays": {name: (0, k) for k, name in enumerate(inputs)},
+        "output_delays": {name: (k, 0) for k, name in enumerate(outputs)},
+        "delays": {
+            f"{output}/{input_}": (row, column)
+            for row, output in enumerate(outputs)
+            for column, input_ in enumerate(inputs)
+        },
+    }
 
 
 def read_fields(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -50,11 +68,11 @@ def read_fields(data: Mapping[str, Any]) -> dict[str, Any]:
     ).items():
         if matrix in data:
             fields[matrix] = _dense(data[matrix], rows, columns, matrix)
-    for key, of in (("input_delays", "inputs"), ("output_delays", "outputs")):
+    for key, places in delay_places(fields["inputs"], fields["outputs"]).items():
         delays = _table(data.get(key, {}), key)
         for name in delays:
-            if name not in fields[of]:
-                raise UnknownNameError(f"{of[:-1]} with a delay", name, fields[of])
+            if name not in places:
+                raise UnknownNameError(f"{DELAYS[key]} with a delay", name, places)
         fields[key] = {name: _cell(cell, f"{key}.{name}") for name, cell in delays.items()}
     fields["constants"] = {
         name: _number(number, f"constant {name!r}")
@@ -75,12 +93,12 @@ def to_toml(data: Mapping[str, Any]) -> str:
             f"{key} = {_limits(item) if key == 'bounds' else toml_value(item)}"
             for key, item in table.items()
         ]
-    for key in ("constants", "input_delays", "output_delays"):
-        if data[key]:
+    for key in ("constants", *DELAYS):
+        if data.get(key):
             lines += ["", f"[{key}]"]
             lines += [f"{toml_key(name)} = {toml_value(item)}" for name, item in data[key].items()]
     for matrix, (rows, columns) in axes(data["states"], data["inputs"], data["outputs"]).items():
-        written = _sparse(matrix, data[matrix], rows, columns)
+        written = _sparse(matrix, data.get(matrix, ()), rows, columns)
         if written or matrix in ("F", "G", "H0"):
             lines += ["", f"[{matrix}]", *written]
     return "\n".join(lines) + "\n"

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError, InputError
-from helisim.ident.evaluate import matrices
+from helisim.ident.evaluate import matrices, proper_part
 from helisim.ident.record_checks import refuse_truncated
 from helisim.ident.result import Fit
 from helisim.ident.seen import record_digest, share_seen
@@ -327,8 +327,8 @@ def _trace(fit: Fit, flight: FlightRecord) -> Trace:
     inputs = flight.select(structure.inputs)
     measured = flight.select(structure.outputs)
     numbers = matrices(structure, fit.values)
-    lags = numbers.output_delays[:, None] + numbers.input_delays[None, :]
-    forced = delayed(fit.model, inputs - inputs[0], step, lags)
+    model = proper_part(structure, fit.values)
+    forced = delayed(model, inputs - inputs[0], step, numbers.lags, numbers.D1)
     free = _free_motions(fit, time, step)
     if not (np.all(np.isfinite(forced)) and np.all(np.isfinite(free))):
         raise IdentificationError(
@@ -347,7 +347,7 @@ def _trace(fit: Fit, flight: FlightRecord) -> Trace:
 
 def _free_motions(fit: Fit, time: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Return what bias, initial state and input trim can add, (n_motion, n_time, n_out)."""
-    model = fit.model
+    model = proper_part(fit.structure, fit.values)
     n_out, n, n_in = len(fit.structure.outputs), model.nstates, len(fit.structure.inputs)
     motions = [np.tile(np.eye(n_out)[k], (time.size, 1)) for k in range(n_out)]
     at_rest = np.zeros((time.size, n_in))
