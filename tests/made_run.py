@@ -145,6 +145,7 @@ def write_run(folder: Path) -> Results:
                     paper=None if paper is None else paper.value,
                     cr_percent=one.cr_percent,
                     insensitivity_percent=one.insensitivity_percent,
+                    support=one.support,
                     tolerance_percent=3.0,
                     tolerance_reason="for the test",
                 )

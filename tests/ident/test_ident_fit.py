@@ -164,7 +164,7 @@ def test_fixed_parameters_stay_and_are_marked():
         structures.yaw_base.with_fixed({"tau_r_base": 0.04}),
     )
     assert fit["tau_r_base"].value == 0.04
-    assert fit["tau_r_base"].verdict == "fixed"
+    assert fit["tau_r_base"].support == "fixed"
     assert fit["N_r"].value == pytest.approx(-0.7, rel=1e-6)
     assert fit.correlation.shape == (2, 2)
 

@@ -72,8 +72,11 @@ def test_every_number_is_that_of_the_results(folder, page):
     for table in results["tables"]:
         for row in table["parameters"]:
             prefix = f"tables.{table['name']}.{row['name']}"
-            expected.add(f"{prefix}.verdict")
-            assert page.cells[f"{prefix}.verdict"][1] == row["verdict"]
+            expected |= {f"{prefix}.support", f"{prefix}.agreement"}
+            assert page.cells[f"{prefix}.support"][1] == row["support"]
+            judged = {row["truth_agreement"], row["paper_agreement"]}
+            agrees = "differs" if "differs" in judged else "agrees"
+            assert page.cells[f"{prefix}.agreement"][1] == agrees
             for column in ("paper", "truth", "identified", "cr_percent", "insensitivity_percent"):
                 if row[column] is None:
                     continue
@@ -120,7 +123,7 @@ def test_the_verifications_numbers_are_the_fits(folder, page):
 
 
 def test_every_tolerance_has_its_reason_in_the_page(folder):
-    """What a verdict rests on is said, and against what."""
+    """What an agreement rests on is said, and against what."""
     text = (folder / "report.html").read_text()
     assert "Z_w: within 3 % of the truth (for the test)" in text
 

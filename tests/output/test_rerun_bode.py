@@ -65,4 +65,4 @@ def test_axes_have_names_and_units(drawn):
     names = marks(found["axes/names"])
     assert names[0].startswith("magnitude, dB (")
     assert names[1:] == ["phase, deg", "coherence", "frequency, rad/s"]
-    assert set(marks(found["legend/models"])) == {"flight data", "identified", "truth"}
+    assert set(marks(found["legend/models"])) == {"flight data", "identified", "exact"}

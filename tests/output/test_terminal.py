@@ -28,6 +28,7 @@ def make_row(**changes) -> ParameterRow:
         "paper": 539.5,
         "cr_percent": 3.14159,
         "insensitivity_percent": 0.987,
+        "support": "good",
         "tolerance_percent": 3.0,
         "tolerance_reason": "asked for",
     }
@@ -51,17 +52,17 @@ def test_a_table_reads_as_expected():
         make_table(
             make_row(),
             make_row(name="tau_lon", unit="s", identified=-0.0085, truth=-0.0083, paper=None),
-            make_row(name="bias", identified=1.0, cr_percent=None, **unknown),
+            make_row(name="bias", identified=1.0, cr_percent=None, support=None, **unknown),
         )
     )
     title, headings, rule, *rows = text.splitlines()
     assert title == "rollpitch_in1: from IN1, 3 to 30 rad/s, average cost 1.23"
-    assert headings == "parameter  unit   paper      truth  identified  CR %  insens. %  verdict"
+    assert headings == "parameter  unit   paper      truth  identified  CR %  support  agreement"
     assert rule == "-" * len(headings)
     assert rows == [
-        "L_b        1/s^2  539.5      539.5       541.2   3.1       0.99  ok",
-        "tau_lon    s          -  -0.008300   -0.008500   3.1       0.99  ok",
-        "bias       1/s^2      -          -       1.000     -       0.99  not judged",
+        "L_b        1/s^2  539.5      539.5       541.2   3.1  good     agrees",
+        "tau_lon    s          -  -0.008300   -0.008500   3.1  good     agrees",
+        "bias       1/s^2      -          -       1.000     -  -        not judged",
     ]
 
 
@@ -88,7 +89,7 @@ def test_an_infinite_bound_is_shown():
 
 
 def test_the_widest_table_fits_80_columns():
-    """The longest names, units, numbers and verdicts of our models stay within a terminal."""
+    """The longest names, units, numbers and words of our models stay within a terminal."""
     wide = make_row(
         name="tau_r_base",
         unit="rad/s^2",
@@ -97,6 +98,7 @@ def test_the_widest_table_fits_80_columns():
         paper=-0.0008,
         cr_percent=5e6,
         insensitivity_percent=5e6,
+        support="degenerate",
         tolerance_percent=None,
     )
     results = Results(

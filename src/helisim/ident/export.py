@@ -210,18 +210,18 @@ def _cells(names: Sequence[str]) -> np.ndarray:
     return cells
 
 
-def text_table(parameters: Collection[FittedParameter], verdict: Callable[[str], str]) -> list[str]:
+def text_table(parameters: Collection[FittedParameter], support: Callable[[str], str]) -> list[str]:
     """Return parameters with their accuracy as lines of text, headings first.
 
     Args:
         parameters: one a line.
-        verdict: what to say of a parameter, by its name.
+        support: what the data say of a parameter, by its name.
     """
     width = max(9, *(len(one.name) for one in parameters), 0)
     units = max(4, *(len(one.unit) for one in parameters), 0)
     lines = [
         f"{'parameter':<{width}}  {'unit':<{units}}  {'value':>12}  {'CR %':>7}  "
-        f"{'insens. %':>9}  {'std. error':>10}  verdict"
+        f"{'insens. %':>9}  {'std. error':>10}  support"
     ]
     for one in parameters:
         numbers = (
@@ -232,6 +232,6 @@ def text_table(parameters: Collection[FittedParameter], verdict: Callable[[str],
         )
         lines.append(
             f"{one.name:<{width}}  {one.unit:<{units}}  {one.value:12.6g}  {numbers}  "
-            f"{verdict(one.name)}"
+            f"{support(one.name)}"
         )
     return lines

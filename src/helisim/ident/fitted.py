@@ -1,4 +1,4 @@
-"""One fitted parameter: its value, its accuracy, and a verdict."""
+"""One fitted parameter: its value, its accuracy, and what supports it."""
 
 import math
 from collections.abc import Mapping
@@ -6,13 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from helisim.ident.structure import Parameter, Structure
+from helisim.ident.verdicts import CRAMER_RAO_LIMIT, INSENSITIVITY_LIMIT, Support, support
 from helisim.records.value import Value
-
-CRAMER_RAO_LIMIT = 20.0
-"""Percent of the value above which a Cramér-Rao bound says "poorly identified"."""
-
-INSENSITIVITY_LIMIT = 10.0
-"""Percent of the value above which an insensitivity says "poorly identified"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +21,7 @@ class FittedParameter(Value):
         insensitivity: I, how far the value can move with little effect on the cost.
         standard_error: standard deviation estimated from the residuals.
         at_bound: the fit ended at a bound, so the value is the bound's, not the data's.
+        degenerate: the model around it collapsed, so its accuracy says nothing.
     """
 
     definition: Parameter
@@ -34,6 +30,7 @@ class FittedParameter(Value):
     insensitivity: float
     standard_error: float
     at_bound: bool
+    degenerate: bool = False
 
     @property
     def name(self) -> str:
@@ -72,17 +69,22 @@ class FittedParameter(Value):
     def poorly_identified(self) -> bool:
         """Whether CR exceeds 20 % or the insensitivity 10 % of the value."""
         return not self.fixed and (
-            self.cr_percent > CRAMER_RAO_LIMIT or self.insensitivity_percent > INSENSITIVITY_LIMIT
+            self.degenerate
+            or self.cr_percent > CRAMER_RAO_LIMIT
+            or self.insensitivity_percent > INSENSITIVITY_LIMIT
         )
 
     @property
-    def verdict(self) -> str:
-        """One or two words about this parameter."""
-        if self.fixed:
-            return "fixed"
-        if self.at_bound:
-            return "at bound"
-        return "poor" if self.poorly_identified else "good"
+    def support(self) -> Support:
+        """What the data say of it, in a word; `helisim.ident.verdicts.SUPPORT` has the meanings."""
+        return support(
+            self.value,
+            self.cramer_rao,
+            self.insensitivity,
+            fixed=self.fixed,
+            at_bound=self.at_bound,
+            degenerate=self.degenerate,
+        )
 
     @classmethod
     def from_dict(cls, structure: Structure, data: Mapping[str, Any]) -> "FittedParameter":
@@ -94,6 +96,7 @@ class FittedParameter(Value):
             insensitivity=_number_from_plain(data["insensitivity"]),
             standard_error=_number_from_plain(data["standard_error"]),
             at_bound=bool(data["at_bound"]),
+            degenerate=bool(data.get("degenerate", False)),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,7 +112,9 @@ class FittedParameter(Value):
             "standard_error": _number_to_plain(self.standard_error),
             "fixed": self.fixed,
             "at_bound": self.at_bound,
+            "degenerate": self.degenerate,
             "poorly_identified": self.poorly_identified,
+            "support": self.support,
         }
 
 

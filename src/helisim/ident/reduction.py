@@ -16,12 +16,13 @@ import numpy as np
 from helisim.errors import InputError
 from helisim.ident.evaluate import response
 from helisim.ident.fit import identify
-from helisim.ident.fitted import CRAMER_RAO_LIMIT, INSENSITIVITY_LIMIT, FittedParameter
+from helisim.ident.fitted import FittedParameter
 from helisim.ident.points import Band
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
 from helisim.ident.structure import Structure
 from helisim.ident.structure_toml import DELAYS
+from helisim.ident.verdicts import CRAMER_RAO_LIMIT, INSENSITIVITY_LIMIT
 from helisim.records.value import Value
 
 ACCEPTED_RISE = 1.0

@@ -1,4 +1,4 @@
-"""What a fit found: parameters by name with their accuracy, costs, verdicts and the model."""
+"""What a fit found: parameters by name with their accuracy, costs, support and the model."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -87,7 +87,7 @@ class Fit(Value, Displayed):
 
     def __str__(self) -> str:
         lines = [f"{self.structure.name}: {self.structure.meaning}".rstrip(": "), ""]
-        lines += [*text_table(self.parameters.values(), self.verdict), ""]
+        lines += [*text_table(self.parameters.values(), self.support), ""]
         for name, cost in self.costs.items():
             low, high = self.bands[name]
             lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s")
@@ -166,13 +166,13 @@ class Fit(Value, Displayed):
             if abs(self.correlation[i, j]) > CORRELATION_LIMIT
         )
 
-    def verdict(self, name: str) -> str:
-        """Return a few words about a parameter, correlations included.
+    def support(self, name: str) -> str:
+        """Return what the data say of a parameter in a few words, correlations included.
 
         Raises UnknownNameError.
         """
         others = [b if a == name else a for a, b, _ in self.correlated if name in (a, b)]
-        own = self[name].verdict
+        own = self[name].support
         return f"{own}, correlated with {', '.join(others)}" if others else own
 
     @cached_property

@@ -104,7 +104,7 @@ def draw_bode(
         phases += _estimate(omega, phase, np.rad2deg(np.minimum(error, np.pi)), good)
     for response, curve in (
         (identified, partial(Mark, "line", "identified", label="" if alone else "identified")),
-        (truth, partial(Mark, "dashes", "truth", label="" if alone else "truth")),
+        (truth, partial(Mark, "dashes", "truth", label="" if alone else "exact")),
     ):
         if response is not None:
             line = response.response[response.index(output, input_)]

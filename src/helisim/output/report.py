@@ -90,11 +90,13 @@ def render_run(
 
 def _summary(results: Results) -> str:
     rows = [row for table in results.tables for row in table.parameters]
-    judged = [row for row in rows if row.verdict != "not judged"]
-    good = sum(row.verdict == "ok" for row in judged)
+    judged = [row for row in rows if row.agreement != "not judged"]
+    good = sum(row.agreement == "agrees" for row in judged)
+    known = sum(row.support == "good" for row in rows)
     text = (
         f"{len(rows)} parameters of {len(results.tables)} models, identified from flight "
-        f"records alone. {good} of the {len(judged)} that are judged are within their tolerances."
+        f"records alone. {good} of the {len(judged)} that are judged agree with truth and paper "
+        f"within their tolerances; the data support {known} of all well."
     )
     return html.paragraph(text, "lead") + html.bullets(results.misses)
 
@@ -178,8 +180,9 @@ def _results_tables(run: Run) -> str:
     order = [*_IN_PAPER, *(table.name for table in known)]
     lead = html.paragraph(
         "CR is the Cramér-Rao bound and insens. the insensitivity, percent of the identified "
-        "value, by the conventions of CIFER; the paper's own bounds stand beside. Below 20 % "
-        "and 10 % a parameter counts as well identified.",
+        "value, by the conventions of CIFER; the paper's own bounds stand beside. Up to 20 % "
+        "and 10 % the data's support of a parameter is good. Agreement says whether the value is "
+        "within its tolerance of truth and paper: neither follows from the other.",
         "note",
     )
     blocks = []
@@ -198,13 +201,13 @@ def _results_tables(run: Run) -> str:
 
 
 def _tolerances(table: ComparisonTable) -> str:
-    lines = [line for row in table.parameters for line in _limits(row)]
+    lines = [line for row in table.parameters for line in _limits(row, table.truth)]
     return html.folded("tolerances", "\n".join(lines)) if lines else ""
 
 
-def _limits(row: ParameterRow) -> list[str]:
+def _limits(row: ParameterRow, truth: str) -> list[str]:
     limits = (
-        ("truth", row.tolerance_percent, row.tolerance_reason),
+        (truth, row.tolerance_percent, row.tolerance_reason),
         ("paper", row.paper_tolerance_percent, row.paper_tolerance_reason),
     )
     return [
@@ -219,8 +222,9 @@ def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     lead = html.paragraph(
         "Dots: estimated from the flights, hollow where the coherence is below "
         f"{USABLE_COHERENCE:g}, in a band of one random error. Solid: the identified model. "
-        "Dashed: the truth. Grey ground: not used by the fit. Where the lines meet, what lies "
-        "apart is below, on its own scale. The folder figures/ has each as a file.",
+        "Dashed: the exact response of the model that flew. Grey ground: not used by the fit. "
+        "Where the lines meet, what lies apart is below, on its own scale. The folder "
+        "figures/ has each as a file.",
         "note",
     )
     # models of one pair first: they share rows

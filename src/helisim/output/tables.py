@@ -38,24 +38,28 @@ _FLOWN = {
 
 
 def comparison(table: ComparisonTable) -> Table:
-    """Return a model's parameters beside paper and truth, each with its verdict."""
+    """Return a model's parameters beside paper and truth, with support and agreement of each."""
     low, high = table.band_rad_s
     given = "; ".join(
         f"{one.name} {one.value:.4g} {one.unit} ({one.source})".replace(" ", "\u00a0")
         for one in table.given
     )
+    notes = {
+        "given": given,
+        "equivalent": table.truth_meaning if table.truth != "truth" else "",
+    }
     return Table(
         table.name,
         (
             *_NAME,
-            *(Column("paper"), Column("truth"), Column("identified")),
-            *_BOUNDS,
+            *(Column("paper"), Column(table.truth), Column("identified")),
+            *(Column("CR %"), Column("insens. %", page_only=True)),
             Column("paper CR %", page_only=True),
-            Column("verdict", left=True),
+            *(Column("support", left=True), Column("agreement", left=True)),
         ),
         tuple(_compared(table.name, row) for row in table.parameters),
         lead=f"from {table.input}, {low:.3g} to {high:.3g} rad/s, average cost {table.cost:.3g}",
-        notes=(("given", given),) if given else (),
+        notes=tuple((label, text) for label, text in notes.items() if text),
     )
 
 
@@ -70,13 +74,14 @@ def _compared(table: str, row: ParameterRow) -> tuple[Cell, ...]:
     published = jr700.TABLES[table].get(row.name) if table in jr700.TABLES else None
     is_its = published is not None and published.value == row.paper  # of no other vehicle
     bound = published.cr_percent if published is not None and is_its else None
-    style = {"ok": " ok", "not judged": ""}.get(row.verdict, " off")
+    style = {"agrees": " ok", "differs": " off"}.get(row.agreement, "")
     return (
         *_named(row.name, row.unit),
         *(number(x, form, unit=row.unit, key=f"{place}.{at}") for at, x in values.items()),
         *(number(x, PERCENT, unit="%", key=f"{place}.{at}") for at, x in bounds.items()),
         number(bound, PERCENT, unit="%", key=f"paper.{table}.{row.name}.cr_percent"),
-        words(row.verdict, f"verdict{style}", key=f"{place}.verdict"),
+        words(row.support or "-", key=f"{place}.support"),
+        words(row.agreement, f"verdict{style}", key=f"{place}.agreement"),
     )
 
 
@@ -235,17 +240,17 @@ def airframe(record: FlightRecord | None) -> Table:
 
 
 def fitted(fit: Fit) -> Table:
-    """Return the parameters of a fit with their bounds."""
+    """Return the parameters of a fit with their bounds and support."""
     return Table(
         fit.structure.name,
-        (*_NAME, Column("value"), *_BOUNDS, Column("verdict", left=True)),
+        (*_NAME, Column("value"), *_BOUNDS, Column("support", left=True)),
         tuple(
             (
                 *_named(one.name, one.unit),
                 number(one.value, unit=one.unit, key=f"parameters.{one.name}.value"),
                 number(None if one.fixed else one.cr_percent, PERCENT, unit="%"),
                 number(None if one.fixed else one.insensitivity_percent, PERCENT, unit="%"),
-                words(fit.verdict(one.name), "long"),
+                words(fit.support(one.name), "long"),
             )
             for one in fit.parameters.values()
         ),

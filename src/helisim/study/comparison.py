@@ -1,13 +1,33 @@
-"""An identified model by its numbers: each parameter beside its truth and the paper's value."""
+"""An identified model by its numbers: each parameter beside its truth and the paper's value.
+
+Two verdicts stand beside a value, of which neither follows from the other. Support is what the
+data say of it (`helisim.ident.verdicts`); agreement is how far it is from a named reference.
+"""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from types import MappingProxyType
 from typing import Any, Literal
 
 from helisim.errors import InputError, UnknownNameError
+from helisim.ident.verdicts import Support
 from helisim.sim.plain import INFINITE
 
-Verdict = Literal["ok", "off truth", "off paper", "off both", "not judged"]
+Agreement = Literal["agrees", "differs", "not judged"]
+"""Whether a value is within its tolerance of a reference; "not judged" where it has none."""
+
+Truth = Literal["truth", "equivalent"]
+"""Which truth a table's values are compared with, see `TRUTHS`."""
+
+TRUTHS: Mapping[Truth, str] = MappingProxyType(
+    {
+        "truth": "the exact linearisation of the model that flew",
+        "equivalent": "this structure fitted to the exact response of the model that flew, which "
+        "has more states: what flights without noise would give",
+    }
+)
+"""Which truth -> what it is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,10 +38,11 @@ class ParameterRow:
         name: the parameter's name, as in the paper.
         unit: of `paper`, `truth` and `identified`.
         identified: estimated from the records alone.
-        truth: from the exact linearisation of the model that flew; None where there is none.
+        truth: what the table's truth has; None where there is none.
         paper: the published value; None where there is none.
         cr_percent: Cramér-Rao bound of `identified`; None where it was not estimated.
         insensitivity_percent: insensitivity of `identified`; None where it was not estimated.
+        support: what the data say of it; None in results that did not say it.
         tolerance_percent: the largest accepted distance from `truth`, percent of `truth`;
             None reports the parameter without judging it.
         tolerance_reason: why that tolerance.
@@ -37,6 +58,7 @@ class ParameterRow:
     paper: float | None = None
     cr_percent: float | None = None
     insensitivity_percent: float | None = None
+    support: Support | None = None
     tolerance_percent: float | None = None
     tolerance_reason: str = ""
     paper_tolerance_percent: float | None = None
@@ -69,23 +91,31 @@ class ParameterRow:
         return _deviation_percent(self.identified, self.paper)
 
     @property
-    def verdict(self) -> Verdict:
-        """Which tolerances hold; "not judged" where there are none."""
-        if self.tolerance_percent is None and self.paper_tolerance_percent is None:
-            return "not judged"
-        off_truth = _exceeds(self.error_percent, self.tolerance_percent)
-        off_paper = _exceeds(self.paper_error_percent, self.paper_tolerance_percent)
-        if off_truth and off_paper:
-            return "off both"
-        if off_truth:
-            return "off truth"
-        return "off paper" if off_paper else "ok"
+    def truth_agreement(self) -> Agreement:
+        """Whether it is within its tolerance of the truth."""
+        return _agreement(self.error_percent, self.tolerance_percent)
 
     @property
-    def misses(self) -> tuple[str, ...]:
-        """One sentence for each tolerance that is missed, with the amount and the reason."""
+    def paper_agreement(self) -> Agreement:
+        """Whether it is within its tolerance of the paper's value."""
+        return _agreement(self.paper_error_percent, self.paper_tolerance_percent)
+
+    @property
+    def agreement(self) -> Agreement:
+        """Whether it agrees with each reference that it is judged by."""
+        both = {self.truth_agreement, self.paper_agreement}
+        if "differs" in both:
+            return "differs"
+        return "agrees" if "agrees" in both else "not judged"
+
+    def misses(self, truth: Truth = "truth") -> tuple[str, ...]:
+        """Return a sentence for each tolerance that is missed, with the amount and the reason.
+
+        Args:
+            truth: which truth `truth` is.
+        """
         against_truth = self._miss(
-            "truth", self.truth, self.error_percent, self.tolerance_percent, self.tolerance_reason
+            truth, self.truth, self.error_percent, self.tolerance_percent, self.tolerance_reason
         )
         against_paper = self._miss(
             "paper",
@@ -104,7 +134,7 @@ class ParameterRow:
         tolerance: float | None,
         reason: str,
     ) -> str:
-        if error is None or not _exceeds(error, tolerance):
+        if error is None or _agreement(error, tolerance) != "differs":
             return ""
         return (
             f"{self.name} is {self.identified:.5g} {self.unit}, {abs(error):.3g} % from the "
@@ -121,11 +151,13 @@ class ParameterRow:
             "identified": self.identified,
             "cr_percent": _json_number(self.cr_percent),
             "insensitivity_percent": _json_number(self.insensitivity_percent),
+            "support": self.support,
             "tolerance_percent": self.tolerance_percent,
             "tolerance_reason": self.tolerance_reason,
             "paper_tolerance_percent": self.paper_tolerance_percent,
             "paper_tolerance_reason": self.paper_tolerance_reason,
-            "verdict": self.verdict,
+            "truth_agreement": self.truth_agreement,
+            "paper_agreement": self.paper_agreement,
         }
 
 
@@ -157,6 +189,7 @@ class ComparisonTable:
         band_rad_s: lowest and highest frequency of the fit, rad/s.
         parameters: one row a parameter.
         given: what the fit was given.
+        truth: which truth the parameters' are.
     """
 
     name: str
@@ -165,6 +198,7 @@ class ComparisonTable:
     band_rad_s: tuple[float, float]
     parameters: tuple[ParameterRow, ...]
     given: tuple[GivenValue, ...] = ()
+    truth: Truth = "truth"
 
     def __post_init__(self) -> None:
         low, high = (float(edge) for edge in self.band_rad_s)
@@ -184,6 +218,18 @@ class ComparisonTable:
         raise UnknownNameError(f"parameter of {self.name}", name, names)
 
     @property
+    def misses(self) -> tuple[str, ...]:
+        """One sentence for each tolerance that is missed; empty when all hold."""
+        return tuple(
+            f"{self.name}: {miss}" for row in self.parameters for miss in row.misses(self.truth)
+        )
+
+    @property
+    def truth_meaning(self) -> str:
+        """What the truth of its parameters is."""
+        return TRUTHS[self.truth]
+
+    @property
     def identified(self) -> dict[str, float]:
         """Parameter -> identified value, SI."""
         return {row.name: row.identified for row in self.parameters}
@@ -195,6 +241,7 @@ class ComparisonTable:
             "input": self.input,
             "cost": self.cost,
             "band_rad_s": list(self.band_rad_s),
+            "truth": self.truth,
             "parameters": [row.to_dict() for row in self.parameters],
             "given": [asdict(one) for one in self.given],
         }
@@ -215,5 +262,7 @@ def _deviation_percent(value: float, target: float | None) -> float | None:
     return 100.0 * (value - target) / abs(target)
 
 
-def _exceeds(error: float | None, tolerance: float | None) -> bool:
-    return error is not None and tolerance is not None and abs(error) > tolerance
+def _agreement(error: float | None, tolerance: float | None) -> Agreement:
+    if error is None or tolerance is None:
+        return "not judged"
+    return "differs" if abs(error) > tolerance else "agrees"

@@ -99,6 +99,7 @@ def comparison_table(
         input=model.input,
         cost=fit.cost,
         band_rad_s=fit.band,
+        truth="equivalent" if model.truth_kind == "equivalent" else "truth",
         parameters=tuple(_row(fit, name, truth, paper, model, judge_paper) for name in found),
         given=tuple(
             GivenValue(name=name, unit=fit[name].unit, value=fit[name].value, source=one.source)
@@ -139,6 +140,7 @@ def _row(
         paper=None if printed is None else printed.value,
         cr_percent=None if given else fitted.cr_percent,
         insensitivity_percent=None if given else fitted.insensitivity_percent,
+        support=fitted.support,
         **limits,
     )
 

@@ -64,12 +64,7 @@ class Results(Displayed):
     @property
     def misses(self) -> tuple[str, ...]:
         """One sentence for each tolerance that is missed; empty when all hold."""
-        return tuple(
-            f"{table.name}: {miss}"
-            for table in self.tables
-            for row in table.parameters
-            for miss in row.misses
-        )
+        return tuple(miss for table in self.tables for miss in table.misses)
 
     @property
     def left_out(self) -> frozenset[str]:

@@ -114,7 +114,7 @@ def log_bode(
         used: lowest and highest frequency of the fit, rad/s; None if the pair was left out.
         size: width and height of the drawing.
     """
-    models = {"identified": identified, "truth": truth}
+    models = {"identified": identified, "exact": truth}
     drawn = _Drawing(recording, entity, (output, input_), data, models, size)
     drawn.log_axes(used)
     drawn.log_data()

@@ -160,9 +160,9 @@ def _steps(run: Run) -> list[str]:
         *(f"left out: {one.message}" for one in run.results.excluded),
     ]
     for table in run.results.tables:
-        good = sum(row.verdict == "ok" for row in table.parameters)
+        good = sum(row.agreement == "agrees" for row in table.parameters)
         steps.append(
             f"identified: {table.name} from {table.input}, cost {table.cost:.3g}, "
-            f"{good} of {len(table.parameters)} parameters within tolerance"
+            f"{good} of {len(table.parameters)} parameters agree"
         )
     return steps + [f"missed: {sentence}" for sentence in run.results.misses]
