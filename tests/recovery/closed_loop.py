@@ -22,13 +22,13 @@ _BLOCK = 64
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A plant under state feedback, u = stick - gain x(t), with all inputs delayed alike.
+    """A plant under state feedback, u = stick - gain x(t); inputs may be delayed.
 
     Attributes:
-        structure: the plant; each input is delayed by the same time.
+        structure: the plant; it may delay its inputs, not its outputs.
         values: its true parameters.
         gain: (n_in, n_state).
-        rate: samples a second of the simulation; the delay is a whole number of them.
+        rate: samples a second of the simulation; delays are whole numbers of them, one at least.
         keep: one recorded sample in so many.
         noise: rms of white sensor noise by channel.
         gust: rms of the acceleration that a gust adds to a state's rate, by state.
@@ -48,8 +48,8 @@ class Rig:
     def sticks(self) -> tuple[str, ...]:
         return tuple(name.upper() for name in self.structure.inputs)
 
-    def loop(self) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-        """Return the loop's transition and input matrices, and the delay in samples.
+    def loop(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+        """Return the loop's transition and input matrices, and the delays in samples.
 
         The state is x, then the inputs now, one sample ago and so on. The disturbance is
         the gust now, its change to the next sample, and the sticks of the next sample.
@@ -57,20 +57,19 @@ class Rig:
         model = state_space(self.structure, self.values)
         numbers = matrices(self.structure, self.values)
         lag = numbers.input_delays * self.rate
-        samples = round(float(lag[0]))
+        samples = np.rint(lag).astype(np.intp)
         assert np.allclose(lag, samples, atol=1e-9)
-        assert samples >= 1
+        assert np.all(samples >= 1)
         n, n_in = model.nstates, len(self.structure.inputs)
         pushed = np.hstack([model.B, np.eye(n)])
         transition, now, change = _discretise(np.asarray(model.A), pushed, 1.0 / self.rate)
-        size = n + n_in * (samples + 1)
+        size = n + n_in * (int(samples.max()) + 1)
         loop = np.zeros((size, size))
         loop[:n, :n] = transition
-        # v = u(k - samples) is the oldest input held, v' = u(k + 1 - samples) the one before.
-        loop[:n, -n_in:] += now[:, :n_in] - change[:, :n_in]
-        before = n + n_in * (samples - 1)
-        loop[:n, before : before + n_in] += change[:, :n_in]
-        loop[n + n_in :, n:-n_in] = np.eye(n_in * samples)
+        for j, old in enumerate(samples):  # v = u(k - old), v' = u(k + 1 - old)
+            loop[:n, n + n_in * old + j] += now[:, j] - change[:, j]
+            loop[:n, n + n_in * (old - 1) + j] += change[:, j]
+        loop[n + n_in :, n:-n_in] = np.eye(size - n - n_in)
         loop[n : n + n_in] = -self.gain @ loop[:n]
         drive = np.zeros((size, 2 * n + n_in))
         drive[:n, :n], drive[:n, n : 2 * n] = now[:, n_in:], change[:, n_in:]
@@ -104,12 +103,15 @@ class Rig:
             gust[:, states.index(name)] = coloured(
                 random, samples, rms, self.gust_cutoff, self.rate
             )
-        loop, drive, _ = self.loop()
+        loop, drive, lags = self.loop()
         ahead = np.append(stick[1:], stick[-1:], axis=0)
         rise = np.diff(gust, axis=0, append=gust[-1:])
         motion = _propagate(loop, np.hstack([gust, rise, ahead]) @ drive.T)
         x, u = motion[:, : len(states)], motion[:, len(states) : len(states) + len(names)]
-        outputs = x @ np.asarray(state_space(self.structure, self.values).C).T
+        model = state_space(self.structure, self.values)
+        acting = np.stack([delayed(u[:, j], lag) for j, lag in enumerate(lags)], axis=1)
+        outputs = x @ np.asarray(model.C).T + acting @ np.asarray(model.D).T
+        outputs += gust @ matrices(self.structure, self.values).H1.T
         columns = np.hstack([stick, u, outputs])[:: self.keep].copy()
         channels = (*self.sticks, *names, *self.structure.outputs)
         for k, name in enumerate(channels):
@@ -151,6 +153,11 @@ def coloured(
     sections = butter(2, cutoff / (np.pi * rate), output="sos")
     noise = sosfiltfilt(sections, random.standard_normal(samples))
     return noise * (rms / np.std(noise))
+
+
+def delayed(column: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+    """Return a column later by a number of samples, at rest before."""
+    return np.concatenate([np.zeros(samples), column[: column.size - samples]])
 
 
 def _discretise(a: NDArray, b: NDArray, step: float) -> tuple[NDArray, NDArray, NDArray]:

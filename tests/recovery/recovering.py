@@ -1,0 +1,105 @@
+"""What a user would get from an aircraft's records with default options, against its truth."""
+
+import time
+import warnings
+from argparse import Namespace
+from dataclasses import dataclass
+
+import numpy as np
+from aircraft import Aircraft
+from numpy.typing import NDArray
+
+from helisim.cli.responses import _band
+from helisim.ident import (
+    ClosedLoopWarning,
+    CrossControlWarning,
+    Fit,
+    FrequencyResponse,
+    RecordQualityWarning,
+    frequency_response,
+    identify,
+)
+from helisim.records.record import FlightRecord
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recovery:
+    """One replicate.
+
+    Attributes:
+        fit: what was found.
+        excess: (n_parameter,) |error| of each parameter over its bound.
+        points: (n_point,) |error| of each usable point over its stated error.
+        response_seconds, fit_seconds: processor time of the frequency response and of the fit.
+    """
+
+    fit: Fit
+    excess: dict[str, float]
+    points: NDArray[np.float64]
+    response_seconds: float
+    fit_seconds: float
+
+    @property
+    def inside(self) -> int:
+        """How many parameters are inside their bounds."""
+        return sum(value <= 1.0 for value in self.excess.values())
+
+    @property
+    def worst(self) -> str:
+        """The parameter furthest off in terms of its bound."""
+        return max(self.excess, key=self.excess.__getitem__)
+
+    @property
+    def share(self) -> float:
+        """Share of the usable points within three stated errors of the truth."""
+        return float(np.mean(self.points <= 3.0))
+
+
+def recover(aircraft: Aircraft, seed: int) -> Recovery:
+    """Fly an aircraft and identify it as `helisim identify` does without options."""
+    records = aircraft.fly(seed)
+    begun = time.process_time()
+    frf = estimated(aircraft, records)
+    between = time.process_time()
+    fit = identify(frf, aircraft.structure)
+    ended = time.process_time()
+    return Recovery(
+        fit=fit,
+        excess=excess(fit, aircraft),
+        points=point_errors(frf, aircraft)[frf.usable()],
+        response_seconds=between - begun,
+        fit_seconds=ended - between,
+    )
+
+
+def estimated(aircraft: Aircraft, records: list[FlightRecord]) -> FrequencyResponse:
+    """Return the response with default options, the sticks as references where a loop is closed."""
+    with warnings.catch_warnings():
+        for category in (ClosedLoopWarning, CrossControlWarning, RecordQualityWarning):
+            warnings.simplefilter("ignore", category)  # the response's flags repeat them
+        return frequency_response(
+            records,
+            inputs=aircraft.structure.inputs,
+            outputs=aircraft.structure.outputs,
+            band=_band(Namespace(band=None), records),
+            reference=aircraft.rig.sticks if aircraft.closed else None,
+        )
+
+
+def excess(fit: Fit, aircraft: Aircraft) -> dict[str, float]:
+    """Return each parameter's |error| over its bound."""
+    return {
+        name: abs(fit[name].value - value) / bound(fit, name)
+        for name, value in aircraft.truth.items()
+    }
+
+
+def bound(fit: Fit, name: str) -> float:
+    """Return a parameter's bound, in its unit."""
+    return getattr(fit[name], "bound", fit[name].cramer_rao)
+
+
+def point_errors(frf: FrequencyResponse, aircraft: Aircraft) -> NDArray[np.float64]:
+    """Return |H - H_true| / |H| over the stated error, (n_out, n_in, n_freq)."""
+    error = np.abs(frf.response - aircraft.response(frf.frequency))
+    return error / (frf.random_error * np.abs(frf.response))
