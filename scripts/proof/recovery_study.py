@@ -33,7 +33,8 @@ def row(aircraft: Aircraft, seed: int, one: Recovery) -> str:
     size = 100.0 / abs(truth)
     return (
         f"{aircraft.name:<12}{seed:>5}{one.inside:>6}/{len(one.excess):<3}"
-        f"{100 * one.share:>10.2f} %{name:>12}{size * (found.value - truth):>10.2f}{size * bound(one.fit, name):>10.2f}"
+        f"{100 * one.share:>10.2f} %{name:>12}"
+        f"{size * (found.value - truth):>10.2f}{size * bound(one.fit, name):>10.2f}"
         f"{one.fit.cost:>9.2f}{one.response_seconds:>8.2f}{one.fit_seconds:>8.2f}"
     )
 
