@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError
 from helisim.ident.structure import Structure
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +83,7 @@ def response_and_slope(
     return total.transpose(1, 2, 0), slope.transpose(0, 2, 3, 1)
 
 
-def state_space(structure: Structure, values: Mapping[str, float]) -> control.StateSpace:
+def state_space(structure: Structure, values: Mapping[str, float]) -> "control.StateSpace":
     """Return the model without its delays, signals and states named.
 
     Raises:
@@ -110,6 +113,8 @@ def proper_part(structure: Structure, values: Mapping[str, float]) -> control.St
         )
     a = np.linalg.solve(numbers.M, numbers.F)
     b = np.linalg.solve(numbers.M, numbers.G)
+    import control  # slow to import: it brings matplotlib
+
     return control.StateSpace(
         a,
         b,

@@ -4,15 +4,17 @@ import json
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from helisim.ident.fitted import FittedParameter
 from helisim.records.files import atomic_write
+
+if TYPE_CHECKING:
+    import control
 
 _LATEX_SPECIAL = {
     "\\": r"\textbackslash{}",
@@ -131,7 +133,7 @@ def _latex_unit(unit: str) -> str:
 
 def write_matlab(
     path: str | PathLike[str],
-    model: control.StateSpace,
+    model: "control.StateSpace",
     parameters: Collection[FittedParameter],
     facts: Mapping[str, Any],
     *,

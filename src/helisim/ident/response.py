@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,6 +14,8 @@ from helisim.records.display import Displayed, shower
 from helisim.records.value import Value
 
 if TYPE_CHECKING:
+    import control
+
     from helisim.records.display import Axes, Figure
 
 USABLE_COHERENCE = 0.6
@@ -222,8 +223,10 @@ class FrequencyResponse(Value, Displayed):
         """
         return shower().plot_response(self, pairs, axes)
 
-    def to_frd(self) -> control.FRD:
+    def to_frd(self) -> "control.FRD":
         """Return the response as python-control's frequency response data."""
+        import control  # slow to import: it brings matplotlib
+
         return control.FRD(
             self.response,
             self.frequency,

@@ -7,7 +7,6 @@ from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -24,6 +23,8 @@ from helisim.records.provenance import versions
 from helisim.records.value import FrozenMap, Value
 
 if TYPE_CHECKING:
+    import control
+
     from helisim.records.display import Axes, Figure
 
 FORMAT = "helisim fit, version 1"
@@ -176,7 +177,7 @@ class Fit(Value, Displayed):
         return f"{own}, correlated with {', '.join(others)}" if others else own
 
     @cached_property
-    def model(self) -> control.StateSpace:
+    def model(self) -> "control.StateSpace":
         """The identified state space, named; its delays are in `delays`.
 
         Raises IdentificationError where it has none: M is singular, or D1 makes it improper.

@@ -1,9 +1,13 @@
 """Time-domain simulation of linear models, in blocks: no Python in the step."""
 
-import control
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
+
+if TYPE_CHECKING:
+    import control
 
 _BLOCK = 64
 """Samples in a block: only speed depends on it."""
@@ -13,7 +17,7 @@ Discrete = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 
 def simulate(
-    model: control.StateSpace,
+    model: "control.StateSpace",
     inputs: NDArray[np.float64],
     step: float,
     start: NDArray[np.float64] | None = None,
@@ -35,7 +39,7 @@ def simulate(
 
 
 def delayed(
-    model: control.StateSpace,
+    model: "control.StateSpace",
     inputs: NDArray[np.float64],
     step: float,
     lags: NDArray[np.float64],

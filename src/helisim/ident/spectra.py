@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import detrend
 
 from helisim.records.record import FlightRecord
+from helisim.records.trend import without_trend
 
 HANN_POWER = 0.375
 """Mean square of the Hann window; dividing by it restores the power (CIFER's 1.63^2)."""
@@ -103,7 +103,7 @@ class _Levelled(NamedTuple):
 def _level(record: FlightRecord, names: Sequence[str], lowest: float) -> _Levelled:
     step = record.sample_time
     fade = _fade(len(record), 2.0 * np.pi / (lowest * step))
-    columns = detrend(record.select(names), axis=0, type="linear") * fade[:, None]
+    columns = without_trend(record.select(names)) * fade[:, None]
     return _Levelled(columns, fade, step)
 
 

@@ -60,8 +60,16 @@ def read_parquet(path: Path) -> Contents:
         if column.null_count:
             row = column.is_null().index(True).as_py()
             raise StorageError(f"{path}: column {name!r} has no number at row {row}")
-    columns = np.column_stack([column.to_numpy() for column in table.columns])
+    columns = np.column_stack([as_array(column) for column in table.columns])
     return Contents(columns, tuple(channels[1:]), header["provenance"])
+
+
+def as_array(column: pa.ChunkedArray) -> np.ndarray:
+    """Return a column without nulls, (n_time,), read-only.
+
+    Arrow's own `to_numpy` imports pandas where there is one, which takes a fifth of a second.
+    """
+    return np.from_dlpack(column.combine_chunks())
 
 
 def read_table(path: Path, data: bytes) -> pa.Table:

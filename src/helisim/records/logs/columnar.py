@@ -1,5 +1,6 @@
 """Reads Parquet files of any program."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from helisim.records.logs.report import LogFinding
 from helisim.records.logs.source import MAX_COLUMNS, check_no_infinity, place
 from helisim.records.logs.text import time_column
 from helisim.records.logs.units import DATES, TIME_UNITS, is_unit
-from helisim.records.parquet import read_table
+from helisim.records.parquet import as_array, read_table
 
 _WIDEST = 9e18
 """Differences of whole numbers up to this are exact in 64 bits."""
@@ -67,7 +68,7 @@ class ParquetLog:
         if not (numeric or pa.types.is_decimal(kind) or pa.types.is_boolean(kind)):
             raise StorageError(f"{self.path}, column {name!r}: holds {kind}, expected numbers")
         try:
-            values = column.cast(pa.float64(), safe=False).to_numpy()
+            values = as_array(column.cast(pa.float64(), safe=False).fill_null(math.nan))
         except pa.ArrowException as error:
             raise StorageError(f"{self.path}, column {name!r}: {error}") from None
         values = np.array(values, dtype=np.float64)
@@ -105,7 +106,7 @@ class ParquetLog:
             origin = f"{column[0]} {unit}"
         if pa.types.is_integer(column.type):
             try:
-                whole = column.cast(pa.int64()).to_numpy()
+                whole = as_array(column.cast(pa.int64()))
             except pa.ArrowException as error:
                 raise RecordError(f"{self.path}, column {name!r}: {error}") from None
             if float(np.max(whole)) - float(np.min(whole)) > _WIDEST:

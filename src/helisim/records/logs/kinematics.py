@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.records.logs.report import LogFinding
+from helisim.records.trend import without_trend
 
 _NEEDED = ("p", "q", "r", "phi", "theta", "psi")
 _WINDOWS = 16
@@ -89,11 +90,9 @@ def clock_errors(
 def _transforms(
     signal: NDArray[np.float64], starts: NDArray[np.intp], length: int
 ) -> NDArray[np.complex128]:
-    from scipy.signal import detrend  # slow to import
-
     segments = np.stack([signal[start : start + length] for start in starts])
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
-    return np.fft.rfft(detrend(segments, axis=1) * window, axis=1)
+    return np.fft.rfft(without_trend(segments.T).T * window, axis=1)
 
 
 def _errors_by(
