@@ -22,9 +22,10 @@ from helisim.physics.params import PARAM
 from helisim.records.files import atomic_write
 from helisim.vehicle.assembly import specified
 from helisim.vehicle.folder import mjcf_file, model_folder, read_roles
+from helisim.vehicle.load import load
 from helisim.vehicle.mjcf import Element, Mjcf
 from helisim.vehicle.roles import Roles
-from helisim.vehicle.vehicle import Vehicle, load
+from helisim.vehicle.vehicle import Vehicle
 
 Numbers = Sequence[float] | NDArray[np.float64]
 
