@@ -99,7 +99,7 @@ def state_space(structure: Structure, values: Mapping[str, float]) -> "control.S
     return proper_part(structure, values)
 
 
-def proper_part(structure: Structure, values: Mapping[str, float]) -> control.StateSpace:
+def proper_part(structure: Structure, values: Mapping[str, float]) -> "control.StateSpace":
     """Return the model without its delays and D1, signals and states named.
 
     Raises:

@@ -181,7 +181,7 @@ def write_matlab(
         savemat(temporary, data, appendmat=False, long_field_names=True)
 
 
-def _descriptor(model: control.StateSpace, by_rate: NDArray[np.float64]) -> dict[str, Any]:
+def _descriptor(model: "control.StateSpace", by_rate: NDArray[np.float64]) -> dict[str, Any]:
     """Return E dx/dt = A x + B u, y = C x + D u; E only where outputs follow an input's rate.
 
     Such an input z has two more states, itself and its rate w: 0 = u - z, dz/dt = w.
