@@ -104,6 +104,7 @@ def values(jr700, tmp_path_factory):
         "Parameter": hs.structures.rollpitch.parameters[0],
         "Fit": fit,
         "FittedParameter": fit["L_b"],
+        "Misfit": fit.misfit,
         "Reduction": Reduction(fit, fit, (), (), 0.1),
         "Verification": item.verification,
         "VerificationFigures": item.verification.figures,
@@ -142,7 +143,7 @@ NAMES = [
         "Parameter",
         "Fit",
     ),
-    *("FittedParameter", "Reduction", "Verification", "VerificationFigures", "Trace"),
+    *("FittedParameter", "Misfit", "Reduction", "Verification", "VerificationFigures", "Trace"),
     *("IdentifiedModel", "Results", "Run"),
 ]
 ABSTRACT = {"Excitation"}

@@ -255,7 +255,7 @@ def test_the_table_states_each_response_its_band_and_the_support(wobbly):
     (pair,) = wobbly.costs
     low, high = wobbly.bands[pair]
     message = f"J {pair} = {wobbly.costs[pair]:.4g} from {low:.3g} to {high:.3g} rad/s"
-    assert message in lines
+    assert f"{message}; {wobbly.misfit.words(pair)}" in lines
     word = (
         "excellent" if wobbly.cost <= 50.0 else "acceptable" if wobbly.cost <= 100.0 else "too high"
     )

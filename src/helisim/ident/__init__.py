@@ -8,6 +8,7 @@ from helisim.ident.conditioning import CrossControlWarning
 from helisim.ident.fit import identify
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.frf import ClosedLoopWarning, frequency_response
+from helisim.ident.misfit import Misfit
 from helisim.ident.record_checks import RecordQualityWarning
 from helisim.ident.reduction import Reduction, reduce
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
@@ -22,6 +23,7 @@ __all__ = [
     "Fit",
     "FittedParameter",
     "FrequencyResponse",
+    "Misfit",
     "Parameter",
     "RecordQualityWarning",
     "Reduction",

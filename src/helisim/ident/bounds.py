@@ -18,9 +18,14 @@ So neighbouring frequencies that share windows do not count twice. s^2 is the re
 what the fit left over, relative to what noise would leave; it grows where the structure
 does not fit. Where S is not known, residuals are taken as independent with the variance that
 the fit left over.
+
+Known parameters that have an error, such as a servo's from a bench, add what it makes of the
+others: a change dk of a known one moves the minimum by -A J_k dk, with J_k the residuals'
+derivatives by it.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,14 +43,33 @@ class Accuracy:
     Attributes:
         cramer_rao: (n_free,) CR_i; infinite where the data do not see the parameter.
         insensitivity: (n_free,) I_i.
-        standard_error: (n_free,) residual-scaled standard error.
-        correlation: (n_free, n_free).
+        covariance: (n_free, n_free) of the parameters' errors, whose diagonal is the squared
+            standard errors; infinite there where the data do not see the parameter.
+        correlation: (n_free, n_free), from the Hessian, as CIFER's.
+        noise: (2 n_point,) variances of the relative errors, real then imaginary parts, that
+            noise leaves after the fit; None where the response's errors are not known.
+        ratio: the residuals' power over what noise would leave; None likewise.
     """
 
     cramer_rao: NDArray[np.float64]
     insensitivity: NDArray[np.float64]
-    standard_error: NDArray[np.float64]
+    covariance: NDArray[np.float64]
     correlation: NDArray[np.float64]
+    noise: NDArray[np.float64] | None
+    ratio: float | None
+
+    @property
+    def standard_error(self) -> NDArray[np.float64]:
+        """(n_free,) standard deviations to expect of the parameters."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+
+class _Spread(NamedTuple):
+    """What the response's errors make of the parameters, and what they leave in the residuals."""
+
+    covariance: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    ratio: float
 
 
 def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) -> Accuracy:
@@ -61,45 +85,71 @@ def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) 
     hessian = gauss_newton_hessian(jacobian)
     inverse, seen = _inverse(hessian)
     variance = np.diagonal(inverse)
-    freedom = max(residual.size - x.size, 1)
-    noise = float(residual @ residual) / freedom
-    plain = np.sqrt(2.0 * noise * variance)
-    stated = _stated(cost, x, standardised)
+    if standardised:
+        minimised, scale = cost.standardised_jacobian(x), np.tile(1.0 / cost.spread, 2)
+        left = cost.standardised(x)
+    else:
+        minimised, scale, left = jacobian, cost.log_scale(), residual
+    gain = np.linalg.pinv(minimised).astype(np.float64)
+    spread = _spread(cost, left, minimised, scale, gain)
+    if spread is None:
+        freedom = max(residual.size - x.size, 1)
+        covariance = 2.0 * float(residual @ residual) / freedom * inverse
+    else:
+        covariance = max(1.0, spread.ratio) * spread.covariance
+    covariance = covariance + _carried(cost, x, gain, standardised)
+    np.fill_diagonal(covariance, np.where(seen, np.maximum(np.diagonal(covariance), 0.0), np.inf))
     with np.errstate(divide="ignore"):
         insensitivity = 1.0 / np.sqrt(np.diagonal(hessian))
-    unseen = np.where(seen, 0.0, np.inf)
     root = np.sqrt(np.where(variance > 0.0, variance, 1.0))
     correlation = inverse / root[:, None] / root[None, :]
     np.fill_diagonal(correlation, 1.0)
     return Accuracy(
-        cramer_rao=2.0 * np.sqrt(variance) + unseen,
+        cramer_rao=2.0 * np.sqrt(variance) + np.where(seen, 0.0, np.inf),
         insensitivity=insensitivity,
-        standard_error=(plain if stated is None else stated) + unseen,
+        covariance=covariance,
         correlation=np.clip(correlation, -1.0, 1.0),
+        noise=None if spread is None else spread.noise,
+        ratio=None if spread is None else spread.ratio,
     )
 
 
-def _stated(cost: Cost, x: NDArray[np.float64], standardised: bool) -> NDArray[np.float64] | None:
-    """Return standard errors from the response's own errors, None where they are not known."""
+def _spread(
+    cost: Cost,
+    residual: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    gain: NDArray[np.float64],
+) -> _Spread | None:
+    """Return what the response's own errors do, None where they are not known."""
     relative = cost.points.covariance
-    if relative is None or x.size == 0:
+    if relative is None:
         return None
     covariance = 0.5 * np.block([[relative.real, -relative.imag], [relative.imag, relative.real]])
-    if standardised:
-        residual, jacobian = cost.standardised(x), cost.standardised_jacobian(x)
-        scale = np.tile(1.0 / cost.spread, 2)
-    else:
-        residual, jacobian = cost.log(x, unwrap=False), cost.log_jacobian(x)
-        scale = cost.log_scale()
     covariance *= np.outer(scale, scale)
-    gain = np.linalg.pinv(jacobian)
-    spread = gain @ covariance @ gain.T
-    # E[r^T r] = tr[(1 - J A) S], as the projection is symmetric and idempotent.
-    expected = float(np.trace(covariance) - np.trace(gain @ covariance @ jacobian))
+    taken = gain @ covariance
+    left = covariance - jacobian @ taken
+    # of (1 - J A) S (1 - J A)^T, as the projection is symmetric and idempotent
+    noise = np.diagonal(left) - np.einsum("ij,ij->i", left @ gain.T, jacobian)
+    expected = float(np.sum(noise))
     if expected <= 0.0:
         return None
-    scaling = max(1.0, float(residual @ residual) / expected)
-    return np.sqrt(scaling * np.maximum(np.diagonal(spread), 0.0))
+    ratio = float(residual @ residual) / expected
+    with np.errstate(divide="ignore", invalid="ignore"):
+        plain = np.where(scale > 0.0, noise / scale**2, 0.0)
+    return _Spread(taken @ gain.T, plain, ratio)
+
+
+def _carried(
+    cost: Cost, x: NDArray[np.float64], gain: NDArray[np.float64], standardised: bool
+) -> NDArray[np.float64]:
+    """Return the covariance that the errors of known parameters give the free ones."""
+    known = [one for one in cost.structure.parameters if one.error > 0.0]
+    if not known or not x.size:
+        return np.zeros((x.size, x.size))
+    jacobian = cost.jacobian_by(x, [one.name for one in known], standardised=standardised)
+    moved = -(gain @ jacobian) * [one.error for one in known]
+    return moved @ moved.T
 
 
 def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:

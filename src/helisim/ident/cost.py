@@ -7,6 +7,8 @@
 responses; the accuracy analysis uses the sum.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -126,6 +128,26 @@ class Cost:
             return np.zeros((2 * self.points.weight.size, len(self._names)))
         scaled = slope / self.spread
         return np.concatenate([scaled.real, scaled.imag], axis=1).T
+
+    def jacobian_by(
+        self, x: NDArray[np.float64], names: Sequence[str], *, standardised: bool
+    ) -> NDArray[np.float64]:
+        """Return the derivatives by other parameters than the free ones, such as known ones.
+
+        Args:
+            x: (n_free,) the free parameters.
+            names: of the others.
+            standardised: of `standardised` residuals; otherwise of `log`.
+
+        Returns:
+            (2 n_point, n_name).
+        """
+        at = self.points
+        place = (at.output, at.input, at.position)
+        total, slope = response_and_slope(self.structure, self.values(x), at.frequency, by=names)
+        relative = slope[:, *place] / (at.measured if standardised else total[place])
+        scale = np.tile(1.0 / self.spread, 2) if standardised else self.log_scale()
+        return scale[:, None] * np.concatenate([relative.real, relative.imag], axis=1).T
 
     def log_scale(self) -> NDArray[np.float64]:
         """Return what `log` multiplies the error of the response's logarithm by, (2 n_point,)."""

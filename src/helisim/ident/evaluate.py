@@ -1,6 +1,6 @@
 """A structure with numbers: matrices, frequency response, exact derivatives, state space."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -58,7 +58,10 @@ def response(
 
 
 def response_and_slope(
-    structure: Structure, values: Mapping[str, float], frequency: NDArray[np.float64]
+    structure: Structure,
+    values: Mapping[str, float],
+    frequency: NDArray[np.float64],
+    by: Sequence[str] | None = None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return the response and its derivative by each free parameter.
 
@@ -66,13 +69,14 @@ def response_and_slope(
         structure: the model's.
         values: every parameter by name.
         frequency: (n_freq,) rad/s.
+        by: names of other parameters to take the derivatives by; the free ones by default.
 
     Returns:
         (n_out, n_in, n_freq) and (n_free, n_out, n_in, n_freq).
     """
     numbers, slopes = _evaluate(structure, values)
     total, left, right, delay = _transfer(numbers, frequency)
-    names = [parameter.name for parameter in structure.free]
+    names = [parameter.name for parameter in structure.free] if by is None else list(by)
     slope = np.zeros((len(names), *total.shape), dtype=np.complex128)
     s = 1j * frequency[:, None, None]
     for matrix, row, column, gradient in slopes:

@@ -73,7 +73,7 @@ def latex_table(
 ) -> str:
     """Return parameters as a LaTeX `table`, values rounded by their standard errors.
 
-    It needs the package booktabs. The errors are residual-scaled standard errors; CR and
+    It needs the package booktabs. The errors are standard errors; CR and
     insensitivity are in percent of the value.
 
     Args:
@@ -106,7 +106,8 @@ def latex_table(
 def _latex_row(one: FittedParameter) -> str:
     name, unit = f"${_latex_symbol(one.name)}$", _latex_unit(one.unit)
     if one.fixed:
-        return rf"{name} & {unit} & ${one.value:.6g}$ & fixed & fixed \\"
+        known = rf" \pm {one.standard_error:.2g}" if one.standard_error else ""
+        return rf"{name} & {unit} & ${one.value:.6g}{known}$ & fixed & fixed \\"
     value, error = rounded(one.value, one.standard_error)
     number = rf"${value} \pm {error}$" if error else f"${value}$"
     mark = r"\,$^*$" if one.poorly_identified or one.at_bound else ""
@@ -227,7 +228,7 @@ def text_table(parameters: Collection[FittedParameter], support: Callable[[str],
     ]
     for one in parameters:
         numbers = (
-            f"{'-':>7}  {'-':>9}  {'-':>10}"
+            f"{'-':>7}  {'-':>9}  {f'{one.standard_error:.3g}' if one.standard_error else '-':>10}"
             if one.fixed
             else f"{one.cr_percent:7.2f}  {one.insensitivity_percent:9.2f}  "
             f"{one.standard_error:10.3g}"

@@ -13,6 +13,7 @@ from helisim.errors import InputError
 from helisim.ident.bounds import accuracy
 from helisim.ident.cost import Cost
 from helisim.ident.fitted import FittedParameter
+from helisim.ident.misfit import misfit
 from helisim.ident.points import Band, select
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
@@ -211,7 +212,7 @@ def _result(
     for parameter in structure.parameters:
         value = values[parameter.name]
         if parameter.fixed:
-            fitted.append(FittedParameter(parameter, value, 0.0, 0.0, 0.0, False))
+            fitted.append(FittedParameter(parameter, value, 0.0, 0.0, parameter.error, False))
             continue
         k = free.index(parameter.name)
         low, high = parameter.limits
@@ -231,6 +232,8 @@ def _result(
         structure=structure,
         parameters={one.name: one for one in fitted},
         correlation=quality.correlation,
+        covariance=quality.covariance,
+        misfit=misfit(cost, best.x, quality.noise, quality.ratio),
         costs=dict(zip(points.pairs, costs.tolist())),
         bands=dict(zip(points.pairs, points.bands)),
         dropped=points.dropped,

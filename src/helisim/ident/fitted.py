@@ -1,9 +1,12 @@
 """One fitted parameter: its value, its accuracy, and what supports it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from helisim.ident.structure import Parameter, Structure
 from helisim.ident.verdicts import CRAMER_RAO_LIMIT, INSENSITIVITY_LIMIT, Support, support
@@ -19,7 +22,8 @@ class FittedParameter(Value):
         value: what the fit found, or the fixed value.
         cramer_rao: CR, the spread to expect, with Tischler and Remple's factor 2.
         insensitivity: I, how far the value can move with little effect on the cost.
-        standard_error: standard deviation estimated from the residuals.
+        standard_error: standard deviation to expect of the value: what noise, estimator and the
+            errors of known parameters make of it; the given error of a fixed parameter.
         at_bound: the fit ended at a bound, so the value is the bound's, not the data's.
         degenerate: the model around it collapsed, so its accuracy says nothing.
     """
@@ -54,6 +58,11 @@ class FittedParameter(Value):
             self.value - 1.96 * self.standard_error,
             self.value + 1.96 * self.standard_error,
         )
+
+    @property
+    def bound(self) -> float:
+        """How far from the truth the value can be: CR, or 3 standard errors where they are more."""
+        return max(self.cramer_rao, 3.0 * self.standard_error)
 
     @property
     def cr_percent(self) -> float:
@@ -126,6 +135,21 @@ def _number_to_plain(number: float) -> float | None:
 def _number_from_plain(number: float | None) -> float:
     """Return what `_number_to_plain` took: infinity where it wasn't finite."""
     return math.inf if number is None else float(number)
+
+
+def matrix_to_plain(matrix: NDArray[np.float64]) -> list[list[float | None]]:
+    """Return a matrix, (n_free, n_free), for JSON: None where it isn't finite."""
+    return [[_number_to_plain(number) for number in row] for row in matrix.tolist()]
+
+
+def matrix_from_plain(
+    rows: Sequence[Sequence[float | None]] | None, size: int
+) -> NDArray[np.float64] | None:
+    """Return the (n_free, n_free) matrix that `matrix_to_plain` took, None if there is none."""
+    if rows is None:
+        return None
+    numbers = [[_number_from_plain(number) for number in row] for row in rows]
+    return np.array(numbers, dtype=np.float64).reshape(size, size)
 
 
 def _percent(part: float, whole: float) -> float:

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.evaluate import matrices, proper_part, response, state_space
 from helisim.ident.export import latex_table, text_table, write_matlab
-from helisim.ident.fitted import FittedParameter
+from helisim.ident.fitted import FittedParameter, matrix_from_plain, matrix_to_plain
+from helisim.ident.misfit import Misfit
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
 from helisim.ident.structure_toml import delay_places
@@ -53,6 +54,10 @@ class Fit(Value, Displayed):
         converged: the search ended at a minimum, not at its limit of steps.
         searches_agreeing: how many starts ended in this minimum; 1 says to look closer.
         data: the frequency response that was fitted.
+        covariance: (n_free, n_free) of the free parameters' errors, whose diagonal is the squared
+            standard errors; infinite there where the data do not see one. None in a file of
+            an earlier version.
+        misfit: what the structure leaves beyond noise, which no standard error holds, or None.
         options: how `identify` was called, as plain data.
         versions: the programs that computed the fit, by name.
     """
@@ -66,13 +71,17 @@ class Fit(Value, Displayed):
     converged: bool
     searches_agreeing: int
     data: FrequencyResponse
+    covariance: NDArray[np.float64] | None = None
+    misfit: Misfit | None = None
     options: Mapping[str, Any] = field(default_factory=dict, repr=False)
     versions: Mapping[str, str] = field(default_factory=versions, repr=False)
 
     def __post_init__(self) -> None:
-        correlation = np.array(self.correlation, dtype=np.float64)
-        correlation.flags.writeable = False
-        object.__setattr__(self, "correlation", correlation)
+        for name in ("correlation", "covariance"):
+            if getattr(self, name) is not None:
+                matrix = np.array(getattr(self, name), dtype=np.float64)
+                matrix.flags.writeable = False
+                object.__setattr__(self, name, matrix)
         for name in ("parameters", "costs", "bands", "options", "versions"):
             object.__setattr__(self, name, FrozenMap(getattr(self, name)))
 
@@ -91,7 +100,10 @@ class Fit(Value, Displayed):
         lines += [*text_table(self.parameters.values(), self.support), ""]
         for name, cost in self.costs.items():
             low, high = self.bands[name]
-            lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s")
+            left = f"; {self.misfit.words(name)}" if self.misfit else ""
+            lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s{left}")
+        if self.misfit and self.misfit.ratio is not None:
+            lines.append(self.misfit.summary)
         lines += [f"average J = {self.cost:.4g}: {self.judged}", *self.remarks]
         return "\n".join(lines)
 
@@ -267,6 +279,8 @@ class Fit(Value, Displayed):
             "structure": self.structure.to_dict(),
             "parameters": [one.to_dict() for one in self.parameters.values()],
             "correlation": self.correlation.tolist(),
+            **({} if self.covariance is None else {"covariance": matrix_to_plain(self.covariance)}),
+            **({} if self.misfit is None else {"misfit": self.misfit.to_dict()}),
             "correlated": [list(pair) for pair in self.correlated],
             "cost": self.cost,
             "costs": dict(self.costs),
@@ -315,6 +329,8 @@ class Fit(Value, Displayed):
                 converged=bool(data["converged"]),
                 searches_agreeing=int(data["searches_agreeing"]),
                 data=FrequencyResponse.from_dict(data["data"]),
+                covariance=matrix_from_plain(data.get("covariance"), len(structure.free)),
+                misfit=Misfit.from_dict(data["misfit"]) if "misfit" in data else None,
                 options=data["provenance"].get("options", {}),
                 versions=data["provenance"]["versions"],
             )

@@ -46,6 +46,8 @@ class Parameter:
         meaning: what it is.
         scale: its order of magnitude; needed where the start is 0, otherwise |start|.
         fixed: keep it at `start`.
+        error: standard error of a fixed parameter, known from a bench; a fit carries it through to
+            the errors of the free ones. 0: known exactly.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Parameter:
     meaning: str = ""
     scale: float | None = None
     fixed: bool = False
+    error: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier() or self.name in FUNCTIONS:
@@ -69,6 +72,13 @@ class Parameter:
             )
         if self.scale is not None and not (math.isfinite(self.scale) and self.scale > 0.0):
             raise InputError(f"parameter {self.name!r} has scale {self.scale}, expected > 0")
+        if not (math.isfinite(self.error) and self.error >= 0.0):
+            raise InputError(f"parameter {self.name!r} has error {self.error}, expected 0 or more")
+        if self.error and not self.fixed:
+            raise InputError(
+                f"parameter {self.name!r} has error {self.error} but is free: a standard error is "
+                "given for a fixed parameter, as from a bench; a free one's comes from the fit"
+            )
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -198,9 +208,28 @@ class Structure(Value):
                 return parameter
         raise UnknownNameError(f"parameter of {self.name!r}", name, self.names)
 
-    def with_fixed(self, values: Mapping[str, float]) -> "Structure":
-        """Return a copy where the named parameters keep the given values."""
-        return self._with({name: {"start": x, "fixed": True} for name, x in values.items()})
+    def with_fixed(
+        self, values: Mapping[str, float], errors: Mapping[str, float] | None = None
+    ) -> "Structure":
+        """Return a copy where the named parameters keep the given values.
+
+        Args:
+            values: by name.
+            errors: their standard errors by name, as from a bench; exact where none is given.
+
+        Raises:
+            UnknownNameError: no such parameter, or an error of one that has no value.
+        """
+        known = errors or {}
+        for name in known:
+            if name not in values:
+                raise UnknownNameError("fixed parameter with an error", name, values)
+        return self._with(
+            {
+                name: {"start": x, "fixed": True, "error": known.get(name, 0.0)}
+                for name, x in values.items()
+            }
+        )
 
     def with_starts(self, values: Mapping[str, float]) -> "Structure":
         """Return a copy where the named parameters start at the given values."""
@@ -288,6 +317,8 @@ class Structure(Value):
                 row["scale"] = parameter.scale
             if parameter.fixed:
                 row["fixed"] = True
+            if parameter.error:
+                row["error"] = parameter.error
             table[parameter.name] = row
         return {
             "name": self.name,

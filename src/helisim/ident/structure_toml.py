@@ -12,7 +12,7 @@ DELAYS = {"input_delays": "input", "output_delays": "output", "delays": "respons
 """Each table of delays, and what they belong to."""
 OPTIONAL = ("M", "H0", "H1", "D", "D1", *DELAYS, "constants", "meaning")
 MATRICES = ("M", "F", "G", "H0", "H1", "D", "D1")
-PARAMETER_KEYS = ("unit", "start", "bounds", "meaning", "scale", "fixed")
+PARAMETER_KEYS = ("unit", "start", "bounds", "meaning", "scale", "fixed", "error")
 
 
 def axes(
@@ -144,6 +144,8 @@ def _parameter(name: str, table: object) -> dict[str, Any]:
         raise InputError(f"{what}: fixed is {fields['fixed']!r}, expected true or false")
     if fields.get("scale") is not None:
         fields["scale"] = _number(fields["scale"], f"{what}: scale")
+    if "error" in fields:
+        fields["error"] = _number(fields["error"], f"{what}: error")
     if fields.get("bounds") is not None:
         fields["bounds"] = _bounds(fields["bounds"], what)
     return {"name": name, **fields}
