@@ -167,6 +167,7 @@ def test_a_cell_that_is_run_again(jr700, expected):
     assert callbacks() == [None] * len(HOOKS)
 
 
+@pytest.mark.slow
 def test_a_module_that_is_loaded_again(expected):
     """As by a notebook's autoreload: outside a block, and inside one, which then still ends."""
     importlib.reload(native)
@@ -228,6 +229,7 @@ def test_the_interpreter_ends_in_an_open_block(how, status):
     assert bool(done.stderr) == bool(own)
 
 
+@pytest.mark.slow
 def test_nothing_is_kept_of_what_was_loaded(jr700):
     """Vehicles and records are freed, and memory grows by far less than a model each time."""
 

@@ -42,6 +42,7 @@ def test_a_few_scripts_are_for_users():
     ]
 
 
+@pytest.mark.slow
 def test_proofs_and_benchmarks_find_what_they_import():
     """Each is loaded, beside its neighbours as when it is run; none does anything yet."""
     paths = sorted(str(path) for path in SCRIPTS.glob("*/*.py"))
@@ -132,6 +133,7 @@ def test_a_report_of_a_fit_is_one_page(run, tmp_path):
         assert part in page
 
 
+@pytest.mark.slow
 def test_a_campaign_is_flown_and_looked_at(run):
     """Both levels of noise; a second run flies nothing and prints the same."""
     printed = run("run_campaign.py", "noise", 1)

@@ -31,7 +31,14 @@ def swept(seed):
     return FlightRecord(time, columns, tuple(map(channel, ("lat", "p", "q"))))
 
 
-@pytest.mark.parametrize(("windows", "overlap"), [(12.0, 0.5), (12.0, 0.75), (None, 0.8)])
+@pytest.mark.parametrize(
+    ("windows", "overlap"),
+    [
+        pytest.param(12.0, 0.5, marks=pytest.mark.slow),
+        (12.0, 0.75),
+        pytest.param(None, 0.8, marks=pytest.mark.slow),
+    ],
+)
 def test_stated_covariance_is_that_of_many_flights(windows, overlap):
     """Variances and correlations of a sweep's response are as stated, composite included.
 

@@ -318,7 +318,9 @@ sys.stdout.buffer.write(record.values.tobytes())
 """
 
 
-@pytest.mark.parametrize("kind", [0, 1], ids=["python", "njit"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param(0, id="python", marks=pytest.mark.slow), pytest.param(1, id="njit")]
+)
 def test_a_vehicle_takes_its_controller_to_another_process(jr700, kind):
     """Where the law's module can be imported, it flies the same bytes."""
     vehicle = jr700.with_controller(own_laws.attitude_controllers(jr700)[kind])

@@ -116,6 +116,7 @@ def test_a_file_of_the_folder_is_not_the_folder(myheli):
         hs.load(file)
 
 
+@pytest.mark.slow
 def test_a_vehicle_of_ones_own_passes_between_processes(myheli):
     """Pickled, it flies the same in another process, and is linearised from its folder."""
     own = hs.load(myheli)

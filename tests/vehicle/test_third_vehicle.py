@@ -109,6 +109,7 @@ def test_what_flew_is_identified(folder):
     within_bounds(results, 1.0)
 
 
+@pytest.mark.slow
 def test_an_estimate_from_the_geometry_flies(tmp_path, capsys):
     """Without a single derivative: closed forms, within 3 % of the geometry they came from."""
     one = hs.load(made(tmp_path / "drawn", "--from-geometry", targets=False, geometry=True))

@@ -55,6 +55,7 @@ def test_truth_is_of_the_hover_in_the_wind(by_weather):
     assert windy["Z_w"].truth < 1.1 * calm["Z_w"].truth < 0.0
 
 
+@pytest.mark.slow
 def test_truth_in_turbulence_is_the_mean_over_the_air(by_weather):
     """Gusts from ahead and aside damp the heave more, whatever the mean wind."""
     vehicle = hs.load("jr700", integrator="Euler")
