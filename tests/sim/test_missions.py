@@ -13,7 +13,6 @@ from helisim.errors import DivergedError, InputError
 from helisim.sim import simulate
 from helisim.sim.clearance import outline
 from helisim.sim.missions import MISSIONS, Autopilot, Mission, missions_by_name
-from helisim.sim.missions.glide import Glide, Ramp
 from helisim.sim.missions.outer_loop import Sight
 from helisim.sim.missions.reached import Reached
 from helisim.vehicle.motion import rotation_matrix
@@ -97,45 +96,10 @@ def flown(vehicle, mission, **settings):
     return Reached.of(vehicle, trajectory), trajectory
 
 
-@pytest.mark.parametrize("way", [Ramp(2.0, 7.0, 1.5), Glide(30.0, 4.0, 1.5), Glide(1.0, 4.0, 1.5)])
-def test_references_are_smooth(way):
-    """Distance is the integral of speed, this of the acceleration, which keeps its limit."""
-    time = np.linspace(0.0, way.lasts, 20_001)
-    distance, speed, acceleration = np.array([way.at(one) for one in time]).T
-    step = time[1]
-    summed = step * np.cumsum(0.5 * (speed[1:] + speed[:-1]))
-    assert np.allclose(distance[1:], summed, atol=1e-6)
-    assert np.allclose(
-        np.diff(speed), 0.5 * step * (acceleration[1:] + acceleration[:-1]), atol=1e-6
-    )
-    assert np.abs(acceleration).max() <= way.acceleration * (1.0 + 1e-9)
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda: Glide(3.0, -1.0, 1.0), "a speed and an acceleration above 0, got 3, -1 and 1"),
-        (lambda: Glide(math.nan, 1.0, 1.0), "a finite distance"),
-        (lambda: Ramp(0.0, 5.0, 0.0), "acceleration above 0, got 5 and 0"),
-    ],
-)
-def test_a_way_that_can_not_be_flown_is_refused(make, says):
-    """In a line, where a script asks for it."""
-    with pytest.raises(InputError, match=says):
-        make()
-
-
 def test_a_script_that_wants_no_number_ends_its_flight(jr700):
     """Which, is said; the sticks are not moved by it."""
     with pytest.raises(DivergedError, match=r"mission 'lost' wants north = nan at 0\.5"):
         hs.fly(jr700, Lost(), seed=1)
-
-
-def test_a_glide_ends_at_rest_where_it_was_to_end():
-    """Neither a long way nor a short one is overshot."""
-    for way in (Glide(30.0, 4.0, 1.5), Glide(0.3, 4.0, 1.5), Glide(0.0, 4.0, 1.5)):
-        assert way.at(way.lasts) == pytest.approx((way.distance, 0.0, 0.0), abs=1e-9)
-        assert way.top <= 4.0
 
 
 def test_forward_flight_goes_out_and_back(jr700):
