@@ -83,6 +83,21 @@ class StorageError(HelisimError):
     """A file can't be read or written."""
 
 
+class LogError(InputError, RecordError, StorageError):
+    """Logs can't be used. All that is wrong with them is said at once, a line each.
+
+    It is an error of input, of a record and of a file, since a log's faults are of all three
+    kinds.
+
+    Attributes:
+        findings: what is wrong, each a `LogFinding` with the option that mends it, if one does.
+        unlisted: names that exist where one that does not was given, if too many for a message.
+    """
+
+    findings: tuple[Any, ...] = ()
+    unlisted: tuple[str, ...] = ()
+
+
 class ModelError(HelisimError):
     """A vehicle model or its parameters can't be used."""
 

@@ -119,3 +119,22 @@ def test_inputs_that_move_as_one_are_refused(tmp_path, capsys):
     message = fails(capsys, "identify", path, "--structure", "rollpitch", *options)
     for text in ("both.csv", "'lat [1]'", "'mixed [1]'", "lines 2 to 4001", "can't be told apart"):
         assert text in message
+
+
+def test_several_faults_of_several_logs_are_printed_together(sweep_csv, capsys):
+    """A line each, with file, row and option; nothing is written."""
+    holes = sweep_csv(empty(2, lambda k: k % 10 == 4), name="holes.csv")
+    dead = sweep_csv(lambda rows: [*rows[:50], rows[49], *rows[50:]], name="repeats.csv")
+    out = holes.with_suffix(".json")
+    arguments = ["identify", str(holes), str(dead), "--structure", "heave", "--json", str(out)]
+    assert main([*arguments, "--repair", "everything"]) == 2
+    captured = capsys.readouterr()
+    lines = captured.err.splitlines()
+    assert lines[0] == "helisim identify: 3 things are wrong with the logs:"
+    assert "holes.csv, line 6, column 'w [m/s]': no number" in lines[1]
+    assert "repeats.csv, line 52" in lines[2]
+    assert "'duplicates'" in lines[2]
+    assert "unknown repair 'everything'" in lines[3]
+    assert len(lines) == 4
+    assert not out.exists()
+    assert captured.out == ""

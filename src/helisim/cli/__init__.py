@@ -17,7 +17,7 @@ from pkgutil import iter_modules
 
 from helisim import __version__
 from helisim.cli.common import Parser, single_line
-from helisim.errors import DivergedError, HelisimError, UnknownNameError
+from helisim.errors import DivergedError, HelisimError, LogError, UnknownNameError
 
 _EXAMPLES = """\
 examples:
@@ -53,9 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except HelisimError as error:
-        unlisted = error.unlisted if isinstance(error, UnknownNameError) else ()
+        unlisted = error.unlisted if isinstance(error, UnknownNameError | LogError) else ()
         hint = "; --names lists them" if unlisted and not options.names else ""
-        print(f"helisim {options.command}: {single_line(str(error))}{hint}", file=sys.stderr)
+        print(f"helisim {options.command}: {_lines(error)}{hint}", file=sys.stderr)
         if options.names:
             print(*unlisted, sep="\n", end="\n" if unlisted else "", file=sys.stderr)
         return 3 if isinstance(error, DivergedError) else 2
@@ -69,6 +69,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # as `helisim ... | head` ends; what is still to be printed goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+
+
+def _lines(error: HelisimError) -> str:
+    """Return an error's message: one line, or one for each fault of logs."""
+    if not isinstance(error, LogError) or len(error.findings) < 2:
+        return single_line(str(error))
+    faults = [f"  {single_line(finding.text)}" for finding in error.findings]
+    return "\n".join([f"{len(faults)} things are wrong with the logs:", *faults])
 
 
 @contextmanager

@@ -98,44 +98,36 @@ class Read(NamedTuple):
 
 
 def read_logs(
-    options: argparse.Namespace, wanted: Sequence[str], advance: Callable[[str], None]
+    options: argparse.Namespace,
+    wanted: Sequence[str],
+    advance: Callable[[str], None],
+    *,
+    moving: bool = False,
 ) -> Read:
-    """Read all logs: uniform, with all wanted channels.
+    """Read all logs: uniform, with all wanted channels, which must move somewhere if `moving`.
 
     Raises:
-        HelisimError: a log can't be used; the message names the file.
+        LogError: all that is wrong with them; the message names files, columns and rows.
     """
-    from helisim.records.logs import read_log
+    from helisim.records.logs import read_logs
 
     channels, time = _columns(options, wanted)
-    repair = [name for item in options.repair for name in names(item)]
-    logs = []
-    for path in options.logs:
-        log = read_log(
-            path,
-            channels=channels,
-            time=time,
-            resample_hz=options.resample,
-            repair=repair,
-            max_gap=options.max_gap,
-            min_duration=options.min_duration,
-            start=options.from_time,
-            stop=options.to_time,
-        )
-        for name in wanted:
-            if name not in log.records[0]:
-                raise InputError(
-                    f"{path}: has no channel {name!r}; available: {', '.join(log.records[0].names)}"
-                )
-        if log.records[0].ended and not options.use_ended:
-            raise IdentificationError(
-                f"{path}: of a flight that was terminated early, because "
-                f"{log.records[0].ended}; leave it out, or use it as it is, with --use-ended"
-            )
-        log.check_uniform()
-        logs.append(log)
-        advance(path.name)
-    return Read(tuple(logs), tuple(record for log in logs for record in log.records))
+    logs = read_logs(
+        options.logs,
+        channels=channels,
+        wanted=wanted,
+        moving=moving,
+        time=time,
+        resample_hz=options.resample,
+        repair=[name for item in options.repair for name in names(item)],
+        max_gap=options.max_gap,
+        min_duration=options.min_duration,
+        start=options.from_time,
+        stop=options.to_time,
+        use_ended=options.use_ended,
+        on_progress=advance,
+    )
+    return Read(logs, tuple(record for log in logs for record in log.records))
 
 
 @contextmanager

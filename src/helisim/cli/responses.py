@@ -84,8 +84,7 @@ def estimate(
     with warnings.catch_warnings():
         for category in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
             warnings.simplefilter("ignore", category)
-        logs, records = read_logs(options, wanted, advance)
-        _check_moving(logs, wanted)
+        logs, records = read_logs(options, wanted, advance, moving=True)
         with located(logs):
             response = frequency_response(
                 records,
@@ -98,17 +97,6 @@ def estimate(
             )
         advance("frequency responses")
     return Estimated(logs, records, response)
-
-
-def _check_moving(logs: "Sequence[Log]", channels: Sequence[str]) -> None:
-    """Raise IdentificationError, with the places, if a channel is constant in every log."""
-    for name in channels:
-        columns = [record[name] for log in logs for record in log.records]
-        if all(float(one.max() - one.min()) <= 1e-12 * float(abs(one).max()) for one in columns):
-            places = "; ".join(log.where(name) for log in logs)
-            raise IdentificationError(
-                f"{places}: channel {name!r} is constant, so nothing can be identified from it"
-            )
 
 
 def _band(options: argparse.Namespace, records: "Sequence[FlightRecord]") -> tuple[float, float]:

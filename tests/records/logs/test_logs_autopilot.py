@@ -64,8 +64,11 @@ def test_a_ulog_becomes_a_record(tmp_path):
     path = tmp_path / "a.ulg"
     path.write_bytes(ulog())
     channels = Map({"p": Column("gyro.xyz[0]", "rad/s"), "LAT": Column("stick.roll", "1")})
-    with pytest.raises(RecordError, match="2 clocks"):
-        read_log(path, channels=channels)
+    unasked = read_log(path, channels=channels)
+    assert unasked.record.sample_time == pytest.approx(0.02)
+    (finding,) = unasked.report.repairs
+    assert "gyro's clock 250 Hz, stick's clock 50 Hz" in finding.text
+    assert "resampled at 50 Hz, the slowest one's" in finding.text
     log = read_log(path, channels=channels, resample_hz=100.0)
     record = log.record
     assert record["p"][10:-10] == pytest.approx(np.sin(record.time[10:-10]), abs=1e-4)

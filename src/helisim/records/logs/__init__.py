@@ -11,6 +11,7 @@ from helisim.records.logs.log import Log
 from helisim.records.logs.mapping import Clock, Column, Layout, Map
 from helisim.records.logs.read import read_log, screen
 from helisim.records.logs.report import LogFinding, LogReport
+from helisim.records.logs.several import read_logs
 from helisim.records.logs.units import UNITS
 
 __all__ = [
@@ -24,5 +25,6 @@ __all__ = [
     "LogReport",
     "Map",
     "read_log",
+    "read_logs",
     "screen",
 ]

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import RecordError
+from helisim.errors import HelisimError, RecordError
 from helisim.records.channels import Channel
 from helisim.records.logs.log import Log, assemble_log, passband, steps
 from helisim.records.logs.mapping import Column, Map, find_column
-from helisim.records.logs.parts import Options, cut, tidied, unwrapped
-from helisim.records.logs.report import OURS, LogFinding, LogReport
+from helisim.records.logs.parts import Options, cut, tidied, unwrapped, with_rate
+from helisim.records.logs.report import OURS, Findings, LogReport
 from helisim.records.logs.screening import check_clocks, note_lost_samples, screened
 from helisim.records.logs.source import Source, place
-from helisim.records.logs.timing import Samples, within
+from helisim.records.logs.timing import Samples, check_unit_of_time, empty, within
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 
@@ -31,11 +31,13 @@ def from_record(
     samples = Samples(
         path, "row", np.arange(len(record)), record.time, record.values, record.names, "time"
     )
-    findings: list[LogFinding] = []
+    findings = Findings()
     samples = within(samples, record.time[0] + np.array(options.limits), findings)
     samples = screened(samples, record.channels, options.repairs, findings, wanted=wanted)
+    options = with_rate([[samples]], options, findings)
     note_lost_samples(samples, options.rate is not None, findings)
     made = (cut((samples,), options, findings),)
+    findings.check()
     findings += check_clocks(made, record.names)
     report = LogReport(
         path=str(path),
@@ -59,14 +61,49 @@ def from_record(
 
 
 def from_source(
-    source: Source, map_: Map, log_digest: str, options: Options, facts: Mapping[str, Any]
+    source: Source,
+    map_: Map,
+    log_digest: str,
+    options: Options,
+    facts: Mapping[str, Any],
+    findings: Findings,
 ) -> Log:
-    """Read anyone's log by a map whose channels are complete."""
-    findings = list(source.findings)
-    mapped = _mapped(source, map_)
+    """Read anyone's log by a map whose channels are complete.
+
+    Args:
+        source: the opened log.
+        map_: which column is which channel.
+        log_digest: of the file.
+        options: how it is read.
+        facts: for the records' provenance.
+        findings: what was found before, refusals too; more is added.
+
+    Raises:
+        LogError: all that stops its use.
+    """
+    try:
+        return _from_source(source, map_, log_digest, options, facts, findings)
+    except HelisimError as error:
+        findings.refuse_error(source.path, error)
+        findings.check()
+        raise
+
+
+def _from_source(
+    source: Source,
+    map_: Map,
+    log_digest: str,
+    options: Options,
+    facts: Mapping[str, Any],
+    findings: Findings,
+) -> Log:
+    findings += source.findings
+    mapped = _mapped(source, map_, findings)
     channels = mapped.channels
     samples, origins = _samples(source, mapped, map_, options, findings)
     groups = [list(columns) for columns in mapped.by_clock.values()]
+    if not samples:
+        findings.check()
 
     def each(
         stretches: Sequence[Sequence[Samples]], treat: Callable[[Samples, list[str]], Samples]
@@ -80,10 +117,12 @@ def from_source(
         return screened(one, [channels[name] for name in names], options.repairs, findings)
 
     stretches = each(each(tidied(samples, options, findings), continuous), sound)
+    options = with_rate(stretches, options, findings)
     for one in (one for stretch in stretches for one in stretch):
         note_lost_samples(one, options.rate is not None, findings)
     made = tuple(cut(stretch, options, findings) for stretch in stretches)
     order = [name for names in groups for name in names]
+    findings.check()
     findings += check_clocks(made, order)
     used = {*mapped.headings.values(), *origins}
     report = LogReport(
@@ -122,26 +161,33 @@ class _Mapped(NamedTuple):
     by_clock: dict[str, dict[str, NDArray[np.float64]]]
 
 
-def _mapped(source: Source, map_: Map) -> _Mapped:
+def _mapped(source: Source, map_: Map, findings: Findings) -> _Mapped:
     mapped = _Mapped({}, {}, {}, {})
     for name, column in map_.channels.items():
-        heading = find_column(column.column, source.names, f"column of channel {name!r}")
-        stated = source.stated_unit(heading)
-        channel, factor = column.converts(name, stated)
+        try:
+            heading = find_column(column.column, source.names, f"column of channel {name!r}")
+            stated = source.stated_unit(heading)
+            channel, factor = column.converts(name, stated)
+            values = _converted(source, heading, column, factor)
+        except HelisimError as error:
+            findings.refuse_error(source.path, error)
+            continue
         mapped.channels[name] = channel
         mapped.headings[name] = heading
         mapped.computed[name] = _computation(column, heading, stated, channel)
-        values = _converted(source, heading, column, factor)
         mapped.by_clock.setdefault(source.clock(heading), {})[name] = values
     return mapped
 
 
 def _samples(
-    source: Source, mapped: _Mapped, map_: Map, options: Options, findings: list[LogFinding]
+    source: Source, mapped: _Mapped, map_: Map, options: Options, findings: Findings
 ) -> tuple[tuple[Samples, ...], dict[str, str]]:
-    """Return the samples of each clock within the limits, and each clock's first stamp."""
+    """Return the samples of each clock within the limits, and each clock's first stamp.
+
+    Channels without a number are refused, and left out of `mapped`.
+    """
     samples, origins = [], {}
-    for clock, columns in mapped.by_clock.items():
+    for clock, columns in list(mapped.by_clock.items()):
         stamps, origin, time_heading = source.stamps(clock, map_.time)
         origins[time_heading] = origin
         read = Samples(
@@ -153,7 +199,19 @@ def _samples(
             tuple(mapped.headings[name] for name in columns),
             time_heading,
         )
-        samples.append(within(read, np.array(options.limits), findings))
+        if map_.time is None or map_.time.rate is None:
+            check_unit_of_time(read, findings)
+        read = within(read, np.array(options.limits), findings)
+        full = ~np.all(np.isnan(read.values), axis=0)
+        for k in np.flatnonzero(~full):
+            findings.refuse("no number", empty(read, read.columns[k]))
+        mapped.by_clock[clock] = {
+            name: columns[name] for name, there in zip(columns, full) if there
+        }
+        if not full.any():
+            del mapped.by_clock[clock]
+            continue
+        samples.append(read.pick(full))
     return tuple(samples), origins
 
 

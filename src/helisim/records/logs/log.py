@@ -10,7 +10,7 @@ import numpy as np
 from helisim.errors import RecordError
 from helisim.records.channels import Channel, some_names
 from helisim.records.logs.parts import Cut
-from helisim.records.logs.report import LogReport
+from helisim.records.logs.report import Findings, LogReport
 from helisim.records.logs.resample import PASSBAND
 from helisim.records.logs.timing import Samples
 from helisim.records.record import FlightRecord
@@ -59,13 +59,18 @@ class Log(Value):
         return f"{self.report.path}, column {column!r}, {rows}"
 
     def check_uniform(self) -> None:
-        """Raise RecordError, with the row and what to do, unless every record is uniform."""
-        for part in self.report.parts:
-            if part.uneven:
-                raise RecordError(
-                    f"{part.uneven} s: samples must be uniform; resample them, such as at "
-                    f"{_round_rate(self.report.step[1]):g} Hz (--resample HZ)"
-                )
+        """Raise LogError, with the rows and what to do, unless every record is uniform."""
+        findings = Findings()
+        self.refuse_uneven(findings)
+        findings.check()
+
+    def refuse_uneven(self, findings: Findings) -> None:
+        """Add every part whose samples aren't uniform to what is refused."""
+        uneven = [part for part in self.report.parts if part.uneven]
+        for part in uneven[:1]:
+            more = f" (and in {len(uneven) - 1} more parts)" if len(uneven) > 1 else ""
+            rows = (part.first_row, part.last_row)
+            findings.refuse("uneven", part.uneven + more, rows=rows, option=part.option)
 
 
 def steps(samples: tuple[Samples, ...]) -> tuple[float, float, float]:
@@ -113,8 +118,3 @@ def assemble_log(
         except RecordError as error:
             raise RecordError(f"{report.path}, {rows}: {error}") from None
     return Log(tuple(records), report, headings)
-
-
-def _round_rate(step: float) -> float:
-    """Return the rate that a median step stands for, Hz, to two digits."""
-    return float(f"{1.0 / step:.2g}") if step > 0.0 else 1.0

@@ -9,18 +9,17 @@ from numpy.typing import NDArray
 
 from helisim.errors import RecordError
 from helisim.records.channels import Channel
+from helisim.records.logs.clock import common_rate, unevenness
 from helisim.records.logs.mapping import Column
-from helisim.records.logs.report import LogFinding, Part
+from helisim.records.logs.report import Findings, LogFinding, Part
 from helisim.records.logs.resample import Interpolant, interpolant, oversampling, resample
 from helisim.records.logs.timing import (
     Samples,
-    check_all_there,
     check_missing,
     in_order,
     pieces,
     without_duplicates,
 )
-from helisim.records.record import UNIFORM
 
 _WRAP = 1.5 * np.pi
 """rad: an angle that jumps by more between two samples went around."""
@@ -45,22 +44,14 @@ class Options(NamedTuple):
 
 
 def tidied(
-    samples: tuple[Samples, ...], options: Options, findings: list[LogFinding]
+    samples: tuple[Samples, ...], options: Options, findings: Findings
 ) -> tuple[tuple[Samples, ...], ...]:
     """Return stretches of all clocks, in order and without duplicates."""
-    for one in samples:
-        check_all_there(one)
     in_time = [in_order(one, options.repairs, findings) for one in samples]
     if len(samples) > 1 and any(len(stretches) > 1 for stretches in in_time):
         raise RecordError(
             f"{samples[0].path}: its channels have {len(samples)} clocks and one was reset, so "
             "they can't be matched after it: cut the log there, or map channels of one topic"
-        )
-    if len(samples) > 1 and options.rate is None:
-        clocks = ", ".join(one.clock for one in samples)
-        raise RecordError(
-            f"{samples[0].path}: its channels have {len(samples)} clocks ({clocks}); give a "
-            "common rate (--resample HZ)"
         )
     tidy = []
     for stretch in zip(*in_time):
@@ -104,7 +95,17 @@ class Cut:
     factor: int
 
 
-def cut(stretch: tuple[Samples, ...], options: Options, findings: list[LogFinding]) -> Cut:
+def with_rate(
+    stretches: Sequence[Sequence[Samples]], options: Options, findings: Findings
+) -> Options:
+    """Return the options with a rate where one is needed that wasn't given and can be told."""
+    if options.rate is not None:
+        return options
+    rate = common_rate(stretches, options.repairs, options.max_gap, findings)
+    return options._replace(rate=rate)
+
+
+def cut(stretch: tuple[Samples, ...], options: Options, findings: Findings) -> Cut:
     """Cut a stretch at its gaps, fill what is missing, and resample where asked for."""
     first = stretch[0]
     spans = []
@@ -147,20 +148,11 @@ def cut(stretch: tuple[Samples, ...], options: Options, findings: list[LogFindin
             continue
         made.time.append(time)
         made.values.append(values)
-        uneven = _uneven(first, inside) if options.rate is None else ""
-        made.parts.append(Part(row[0], row[1], time.size, float(time[0]), span, uneven))
+        uneven, option = "", ""
+        if options.rate is None:
+            uneven, option = unevenness(first.take(inside), options.max_gap)
+        made.parts.append(Part(row[0], row[1], time.size, float(time[0]), span, uneven, option))
     return made
-
-
-def _uneven(samples: Samples, inside: NDArray[np.intp]) -> str:
-    """Return where the worst step is, if the samples aren't as uniform as a record's must be."""
-    steps = np.diff(samples.time[inside])
-    mean = float(np.mean(steps))
-    worst = int(np.argmax(np.abs(steps - mean)))
-    if abs(steps[worst] - mean) <= UNIFORM * mean:
-        return ""
-    where = samples.at(int(inside[worst + 1]), samples.clock)
-    return f"{where}: {steps[worst]:.6g} s after the {samples.counts} before, on average {mean:.6g}"
 
 
 def _line(samples: Samples, k: int, start: float, stop: float) -> Interpolant:

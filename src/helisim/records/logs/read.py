@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from helisim.errors import HelisimError, InputError, RecordError, StorageError, UnknownNameError
+from helisim.errors import InputError, RecordError, StorageError, UnknownNameError
 from helisim.records.log_terms import REPAIRS
 from helisim.records.logs.assembly import from_record, from_source
 from helisim.records.logs.autopilot import (
@@ -20,6 +20,7 @@ from helisim.records.logs.autopilot import (
 from helisim.records.logs.log import Log
 from helisim.records.logs.mapping import Clock, Column, Map, find_column, split_heading
 from helisim.records.logs.parts import Options
+from helisim.records.logs.report import Findings
 from helisim.records.logs.resample import check_rate
 from helisim.records.logs.source import Source, digest, read_log_bytes
 from helisim.records.logs.text import TIME_NAMES, TextLog
@@ -53,7 +54,10 @@ def read_log(
             and state their units, such as "p [deg/s]"; by default all columns that do. A
             helisim record needs none.
         time: the column of times, if the map doesn't say it and it isn't called time.
-        resample_hz: a rate for the records. By default every sample stays where it is.
+        resample_hz: a rate for the records. By default every sample stays where it is, but a
+            clock that jitters a little (up to 20 % of a step, rms, no step off by half) is
+            resampled at its own rate, channels of several clocks at the slowest one's, and the
+            report says so.
         repair: what may be done to the log, see `REPAIRS`. Nothing else is done.
         max_gap: the longest time between samples that is no gap, s; by default 4.5 median
             steps.
@@ -62,12 +66,14 @@ def read_log(
         stop: samples after it are left out, s after the log's first one.
 
     Raises:
-        StorageError: the file can't be read, or holds what isn't a number.
-        RecordError: the numbers make no record without a repair that wasn't asked for.
-        InputError: a column, unit or option doesn't exist.
+        StorageError: the file can't be read.
+        InputError: an option doesn't exist.
+        LogError: the log can't be used so: columns or units that don't exist, cells that aren't
+            numbers, and what would need a repair that wasn't asked for, all at once.
     """
     path = Path(path)
     options = _options(resample_hz, repair, max_gap, min_duration, (start, stop))
+    findings = Findings()
     data = read_log_bytes(path)
     mapped = isinstance(channels, Map | Mapping)
     map_, wanted = _as_map(channels)
@@ -77,14 +83,11 @@ def read_log(
         map_ = replace(map_, time=Clock(time) if isinstance(time, str) else time)
     source = _open(path, data, map_, "tail" in options.repairs)
     if wanted is not None:
-        map_ = map_.with_channels(_by_name(source, wanted, map_.channels))
+        map_ = map_.with_channels(_by_name(source, wanted, map_.channels, findings))
     elif not map_.channels:
         map_ = map_.with_channels(_stated(source))
     ended = _ended(path) if mapped and _is_ours(data) else {}
-    try:
-        return from_source(source, map_, digest(data), options, ended)
-    except InputError as error:
-        raise _named(path, error) from None
+    return from_source(source, map_, digest(data), options, ended, findings)
 
 
 def open_source(path: str | Path) -> Source:
@@ -126,12 +129,13 @@ def screen(
     return from_record(Path("record"), record, content, options, wanted)
 
 
-def _named(path: Path, error: HelisimError) -> HelisimError:
-    """Return an error whose message begins with the file."""
-    if str(error).startswith(str(path)):
-        return error
-    kind = InputError if isinstance(error, InputError) else type(error)
-    return kind(f"{path}: {error}")
+def check_repairs(names: Iterable[str]) -> None:
+    """Raise InputError if a repair doesn't exist, or excludes another."""
+    for name in sorted(names):
+        if name not in REPAIRS:
+            raise UnknownNameError("repair", name, REPAIRS)
+    if {"order", "resets"} <= set(names):
+        raise InputError("the repairs 'order' and 'resets' exclude each other: choose one")
 
 
 def _options(
@@ -142,11 +146,7 @@ def _options(
     limits: tuple[float | None, float | None],
 ) -> Options:
     names = frozenset((repair,) if isinstance(repair, str) else repair)
-    for name in sorted(names):
-        if name not in REPAIRS:
-            raise UnknownNameError("repair", name, REPAIRS)
-    if {"order", "resets"} <= names:
-        raise InputError("the repairs 'order' and 'resets' exclude each other: choose one")
+    check_repairs(names)
     if max_gap is not None and not max_gap > 0.0:
         raise InputError(f"max_gap is {max_gap}, expected a time in s")
     if not 0.0 <= min_duration < np.inf:
@@ -215,8 +215,9 @@ def _open(path: Path, data: bytes, map_: Map, cut_tail: bool) -> Source:
 
 
 def _by_name(
-    source: Source, wanted: Sequence[str], mapped: Mapping[str, Column]
+    source: Source, wanted: Sequence[str], mapped: Mapping[str, Column], findings: Findings
 ) -> dict[str, Column]:
+    """Return the columns of the wanted channels that there are; the others are refused."""
     found = {}
     for name in wanted:
         if name in mapped:
@@ -224,12 +225,14 @@ def _by_name(
         try:
             found[name] = Column(find_column(name, source.names, "column"))
         except UnknownNameError as error:
-            raise InputError(
+            findings.refuse(
+                "no such column",
                 f"{source.path}: {error}; map the channel to a column (--channel "
-                f"{name}=COLUMN:UNIT, or --map FILE.toml)"
-            ) from None
+                f"{name}=COLUMN:UNIT, or --map FILE.toml); helisim look guesses which",
+                option=f"--channel {name}=COLUMN:UNIT",
+            )
         except InputError as error:
-            raise InputError(f"{source.path}: {error}") from None
+            findings.refuse_error(source.path, error)
     return found
 
 

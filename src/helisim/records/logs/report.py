@@ -1,9 +1,10 @@
 """The report of a log that was read: what was found, and what was repaired."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from helisim.errors import HelisimError, LogError, UnknownNameError
 from helisim.records.value import FrozenMap, Value
 
 OURS = "helisim record"
@@ -23,6 +24,7 @@ class LogFinding:
         count: how often.
         rows: where, the first 20, numbered as `LogReport.counts` says.
         repaired: whether the data were changed because of it.
+        option: of the command line, that mends it or is worth a try, such as "--repair gaps".
     """
 
     kind: str
@@ -30,6 +32,7 @@ class LogFinding:
     count: int = 1
     rows: tuple[int, ...] = ()
     repaired: bool = False
+    option: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rows", tuple(int(row) for row in self.rows[:_ROWS_KEPT]))
@@ -42,7 +45,52 @@ class LogFinding:
             "count": self.count,
             "rows": list(self.rows),
             "repaired": self.repaired,
+            "option": self.option,
         }
+
+
+class Findings(list[LogFinding]):
+    """What is found while a log is read; what stops its use is collected apart, to be said at once.
+
+    Attributes:
+        refused: what stops its use.
+    """
+
+    def __init__(self, noted: Iterable[LogFinding] = ()) -> None:
+        super().__init__(noted)
+        self.refused: list[LogFinding] = []
+        self._unlisted: tuple[str, ...] = ()
+
+    def refuse(
+        self, kind: str, text: str, *, rows: Iterable[int] = (), count: int = 1, option: str = ""
+    ) -> None:
+        """Add what stops the log's use; the same text is kept once."""
+        if all(text != finding.text for finding in self.refused):
+            finding = LogFinding(kind, text, count, tuple(rows), option=option)
+            self.refused.append(finding)
+
+    def refuse_error(self, path: object, error: HelisimError) -> None:
+        """Add what an exception says stops the log's use."""
+        if isinstance(error, LogError):
+            for finding in error.findings:
+                self.refuse(finding.kind, finding.text, option=finding.option, rows=finding.rows)
+            self._unlisted += error.unlisted
+            return
+        text = str(error)
+        if isinstance(error, UnknownNameError):
+            self._unlisted += error.unlisted
+        self.refuse("refused", text if text.startswith(str(path)) else f"{path}: {text}")
+
+    def check(self) -> None:
+        """Raise LogError, with everything that stops the log's use, if anything does."""
+        if not self.refused:
+            return
+        lines = [finding.text for finding in self.refused]
+        if len(lines) > 1:
+            lines = [f"{len(lines)} things are wrong:", *(f"- {line}" for line in lines)]
+        error = LogError("\n".join(lines))
+        error.findings, error.unlisted = tuple(self.refused), self._unlisted
+        raise error
 
 
 @dataclass(frozen=True)
@@ -54,7 +102,8 @@ class Part:
         samples: how many the record has.
         start: s since the log's first stamp.
         duration: s.
-        uneven: where and how the samples aren't uniform; empty if they are.
+        uneven: where and how the samples aren't uniform, and what to do; empty if they are.
+        option: of the command line, that makes them uniform.
     """
 
     first_row: int
@@ -63,6 +112,7 @@ class Part:
     start: float
     duration: float
     uneven: str = ""
+    option: str = ""
 
 
 @dataclass(frozen=True, eq=False)

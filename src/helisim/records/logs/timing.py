@@ -1,7 +1,7 @@
 """Finds what is wrong with the times of a log, and repairs it where that was asked for."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,12 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import RecordError
-from helisim.records.logs.report import LogFinding
+from helisim.records.logs.report import Findings, LogFinding
 from helisim.records.logs.source import place
 from helisim.records.quality import Run
 
 GAP = 4.5
 """A step longer than so many median steps is a gap."""
+
+_LONGEST_STEP = 2.0
+"""s: a log this slow shows nothing of a flight; milliseconds taken for seconds give 2.5 to 100."""
+_SHORTEST_STEP = 2.5e-5
+"""s: no recorder of a flight is faster; seconds taken for milliseconds are."""
+_FEW = 10
+"""Samples that don't tell a unit."""
+_RESET = 20.0
+"""Median steps by which time goes back, at least, where a clock began anew."""
 
 _LONGEST = 3e9
 """s, about a century: times further apart aren't times."""
@@ -53,6 +62,11 @@ class Samples:
             self.columns,
             self.clock,
         )
+
+    def pick(self, columns: NDArray[np.bool_]) -> "Samples":
+        """Return the samples with the columns, (n_channel,), that are true."""
+        names = tuple(name for name, there in zip(self.columns, columns) if there)
+        return replace(self, values=self.values[:, columns], columns=names)
 
     def at(self, k: int, column: str | None = None) -> str:
         """Return where the sample k is, for a message."""
@@ -94,25 +108,42 @@ def _limits(low: float, high: float) -> str:
     return f"{start} to the end" if np.isinf(high) else f"{start} to {high:g} s"
 
 
-def check_all_there(samples: Samples) -> None:
-    """Raise RecordError if a column has no number at all."""
-    for column, values in zip(samples.columns, samples.values.T):
-        if values.size and np.all(np.isnan(values)):
-            raise _empty(samples, column)
+def check_unit_of_time(samples: Samples, findings: Findings) -> None:
+    """Refuse steps that no flight log has: the unit of its time is another one.
+
+    Args:
+        samples: of one clock, as the log has them.
+        findings: what is found is refused.
+    """
+    steps = np.diff(samples.time)
+    step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    if samples.time.size < _FEW or _SHORTEST_STEP <= step <= _LONGEST_STEP or step == 0.0:
+        return
+    wrong, right = ("s", "ms") if step < 2e3 else ("s", "us")
+    if step < _SHORTEST_STEP:
+        wrong, right = "ms or us", "s"
+    findings.refuse(
+        "unit of time",
+        f"{samples.path}, column {samples.clock!r}: its steps are {step:.4g} s, the median, so "
+        f"{samples.time.size} samples would last {samples.time[-1] - samples.time[0]:.4g} s: no "
+        f"flight log has such; {right} declared as {wrong}? Try --time {samples.clock}:{right}",
+        option=f"--time {samples.clock}:{right}",
+    )
 
 
-def _empty(samples: Samples, column: str) -> RecordError:
+def empty(samples: Samples, column: str) -> str:
+    """Return what is wrong with a column that has no number."""
     rows = f"{samples.counts}s {samples.rows[0]} to {samples.rows[-1]}"
-    return RecordError(f"{samples.path}, column {column!r}, {rows}: no number at all")
+    return f"{samples.path}, column {column!r}, {rows}: no number at all"
 
 
-def in_order(
-    samples: Samples, repair: Collection[str], findings: list[LogFinding]
-) -> tuple[Samples, ...]:
+def in_order(samples: Samples, repair: Collection[str], findings: Findings) -> tuple[Samples, ...]:
     """Return stretches in which time doesn't fall: one, or more where a clock was reset.
 
+    Where time falls and no repair was asked for, that is refused, and the likelier one done.
+
     Raises:
-        RecordError: time falls and no repair was asked for, or it isn't time at all.
+        RecordError: it isn't time at all.
     """
     wild = np.flatnonzero(~(np.abs(samples.time) < _LONGEST))
     if wild.size:
@@ -129,39 +160,54 @@ def in_order(
         f"start ({back.size} times in all)"
     )
     rows = tuple(samples.rows[back].tolist())
-    if "resets" in repair:
+    reset = "resets" in repair
+    if reset:
         text = f"{samples.counts} {rows[0]}: {what}; split there"
         findings.append(LogFinding("reset", text, back.size, rows, True))
-        edges = [0, *back.tolist(), samples.time.size]
-        return tuple(samples.take(slice(a, b)) for a, b in pairwise(edges))
-    if "order" in repair:
+    elif "order" in repair:
         text = f"{samples.counts} {rows[0]}: {what}; sorted by time"
         findings.append(LogFinding("order", text, back.size, rows, True))
+    else:
+        reset = _was_reset(samples.time, back)
+        findings.refuse(
+            "reset" if reset else "order",
+            f"{samples.at(k, samples.clock)}: {what}; if the clock was reset, split the log there "
+            "with the repair 'resets', if rows are out of order, sort them with 'order' (--repair)",
+            rows=rows,
+            count=back.size,
+            option=f"--repair {'resets' if reset else 'order'}",
+        )
+    if not reset:
         return (samples.take(np.argsort(samples.time, kind="stable")),)
-    raise RecordError(
-        f"{samples.at(k, samples.clock)}: {what}; if the clock was reset, split the log there with "
-        "the repair 'resets', if rows are out of order, sort them with 'order' (--repair)"
-    )
+    edges = [0, *back.tolist(), samples.time.size]
+    return tuple(samples.take(slice(a, b)) for a, b in pairwise(edges))
 
 
-def without_duplicates(
-    samples: Samples, repair: Collection[str], findings: list[LogFinding]
-) -> Samples:
-    """Return the samples with rows of one stamp averaged.
+def _was_reset(time: NDArray[np.float64], back: NDArray[np.intp]) -> bool:
+    """Return whether a clock began anew, rather than rows being out of order."""
+    usual = float(np.median(np.abs(np.diff(time))))
+    return bool(np.median(time[back - 1] - time[back]) > _RESET * usual)
 
-    Raises:
-        RecordError: stamps repeat and that repair wasn't asked for.
-    """
+
+def without_duplicates(samples: Samples, repair: Collection[str], findings: Findings) -> Samples:
+    """Return the samples with rows of one stamp averaged; refused unless that was asked for."""
     same = np.flatnonzero(np.diff(samples.time) == 0.0) + 1
     if not same.size:
         return samples
     k = int(same[0])
     what = f"the same time as the {samples.counts} before, {samples.time[k]:.9g} s after the start"
     rows = tuple(samples.rows[same].tolist())
-    if "duplicates" not in repair:
-        raise RecordError(
+    if "duplicates" in repair:
+        text = f"{samples.counts} {rows[0]}: {what}; {same.size} such rows averaged"
+        findings.append(LogFinding("duplicate stamp", text, same.size, rows, True))
+    else:
+        findings.refuse(
+            "duplicate stamp",
             f"{samples.at(k, samples.clock)}: {what} ({same.size} times in all); average such "
-            "rows with the repair 'duplicates' (--repair), or use a finer clock"
+            "rows with the repair 'duplicates' (--repair), or use a finer clock",
+            rows=rows,
+            count=same.size,
+            option="--repair duplicates",
         )
     first = np.flatnonzero(np.diff(samples.time, prepend=-np.inf) != 0.0)
     known = np.isfinite(samples.values)
@@ -169,8 +215,6 @@ def without_duplicates(
     count = np.add.reduceat(known.astype(np.int64), first, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / count
-    text = f"{samples.counts} {rows[0]}: {what}; {same.size} such rows averaged"
-    findings.append(LogFinding("duplicate stamp", text, same.size, rows, True))
     merged = samples.take(first)
     return Samples(
         merged.path,
@@ -183,24 +227,29 @@ def without_duplicates(
     )
 
 
-def check_missing(samples: Samples, repair: Collection[str], findings: list[LogFinding]) -> None:
-    """Report the cells without a number. Raises RecordError unless they are to be filled."""
+def check_missing(samples: Samples, repair: Collection[str], findings: Findings) -> None:
+    """Report the cells without a number; refused unless they are to be filled."""
     for column, values in zip(samples.columns, samples.values.T):
         holes = np.flatnonzero(np.isnan(values))
         if not holes.size:
             continue
         what = f"{holes.size} of {values.size} numbers are missing"
         where = samples.at(int(holes[0]), column)
+        rows = tuple(samples.rows[holes].tolist())
         if "missing" not in repair:
-            raise RecordError(
+            findings.refuse(
+                "missing number",
                 f"{where}: no number ({what}); interpolate with the repair 'missing' (--repair), "
-                "or cut the log"
+                "or cut the log",
+                rows=rows,
+                count=holes.size,
+                option="--repair missing",
             )
+            continue
         text = (
             f"column {column!r}: {what}, the first in {samples.counts} {samples.rows[holes[0]]}; "
             "interpolated"
         )
-        rows = tuple(samples.rows[holes].tolist())
         if not any(finding.text == text for finding in findings):
             findings.append(LogFinding("missing number", text, holes.size, rows, True))
 
@@ -210,7 +259,7 @@ def pieces(
     repair: Collection[str],
     max_gap: float | None,
     strict: bool,
-    findings: list[LogFinding],
+    findings: Findings,
 ) -> tuple[Run, ...]:
     """Return the intervals in which every channel has numbers close enough together.
 
@@ -222,7 +271,7 @@ def pieces(
         findings: what is found is added.
 
     Raises:
-        RecordError: there is a gap that may not be cut at.
+        RecordError: a column has no number.
     """
     time = samples.time
     cuts: list[tuple[float, float]] = []
@@ -230,7 +279,7 @@ def pieces(
     for column, values in zip(samples.columns, samples.values.T):
         known = np.flatnonzero(np.isfinite(values))
         if not known.size:
-            raise _empty(samples, column)
+            raise RecordError(empty(samples, column))
         steps = np.diff(time[known])
         limit = max_gap if max_gap is not None else _limit(steps)
         wide = np.flatnonzero(steps > limit)
@@ -245,8 +294,8 @@ def pieces(
     if not cuts:
         return (Run(0, time.size - 1),)
     starts, stops = (np.array(edge) for edge in zip(*sorted(set(cuts))))
-    _report_gaps(samples, starts, stops, repair, strict or holed, findings)
-    if "gaps" not in repair:
+    refused = _report_gaps(samples, starts, stops, repair, strict or holed, findings)
+    if "gaps" not in repair and not refused:
         return (Run(0, time.size - 1),)
     return _between(time, starts, stops)
 
@@ -282,8 +331,9 @@ def _report_gaps(
     stops: NDArray[np.float64],
     repair: Collection[str],
     strict: bool,
-    findings: list[LogFinding],
-) -> None:
+    findings: Findings,
+) -> bool:
+    """Report gaps; return whether they are refused."""
     start = np.clip(starts, samples.time[0], None)
     stop = np.clip(stops, None, samples.time[-1])
     after = np.searchsorted(samples.time, starts, side="right")
@@ -300,10 +350,16 @@ def _report_gaps(
     if "gaps" in repair:
         text = f"{samples.counts} {rows[0]}: {what}; split there"
         findings.append(LogFinding("gap", text, starts.size, rows, True))
-        return
-    if strict:
-        raise RecordError(
+    elif strict:
+        findings.refuse(
+            "gap",
             f"{samples.at(k, samples.clock)}: {what}; split the log at its gaps with the repair "
-            "'gaps' (--repair), or allow longer ones (--max-gap S)"
+            "'gaps' (--repair), or allow longer ones (--max-gap S)",
+            rows=rows,
+            count=starts.size,
+            option="--repair gaps",
         )
-    findings.append(LogFinding("gap", f"{samples.counts} {rows[0]}: {what}", starts.size, rows))
+    else:
+        text = f"{samples.counts} {rows[0]}: {what}"
+        findings.append(LogFinding("gap", text, starts.size, rows))
+    return strict and "gaps" not in repair
