@@ -31,8 +31,11 @@ ANY = st.one_of(
 READING = ("--channel", "--time", "--rate", "--resample", "--repair", "--max-gap")
 READING += ("--min-duration", "--from", "--to", "--map", "--reference", "--conditioning")
 OPTIONS = {
-    "frf": (*READING, "--inputs", "--outputs"),
-    "identify": (*READING, "--structure", "--fix", "--start", "--responses", "--rename", "--seed"),
+    "frf": (*READING, "--inputs", "--outputs", "--band", "--windows", "--overlap"),
+    "identify": (
+        *(*READING, "--structure", "--fix", "--start", "--responses", "--rename", "--seed"),
+        *("--band", "--windows", "--overlap", "--bounds", "--points", "--searches"),
+    ),
     "linearize": ("--inputs", "--set"),
     "fly": ("--amplitude", "--set", "--fault", "--integrator", "--turbulence", "--wind", "--axis"),
     "structures": ("",),

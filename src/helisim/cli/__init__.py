@@ -16,6 +16,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from helisim import __version__
+from helisim.cli.bands import joined
 from helisim.cli.common import Parser, single_line
 from helisim.errors import DivergedError, HelisimError, LogError, UnknownNameError
 
@@ -30,8 +31,10 @@ examples:
 """
 
 _SHARED = {
+    "bands",
     "by_hand",
     "common",
+    "fitting",
     "ground",
     "logs",
     "manoeuvres",
@@ -45,7 +48,7 @@ _SHARED = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    words = joined(sys.argv[1:] if arguments is None else arguments)
     options = parser(words).parse_args(words)
     try:
         with _messages(quiet=getattr(options, "quiet", False)):

@@ -216,6 +216,14 @@ def names(text: str | None) -> tuple[str, ...]:
     return tuple(name.strip() for name in (text or "").split(",") if name.strip())
 
 
+def numbers(option: str, text: str | None) -> tuple[float, ...]:
+    """Return numbers that are separated by commas. Raises InputError."""
+    try:
+        return tuple(float(item) for item in names(text))
+    except ValueError:
+        raise InputError(f"{option} takes numbers separated by commas, got {text!r}") from None
+
+
 def add_write(command: argparse.ArgumentParser, name: str) -> None:
     """Add --write, for a command that makes a vehicle's parameter file of that name."""
     command.add_argument(

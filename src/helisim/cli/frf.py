@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from helisim.cli.bands import Bands
 from helisim.cli.common import add_quiet, print_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Signals, add_responses, estimate
+from helisim.errors import InputError
 from helisim.units import decibel
 
 if TYPE_CHECKING:
@@ -51,8 +53,10 @@ def _run(options: argparse.Namespace) -> int:
     for path, suffix in ((options.json, ".json"), (options.csv, ".csv")):
         if path is not None:
             check_destination(path, (suffix,))
+    if Bands.of(options).own:
+        raise InputError("--band LO HI is one for all responses here; identify takes others by one")
     with Progress(len(options.logs) + 1, options.quiet) as advance:
-        logs, _, frf = estimate(options, Signals.of(options), advance)
+        logs, _, frf, _ = estimate(options, Signals.of(options), advance)
     print(f"{describe(logs)}\n")
     print("\n".join(_table(frf)))
     provenance = made_by("frequency response", **frf.provenance)

@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from helisim.cli.common import add_quiet, named_numbers, names, print_written, wrapped
+from helisim.cli.common import add_quiet, print_written, wrapped
+from helisim.cli.fitting import adapted, add_fitting, fitted_bands, search_options
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
@@ -42,35 +43,13 @@ def add(commands: Any) -> None:
         metavar="NAME|FILE",
         help="built-in name, tf:ZEROS/POLES, or a TOML file; `helisim structures` lists them",
     )
-    command.add_argument("--rename", metavar="OLD=NEW,...", help="channels of the structure")
     add_responses(command, required=False)
-    command.add_argument(
-        "--fix",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="keep a parameter at a value, SI; may be given again",
-    )
-    command.add_argument(
-        "--start",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="start a parameter at a value, SI; may be given again",
-    )
-    command.add_argument(
-        "--responses", metavar="A/B,...", help="responses to fit, such as p/lat (default: all)"
-    )
-    command.add_argument(
-        "--reduce", action="store_true", help="drop the parameters that the data don't support"
-    )
-    command.add_argument(
-        "--seed", type=int, default=0, metavar="S", help="of the search's starts (default: 0)"
-    )
-    command.add_argument("--json", type=Path, metavar="FILE", help="write the model, for verify")
-    command.add_argument("--latex", type=Path, metavar="FILE", help="write the table, .tex")
-    command.add_argument("--matlab", type=Path, metavar="FILE", help="write the model, .mat")
-    command.add_argument("--report", type=Path, metavar="FILE", help="write a page, .html")
+    add_fitting(command)
+    group = command.add_argument_group("what is written")
+    group.add_argument("--json", type=Path, metavar="FILE", help="the model, for verify, .json")
+    group.add_argument("--latex", type=Path, metavar="FILE", help="the table, .tex")
+    group.add_argument("--matlab", type=Path, metavar="FILE", help="the model, .mat")
+    group.add_argument("--report", type=Path, metavar="FILE", help="a page with figures, .html")
     add_quiet(command)
     command.set_defaults(run=_run)
 
@@ -79,24 +58,21 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.ident import identify, reduce
 
     structure, signals = _asked(options)
+    search = search_options(options, structure)
     _check_destinations(options)
     with Progress(len(options.logs) + 1, options.quiet) as advance:
         estimated = estimate(options, signals, advance)
     frf, reduction = estimated.response, None
+    search["band"] = fitted_bands(options, structure, estimated.band)
     with (
         Progress(None, options.quiet, unit="search") as advance,
         located(estimated.logs),
     ):
-        search: dict[str, Any] = {
-            "responses": names(options.responses) or None,
-            "seed": options.seed,
-            "on_progress": advance,
-        }
         if options.reduce:
-            reduction = reduce(frf, structure, **search)
+            reduction = reduce(frf, structure, on_progress=advance, **search)
             fit = reduction.fit
         else:
-            fit = identify(frf, structure, **search)
+            fit = identify(frf, structure, on_progress=advance, **search)
     low, high = frf.frequency[[0, -1]]
     print(describe(estimated.logs))
     print(f"band {low:.4g} to {high:.4g} rad/s, {fit.method}\n")
@@ -111,10 +87,7 @@ def _asked(options: argparse.Namespace) -> "tuple[Structure, Signals]":
     """Return the structure and the signals that the options name. Raises InputError."""
     signals = Signals.of(options)
     structure = find_structure(options.structure, signals.inputs, signals.outputs)
-    if options.rename is not None:
-        structure = structure.renamed(_renames(options.rename))
-    structure = structure.with_starts(named_numbers("--start", options.start))
-    structure = structure.with_fixed(named_numbers("--fix", options.fix))
+    structure = adapted(structure, options)
     signals = signals._replace(
         inputs=signals.inputs or structure.inputs, outputs=signals.outputs or structure.outputs
     )
@@ -162,16 +135,6 @@ def _write(
     for path in (options.json, options.latex, options.matlab, options.report):
         if path is not None:
             print_written(options, str(path))
-
-
-def _renames(text: str) -> dict[str, str]:
-    renames = {}
-    for item in names(text):
-        old, equals, new = item.partition("=")
-        if not equals or not old.strip() or not new.strip():
-            raise InputError(f"--rename takes OLD=NEW, such as lat=LAT, got {item!r}")
-        renames[old.strip()] = new.strip()
-    return renames
 
 
 def _check_covered(

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from math import pi
 from typing import TYPE_CHECKING, NamedTuple
 
-from helisim.cli.common import names
+from helisim.cli.bands import Band, Bands
+from helisim.cli.common import names, numbers
 from helisim.cli.logs import located, read_logs
 from helisim.errors import IdentificationError
 
@@ -35,37 +36,56 @@ class Signals(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """Logs as they were read, their records, and the frequency response of all together."""
+    """Logs as they were read, their records, and the frequency response of all together.
+
+    `band` is that of a response for which --band says nothing, rad/s.
+    """
 
     logs: "tuple[Log, ...]"
     records: "tuple[FlightRecord, ...]"
     response: "FrequencyResponse"
+    band: Band
 
 
 def add_responses(command: argparse.ArgumentParser, *, required: bool) -> None:
     """Add the options of which responses are estimated and how."""
     default = "" if required else " (default: the structure's)"
-    command.add_argument(
+    group = command.add_argument_group("how frequency responses are estimated")
+    group.add_argument(
         "--inputs", required=required, metavar="A,B", help=f"channels that act{default}"
     )
-    command.add_argument(
+    group.add_argument(
         "--outputs", required=required, metavar="P,Q", help=f"channels that answer{default}"
     )
-    command.add_argument(
+    group.add_argument(
         "--conditioning", metavar="C,D", help="further inputs whose effect is removed"
     )
-    command.add_argument(
+    group.add_argument(
         "--reference",
         metavar="A,B",
         help="signals outside the loop, such as the sticks: joint input-output method, which "
         "feedback and gusts don't bias",
     )
-    command.add_argument(
+    own = "" if required else "; p/lat=LO:HI for one response, separated by commas"
+    group.add_argument(
         "--band",
-        nargs=2,
+        action="append",
+        default=[],
+        metavar="LO HI",
+        help=f"lowest and highest frequency, rad/s (default: what the records resolve){own}",
+    )
+    group.add_argument(
+        "--windows",
+        metavar="S,S,...",
+        help="lengths of the windows, s: long ones for low frequencies, short ones for less "
+        "scatter (default: five, by the band and the records)",
+    )
+    group.add_argument(
+        "--overlap",
         type=float,
-        metavar=("LO", "HI"),
-        help="rad/s (default: what the records resolve)",
+        default=0.75,
+        metavar="SHARE",
+        help="of a window that the next one covers (default: 0.75)",
     )
 
 
@@ -85,28 +105,29 @@ def estimate(
         for category in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
             warnings.simplefilter("ignore", category)
         logs, records = read_logs(options, wanted, advance, moving=True)
+        bands = Bands.of(options)
+        common = bands.common or _resolved(records)
         with located(logs):
             response = frequency_response(
                 records,
                 inputs=inputs,
                 outputs=outputs,
-                band=_band(options, records),
+                band=bands.around(common),
                 conditioning=conditioning,
                 reference=reference,
+                windows=numbers("--windows", options.windows) or None,
+                overlap=options.overlap,
                 use_ended=options.use_ended,
             )
         advance("frequency responses")
-    return Estimated(logs, records, response)
+    return Estimated(logs, records, response, common)
 
 
-def _band(options: argparse.Namespace, records: "Sequence[FlightRecord]") -> tuple[float, float]:
-    """Return --band, or what the records resolve: rad/s.
+def _resolved(records: "Sequence[FlightRecord]") -> Band:
+    """Return the band that records resolve, rad/s.
 
-    By default from one period in the longest window that the rules allow to ten samples a
-    period.
+    From one period in the longest window that the rules allow to ten samples a period.
     """
-    if options.band is not None:
-        return options.band[0], options.band[1]
     durations = [record.duration for record in records]
     window = min(min(durations) / 2.0, sum(durations) / 5.0)
     low = 1.0001 * 2.0 * pi / window

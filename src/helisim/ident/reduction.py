@@ -15,7 +15,7 @@ import numpy as np
 
 from helisim.errors import InputError
 from helisim.ident.evaluate import response
-from helisim.ident.fit import identify
+from helisim.ident.fit import Weighting, identify
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.points import Band
 from helisim.ident.response import FrequencyResponse
@@ -149,6 +149,7 @@ def reduce(
     frequencies_per_response: int = 20,
     searches: int = 12,
     seed: int = 0,
+    weighting: Weighting = "error",
     on_progress: Callable[[str], None] | None = None,
 ) -> Reduction:
     """Drop the parameters that the data do not support, one at a time.
@@ -167,6 +168,7 @@ def reduce(
         frequencies_per_response: as for `identify`.
         searches: as for `identify`, of the full and of the final structure.
         seed: as for `identify`.
+        weighting: as for `identify`.
         on_progress: as for `identify`.
 
     Raises:
@@ -190,6 +192,7 @@ def reduce(
             frequencies_per_response=frequencies_per_response,
             searches=count,
             seed=seed,
+            weighting=weighting,
             on_progress=on_progress,
         )
 

@@ -1,0 +1,171 @@
+"""The command line on how a model is fitted: what the library takes is possible there too."""
+
+import inspect
+import json
+
+import numpy as np
+import pytest
+
+from command import fails
+from helisim.cli import main, parser
+from helisim.ident import frequency_response, identify, load_fit, reduce, structures, verify
+from swept_logs import csv_writer, write_clean
+
+ROLLPITCH = {
+    "tau_f": 0.06, "L_b": 700.0, "M_a": 400.0, "A_b": -0.2, "B_a": 0.3, "A_lat": 0.02,
+    "A_lon": 0.2, "B_lat": 0.2, "B_lon": -0.02, "tau_lat": 0.02, "tau_lon": 0.02,
+}  # fmt: skip
+
+OPTIONS = {
+    frequency_response: {
+        "records": "logs",
+        "inputs": "--inputs",
+        "outputs": "--outputs",
+        "band": "--band",
+        "conditioning": "--conditioning",
+        "reference": "--reference",
+        "windows": "--windows",
+        "overlap": "--overlap",
+        "use_ended": "--use-ended",
+    },
+    identify: {
+        "frf": "logs",
+        "structure": "--structure",
+        "band": "--band",
+        "responses": "--responses",
+        "frequencies_per_response": "--points",
+        "searches": "--searches",
+        "seed": "--seed",
+        "weighting": "--weighting",
+        "on_progress": "--quiet",
+    },
+    reduce: {"keep": "--keep", "delays": "--drop-delays", "rise": "--rise"},
+    verify: {"fit": "model", "records": "logs", "use_ended": "--use-ended"},
+}
+OPTIONS[reduce] |= OPTIONS[identify]
+
+
+@pytest.fixture
+def sweep_csv(tmp_path):
+    return csv_writer(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def sweeps(tmp_path_factory):
+    """Lateral and longitudinal sweeps of the roll-pitch model, as files."""
+    folder = tmp_path_factory.mktemp("sweeps")
+    paths = []
+    for seed, axis in enumerate(("lat", "lon")):
+        paths.append(folder / f"{axis}.parquet")
+        write_clean(paths[-1], structures.rollpitch, ROLLPITCH, axis, seed, 0.002)
+    return [str(path) for path in paths]
+
+
+@pytest.mark.parametrize("function", OPTIONS)
+def test_every_argument_of_the_library_is_an_option(function):
+    """A new argument of what a command calls needs an option, or users can't reach it."""
+    command = "verify" if function is verify else "identify"
+    actions = parser([command])._actions[-1].choices[command]._actions
+    known = {name for action in actions for name in (*action.option_strings, action.dest)}
+    assert set(inspect.signature(function).parameters) == set(OPTIONS[function])
+    assert set(OPTIONS[function].values()) <= known
+
+
+def fitted(tmp_path, logs, *options, structure="rollpitch"):
+    """Identify and return the fit that was written, whatever the exit status."""
+    model = tmp_path / "model.json"
+    where = ["--structure", structure, "--json", str(model), "--quiet"]
+    assert main(["identify", *map(str, logs), *where, *options]) in (0, 1)
+    return load_fit(model)
+
+
+def test_responses_have_bands_of_their_own(tmp_path, sweeps):
+    """--band takes one for all, and others by response, in one word or several."""
+    own = ["--band", "p/lat=3:25,q/lon=2:20"]
+    fit = fitted(tmp_path, sweeps, "--band", "1", "30", *own, "--searches", "1")
+    for name, wanted in {"p/lat": (3, 25), "q/lon": (2, 20), "p/lon": (1, 30)}.items():
+        assert fit.bands[name] == pytest.approx(wanted, rel=0.05), name
+    assert fit.data.frequency[[0, -1]] == pytest.approx([1.0, 30.0])
+    alone = fitted(tmp_path, sweeps, *own, "--responses", "p/lat,q/lon", "--searches", "1")
+    assert alone.bands["p/lat"] == pytest.approx((3, 25), rel=0.05)
+
+
+def test_the_search_and_its_points_are_the_users(tmp_path, sweep_csv):
+    """--searches, --points, --weighting and --seed reach the library as they are."""
+    options = ["--searches", "3", "--points", "35", "--weighting", "coherence", "--seed", "4"]
+    fit = fitted(tmp_path, [sweep_csv()], *options, structure="heave")
+    asked = dict(fit.options)
+    assert (asked["searches"], asked["frequencies_per_response"]) == (3, 35)
+    assert (asked["weighting"], asked["seed"]) == ("coherence", 4)
+
+
+def test_windows_and_their_overlap_are_the_users(tmp_path, sweep_csv):
+    """--windows and --overlap are those of `frequency_response`."""
+    path, out = sweep_csv(), tmp_path / "frf.json"
+    signals = ["--inputs", "col", "--outputs", "w", "--band=2:20", "--quiet", "--json", str(out)]
+    coherence = []
+    for overlap in ("0.5", "0.75"):
+        assert main(["frf", str(path), *signals, "--windows", "6,4", "--overlap", overlap]) == 0
+        response = json.loads(out.read_text())["response"]
+        assert response["windows"] == [6.0, 4.0]
+        coherence.append(np.array(response["coherence"]))
+    assert np.any(coherence[0] != coherence[1])
+
+
+def test_bounds_hold_a_parameter(tmp_path, sweep_csv):
+    """--bounds moves a start inside, holds the fit, and opens a side that is left out."""
+    path = sweep_csv()
+    held = fitted(tmp_path, [path], "--bounds", "Z_w=-0.5:-0.4", structure="heave")
+    assert held["Z_w"].value == pytest.approx(-0.5)
+    assert held.at_bound == ("Z_w",)
+    free = fitted(tmp_path, [path], "--bounds", "Z_w=:-0.4", structure="heave")
+    assert free["Z_w"].value < -0.6
+    assert free["Z_w"].definition.limits == (-np.inf, -0.4)
+
+
+def test_a_reduction_keeps_what_it_is_told_to(tmp_path, sweep_csv):
+    """--keep, --rise and --drop-delays are those of `reduce`; with a rise all goes."""
+    path, model = sweep_csv(), tmp_path / "model.json"
+    options = ["--structure", "heave", "--reduce", "--rise", "1e9", "--json", str(model)]
+    options += ["--points", "100", "--band", "10", "30"]  # where the damping is hardly seen
+    kept = []
+    for more in ([], ["--keep", "Z_w"]):
+        main(["identify", str(path), *options, *more])
+        kept.append("Z_w" not in json.loads(model.read_text())["reduction"]["dropped"])
+    assert kept == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--band", "1"], "LO HI"),
+        (["--band", "w/col=1"], "p/lat=LO:HI"),
+        (["--band", "1:2,3:4"], "twice"),
+        (["--band", "w/lat=1:4"], "w/col"),
+        (["--band", "w/col=20:1"], "lower < upper"),
+        (["--windows", "5,x"], "--windows"),
+        (["--windows", "500"], "does not fit"),
+        (["--overlap", "2"], "overlap"),
+        (["--searches", "0"], "searches"),
+        (["--points", "2"], "frequencies"),
+        (["--weighting", "none"], "coherence"),
+        (["--bounds", "Z_w"], "NAME=LO:HI"),
+        (["--bounds", "Z_w=1"], "NAME=LO:HI"),
+        (["--bounds", "Z_w=1:-1"], "lower < upper"),
+        (["--bounds", "Z_q=1:2"], "Z_w"),
+        (["--bounds", "Z_w=nan:nan"], "Z_w"),
+        (["--bounds", "Z_w=-2:-1", "--start", "Z_w=5"], "start"),
+        (["--keep", "Z_w"], "--reduce"),
+        (["--reduce", "--keep", "Z_q"], "Z_w"),
+        (["--reduce", "--rise", "-1"], "rise"),
+    ],
+)
+def test_a_bad_option_is_one_line_and_status_2(sweep_csv, capsys, arguments, says):
+    """Every mistake ends in one line that says what to do."""
+    assert says in fails(capsys, "identify", sweep_csv(), "--structure", "heave", *arguments)
+
+
+def test_a_response_has_no_band_of_its_own_where_all_are_estimated(sweep_csv, capsys):
+    """`frf` estimates over one band: another by response would do nothing."""
+    signals = ["--inputs", "col", "--outputs", "w"]
+    assert "one for all" in fails(capsys, "frf", sweep_csv(), *signals, "--band", "w/col=1:9")
