@@ -1,8 +1,99 @@
-"""Every aircraft of known truth, by name."""
+"""Every aircraft of known truth by name, in its rig and with its sweeps.
+
+The models and their sources are in `published`, `fixed_wing`, `multirotor` and `hover`; how
+the first three fly is said here.
+"""
 
 from collections.abc import Callable
 
-from aircraft import Aircraft
+import numpy as np
+import published
+from aircraft import Aircraft, Sweep
+from closed_loop import Rig, quadratic_gain
+from fixed_wing import f_16, learjet_lateral, learjet_longitudinal
 from hover import hover
+from multirotor import hummingbird
 
-FLEET: dict[str, Callable[[], Aircraft]] = {"hover": hover}
+
+def boeing_747() -> Aircraft:
+    """Yaw damper and wing leveller, as the aircraft flies with; 400 s a sweep for 1 rad/s."""
+    rig = Rig(
+        published.boeing_747(),
+        published.BOEING_747,
+        np.array([[0.0, -1.5, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]]),
+        rate=50,
+        keep=1,
+        noise=dict.fromkeys(("r", "p", "phi"), 0.0005),
+        gust={"beta": 0.001, "p": 0.0025},
+        gust_cutoff=2.0,
+    )
+    sweeps = [
+        Sweep(axis=axis, amplitude=amplitude, band=(0.1, 8.0), duration=400.0, off_axis=0.001)
+        for axis, amplitude in (("ped", 0.05), ("ped", 0.05), ("lat", 0.1), ("lat", 0.1))
+    ]
+    return Aircraft("boeing_747", rig, tuple(sweeps))
+
+
+def blade_360() -> Aircraft:
+    """A hover hold with 40 ms of delay; cyclic sweeps up to the rotor's 78 rad/s."""
+    structure, truth = published.blade_360(), published.BLADE_360
+    weights = {"u": 0.02, "v": 0.02, "w": 0.1, "phi": 1.0, "theta": 1.0, "r": 0.05}
+    rig = Rig(
+        structure,
+        truth,
+        quadratic_gain(structure, truth, weights, 100.0),
+        rate=500,
+        keep=2,
+        noise={**dict.fromkeys(("p", "q", "r"), 0.01), **dict.fromkeys(("u", "v", "w"), 0.02)},
+        gust={"u": 0.15, "v": 0.15, "w": 0.15, "p": 0.5, "q": 0.5, "r": 0.25},
+    )
+    sweeps = [
+        Sweep(
+            axis=axis,
+            band=(0.3, 110.0) if axis in ("lat", "lon") else (0.3, 30.0),
+            amplitude=0.1 if axis in ("lat", "lon") else 0.05,
+            duration=90.0,
+            off_axis=0.001,
+        )
+        for axis in ("lat", "lat", "lon", "lon", "ped", "ped", "col", "col")
+    ]
+    return Aircraft("blade_360", rig, tuple(sweeps))
+
+
+def lynx() -> Aircraft:
+    """A hover hold by state feedback, 300 s a sweep for the phugoid's 0.6 rad/s."""
+    structure, truth = published.lynx()
+    weights = {"u": 0.01, "v": 0.01, "w": 0.05, "phi": 1.0, "theta": 1.0, "r": 1.0}
+    rig = Rig(
+        structure,
+        truth,
+        quadratic_gain(structure, truth, weights, 1.0),
+        rate=100,
+        keep=1,
+        noise={**dict.fromkeys(("p", "q", "r"), 0.002), **dict.fromkeys(("u", "v", "w"), 0.05)},
+        gust={"u": 0.05, "v": 0.05, "w": 0.05, "p": 0.015, "q": 0.01, "r": 0.01},
+        gust_cutoff=3.0,
+    )
+    sweeps = [
+        Sweep(
+            axis=axis,
+            band=(0.1, 20.0),
+            amplitude=1.0 if axis == "ped" else 0.3,
+            duration=300.0,
+            off_axis=0.006,
+        )
+        for axis in ("col", "col", "lon", "lon", "lat", "lat", "ped", "ped")
+    ]
+    return Aircraft("lynx", rig, tuple(sweeps))
+
+
+FLEET: dict[str, Callable[[], Aircraft]] = {
+    "hover": hover,
+    "boeing_747": boeing_747,
+    "blade_360": blade_360,
+    "lynx": lynx,
+    "f_16": f_16,
+    "learjet_lat": learjet_lateral,
+    "learjet_lon": learjet_longitudinal,
+    "hummingbird": hummingbird,
+}

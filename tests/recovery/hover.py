@@ -5,12 +5,10 @@ Mettler's hover model with the inflow of a first-order lag. The numbers are a mo
 helicopter's orders of magnitude, chosen here: a test case, not an aircraft.
 """
 
-import math
-from typing import Any
-
 import numpy as np
 from aircraft import Aircraft, Sweep
 from closed_loop import Rig
+from published import parameters
 
 from helisim.ident import Structure
 
@@ -58,7 +56,6 @@ TRUTH = {
 
 _STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta", "a", "b", "r_fb", "nu")
 _INPUTS = ("lat", "lon", "ped", "col")
-_LAGS = ("tau_f", "tau_nu")
 
 
 def structure() -> Structure:
@@ -66,7 +63,7 @@ def structure() -> Structure:
     return Structure.from_dict(
         {
             "name": "hover_12",
-            "parameters": {name: _parameter(name, value) for name, value in TRUTH.items()},
+            "parameters": parameters(TRUTH),
             "constants": {"g": 9.80665},
             "states": list(_STATES),
             "inputs": list(_INPUTS),
@@ -105,14 +102,6 @@ def structure() -> Structure:
             "input_delays": {name: f"tau_{name}" for name in _INPUTS},
         }
     )
-
-
-def _parameter(name: str, value: float) -> dict[str, Any]:
-    if name in _LAGS:
-        return {"unit": "s", "start": 0.1, "bounds": [1e-3, 1.0]}
-    if name.startswith("tau_"):
-        return {"unit": "s", "start": 0.0, "bounds": [-0.3, 0.3], "scale": 0.03}
-    return {"unit": "SI", "start": math.copysign(10.0 ** round(math.log10(abs(value))), value)}
 
 
 def hover() -> Aircraft:

@@ -101,19 +101,24 @@ LYNX_B_FEET = (
 )
 
 
+DELAYS = ("tau", "tau_lat", "tau_lon", "tau_ped", "tau_col")
+LAGS = ("tau_f", "tau_m", "tau_nu")
+"""Delays and time constants by name: their bounds are what anyone knows of such."""
+
+
 def rough(value: float) -> float:
     """Return a value's sign and nearest power of ten: a start that is no answer."""
     return math.copysign(10.0 ** round(math.log10(abs(value))), value)
 
 
-def _parameters(truth: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Any]:
+def parameters(truth: Mapping[str, float]) -> dict[str, Any]:
     """Return a table of parameters that start at powers of ten, delays at zero."""
     table: dict[str, Any] = {}
     for name, value in truth.items():
-        table[name] = {"unit": units.get(name, "SI"), "start": rough(value)}
-        if name == "tau":
+        table[name] = {"unit": "SI", "start": rough(value)}
+        if name in DELAYS:
             table[name] = {"unit": "s", "start": 0.0, "bounds": [-0.3, 0.3], "scale": 0.03}
-        if name == "tau_f":
+        if name in LAGS:
             table[name] |= {"unit": "s", "bounds": [1e-3, 1.0]}
     return table
 
@@ -123,7 +128,7 @@ def boeing_747() -> Structure:
     return Structure.from_dict(
         {
             "name": "boeing_747_lateral",
-            "parameters": _parameters(BOEING_747, {}),
+            "parameters": parameters(BOEING_747),
             "constants": BOEING_747_KNOWN,
             "states": ["beta", "r", "p", "phi"],
             "inputs": ["ped", "lat"],
@@ -179,7 +184,7 @@ def lynx() -> tuple[Structure, dict[str, float]]:
     structure = Structure.from_dict(
         {
             "name": "lynx_hover",
-            "parameters": _parameters(truth, {}),
+            "parameters": parameters(truth),
             "constants": known,
             "states": list(LYNX_STATES),
             "inputs": list(LYNX_INPUTS),
