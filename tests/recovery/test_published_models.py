@@ -62,9 +62,7 @@ def case(name, *, seed=0):
         truth=dict(aircraft.truth),
         rig=aircraft.rig,
         flights=flights,
-        unseen=replace(aircraft.rig, gust={}).fly(
-            seed=100 * seed + 99, **asdict(aircraft.sweeps[0])
-        ),
+        unseen=calm.fly(seed=100 * seed + 99, **asdict(aircraft.sweeps[0])),
         fit=identified(aircraft, flights, joint=True),
         direct=identified(aircraft, flights, joint=False),
     )
