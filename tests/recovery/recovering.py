@@ -2,14 +2,13 @@
 
 import time
 import warnings
-from argparse import Namespace
 from dataclasses import dataclass
 
 import numpy as np
 from aircraft import Aircraft
 from numpy.typing import NDArray
 
-from helisim.cli.responses import _band
+from helisim.cli.responses import resolved_band
 from helisim.ident import (
     ClosedLoopWarning,
     CrossControlWarning,
@@ -81,7 +80,7 @@ def estimated(aircraft: Aircraft, records: list[FlightRecord]) -> FrequencyRespo
             records,
             inputs=aircraft.structure.inputs,
             outputs=aircraft.structure.outputs,
-            band=_band(Namespace(band=None), records),
+            band=resolved_band(records),
             reference=aircraft.rig.sticks if aircraft.closed else None,
         )
 

@@ -106,7 +106,7 @@ def estimate(
             warnings.simplefilter("ignore", category)
         logs, records = read_logs(options, wanted, advance, moving=True)
         bands = Bands.of(options)
-        common = bands.common or _resolved(records)
+        common = bands.common or resolved_band(records)
         with located(logs):
             response = frequency_response(
                 records,
@@ -123,7 +123,7 @@ def estimate(
     return Estimated(logs, records, response, common)
 
 
-def _resolved(records: "Sequence[FlightRecord]") -> Band:
+def resolved_band(records: "Sequence[FlightRecord]") -> Band:
     """Return the band that records resolve, rad/s.
 
     From one period in the longest window that the rules allow to ten samples a period.
