@@ -105,6 +105,14 @@ class Cost:
         return np.concatenate([scaled.real, scaled.imag], axis=1).T
 
     @property
+    def certainty(self) -> NDArray[np.float64]:
+        """What a squared relative error counts by where a start is looked for, (n_point,)."""
+        deviation = self.points.deviation
+        if self._spread is None or deviation is None or not np.any(deviation > 0.0):
+            return self.points.weight
+        return 1.0 / self._spread**2
+
+    @property
     def spread(self) -> NDArray[np.float64]:
         """Standard deviation by which `standardised` residuals are divided, (n_point,)."""
         if self._spread is None:

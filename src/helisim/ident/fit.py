@@ -2,12 +2,9 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import Bounds, OptimizeResult, least_squares
 
 from helisim.errors import InputError
 from helisim.ident.bounds import accuracy
@@ -17,19 +14,10 @@ from helisim.ident.misfit import misfit
 from helisim.ident.points import Band, select
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
-from helisim.ident.starts import starting_points
+from helisim.ident.search import Minimum, refine, search
 from helisim.ident.structure import Structure
 from helisim.ident.threads import one_blas_thread
 from helisim.records.provenance import plain
-
-_APPROACH_STEPS = 60
-"""Evaluations of the search through relative errors, which only has to find the valley."""
-
-_GOOD_ENOUGH = 100.0
-"""Average cost (the guideline's limit) from which a minimum that two starts share is believed."""
-
-_SAME_COST = 1e-4
-"""Two searches found the same minimum when their costs agree to this fraction."""
 
 _AT_BOUND = 1e-6
 """A parameter is at a bound when it is this fraction of the interval away from it."""
@@ -37,14 +25,6 @@ _AT_BOUND = 1e-6
 
 Weighting = Literal["error", "coherence"]
 """How the points of a fit are weighed."""
-
-
-class Minimum(NamedTuple):
-    """Where one search ended."""
-
-    x: NDArray[np.float64]
-    cost: float
-    converged: bool
 
 
 @one_blas_thread()
@@ -93,11 +73,11 @@ def identify(
         )
     points = select(frf, structure, band=band, responses=responses, count=frequencies_per_response)
     cost = Cost(structure, points)
-    best, agreeing = _search(cost, searches, seed, on_progress or (lambda _: None))
+    best, agreeing = search(cost, searches, seed, on_progress or (lambda _: None))
     deviation = points.deviation
     standardised = weighting == "error" and deviation is not None and bool(np.any(deviation > 0.0))
     if standardised and structure.free:
-        best = _refine(cost, best)
+        best = refine(cost, best)
     options = plain(
         {
             "band_rad_s": dict(band) if isinstance(band, Mapping) else band,
@@ -109,91 +89,6 @@ def identify(
         }
     )
     return _result(frf, cost, best, agreeing, standardised, options)
-
-
-def _search(
-    cost: Cost, searches: int, seed: int, on_progress: Callable[[str], None]
-) -> tuple[Minimum, int]:
-    """Search from several starts until two of them end in the same good minimum."""
-    enough = _GOOD_ENOUGH * len(cost.points.pairs)
-    if not cost.structure.free:
-        x = np.empty(0)
-        return Minimum(x, float(cost.per_response(x).sum()), True), 1
-    found: list[Minimum] = []
-    for start in starting_points(cost, searches, seed):
-        found.append(_descend(cost, start))
-        on_progress(cost.structure.name)
-        lowest = min(minimum.cost for minimum in found)
-        agreeing = sum(m.cost <= lowest * (1.0 + _SAME_COST) + 1e-9 for m in found)
-        if agreeing >= 2 and lowest <= enough:
-            break
-    best = min(found, key=lambda minimum: minimum.cost)
-    agreeing = sum(m.cost <= best.cost * (1.0 + _SAME_COST) + 1e-9 for m in found)
-    return best, agreeing
-
-
-def _descend(cost: Cost, start: NDArray[np.float64]) -> Minimum:
-    """Go from a start to a minimum of J: first by relative errors, then by J itself."""
-    limits = np.array([parameter.limits for parameter in cost.structure.free]).T
-    near = least_squares(
-        cost.relative,
-        _inside(start, limits),
-        jac=cost.relative_jacobian,  # pyright: ignore[reportArgumentType]
-        bounds=Bounds(*limits),
-        x_scale="jac",
-        ftol=1e-4,
-        xtol=1e-4,
-        max_nfev=_APPROACH_STEPS,
-    )
-    best: Minimum | None = None
-    for unwrap in (True, False):
-        origin = near.x if best is None else best.x
-        end = _minimum(partial(cost.log, unwrap=unwrap), cost.log_jacobian, origin, limits)
-        wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
-        if best is None or wrapped < best.cost:
-            best = Minimum(end.x, wrapped, end.status > 0)
-        if math.isclose(wrapped, 2.0 * float(end.cost), rel_tol=1e-9, abs_tol=1e-12):
-            break
-    assert best is not None  # the loop ran
-    return best
-
-
-def _refine(cost: Cost, best: Minimum) -> Minimum:
-    """Go on from a minimum of J to the one where each point counts by its own error."""
-    limits = np.array([parameter.limits for parameter in cost.structure.free]).T
-    end = _minimum(cost.standardised, cost.standardised_jacobian, best.x, limits)
-    return Minimum(
-        end.x,
-        float(np.sum(cost.log(end.x, unwrap=False) ** 2)),
-        best.converged and end.status > 0,
-    )
-
-
-def _minimum(
-    residual: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    jacobian: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    origin: NDArray[np.float64],
-    limits: NDArray[np.float64],
-) -> OptimizeResult:
-    """Go from a point near a minimum to the minimum itself."""
-    return least_squares(
-        residual,
-        _inside(origin, limits),
-        jac=jacobian,  # pyright: ignore[reportArgumentType]
-        bounds=Bounds(*limits),
-        x_scale="jac",
-        ftol=1e-10,
-        xtol=1e-10,
-        gtol=1e-10,
-        max_nfev=300,
-    )
-
-
-def _inside(x: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return x strictly within the limits, as the trust region needs it."""
-    low, high = limits
-    margin = np.where(np.isfinite(high - low), 1e-9 * (high - low), 0.0)
-    return np.clip(x, low + margin, high - margin)
 
 
 def _result(

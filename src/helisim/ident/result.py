@@ -52,7 +52,8 @@ class Fit(Value, Displayed):
         bands: lowest and highest frequency used of each response, rad/s.
         dropped: responses without enough coherent points.
         converged: the search ended at a minimum, not at its limit of steps.
-        searches_agreeing: how many starts ended in this minimum; 1 says to look closer.
+        searches_agreeing: how many starts, at different delays where the structure has any,
+            ended in this minimum; 1 says to look closer.
         data: the frequency response that was fitted.
         covariance: (n_free, n_free) of the free parameters' errors, whose diagonal is the squared
             standard errors; infinite there where the data do not see one. None in a file of
@@ -119,7 +120,10 @@ class Fit(Value, Displayed):
         if not self.converged:
             remarks.append("the search did not converge: give better starts, or fix a parameter")
         if self.searches_agreeing < 2:
-            remarks.append("only one start ended in this minimum: try more searches")
+            remarks.append(
+                "no two starts, at different delays where there are any, ended in this minimum: "
+                "try more searches, or say where to start"
+            )
         if self.dropped:
             remarks.append(f"left out for lack of coherence: {', '.join(self.dropped)}")
         remarks.extend(f"{a} and {b} are correlated by {r:.3f}" for a, b, r in self.correlated)

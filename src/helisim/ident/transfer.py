@@ -1,10 +1,21 @@
 """Transfer functions of any order with a delay, as structures."""
 
+from typing import NamedTuple
+
 from helisim.errors import InputError
 from helisim.ident.structure import Parameter, Structure
 
-_DELAY_BOUNDS = (-0.3, 0.3)
-"""s: wider than any sensor, servo or radio of a vehicle that can be flown."""
+_DELAY_BOUNDS = (-0.3, 5.0)
+"""s: a skewed recorder can let a channel lead; two cycles of a large vehicle's slow band last as
+long. How far a search looks depends on the band, see `helisim.ident.rational.delay_grid`."""
+
+
+class Coefficients(NamedTuple):
+    """The names of a transfer function's parameters, from s^0 up; the delay's, if it has one."""
+
+    numerator: tuple[str, ...]
+    denominator: tuple[str, ...]
+    delay: str | None
 
 
 def transfer_function(
@@ -76,6 +87,34 @@ def second_order_delay(
 ) -> Structure:
     """Return (b1 s + b0) e^(-tau s) / (s^2 + a1 s + a0); b1 only with `zeros=1`."""
     return transfer_function(zeros=zeros, poles=2, input=input, output=output, name=name)
+
+
+def coefficients(structure: Structure) -> Coefficients | None:
+    """Return the parameters of a structure that `transfer_function` made; None of any other."""
+    names = structure.names
+    poles = len(structure.states)
+    zeros = len(names) - poles - 1
+    delay = next(iter(structure.input_delays.values()), None)
+    zeros -= delay is not None
+    if len(structure.inputs) != 1 or len(structure.outputs) != 1 or not 0 <= zeros <= poles:
+        return None
+    made = transfer_function(
+        zeros=zeros,
+        poles=poles,
+        input=structure.inputs[0],
+        output=structure.outputs[0],
+        delay=delay,
+        name=structure.name,
+    )
+    same = names == made.names and all(
+        getattr(structure, part) == getattr(made, part)
+        for part in (*"MFGD", "H0", "H1", "input_delays", "output_delays")
+    )
+    if not same:
+        return None
+    return Coefficients(
+        tuple(f"b{k}" for k in range(zeros + 1)), tuple(f"a{k}" for k in range(poles)), delay
+    )
 
 
 def _butterworth(order: int, frequency: float) -> list[float]:

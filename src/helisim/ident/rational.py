@@ -1,0 +1,239 @@
+"""Rational fits of measured responses at many delays, from no start at all.
+
+    H(s) = e^(-tau s) (b_m s^m + ... + b0) / (s^n + a_(n-1) s^(n-1) + ... + a0)
+
+With the delay given, the relative error times the denominator is linear in the coefficients;
+weighed by the denominator of the step before, the solutions tend to the smallest relative error
+(Sanathanan and Koerner, IEEE Trans. Automatic Control 8, 1963). Every delay of a grid is solved
+at once. Several responses may share the denominator. Frequencies are scaled by the band's
+geometric mean, so that the powers stay of one order. From there all of them descend together to
+the smallest relative error, delays free.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+_STEPS = 20
+"""Sanathanan-Koerner steps: most are done in five, lightly damped poles in noise take more."""
+
+_SETTLED = 1e-6
+"""A denominator that changes by less, as a fraction, has settled."""
+
+_DESCENT = 60
+"""Levenberg-Marquardt steps."""
+
+_ARRIVED = 1e-6
+"""A descent has arrived where its squared error falls by less, as a fraction."""
+
+STEP = 0.5
+"""rad: how far two delays of a grid turn the phase at the top of the band from each other."""
+
+LONGEST_DELAY = 0.5
+"""s up to which delays are looked for in any band."""
+
+_CYCLES = 2.0
+"""Delays are looked for up to so many cycles of the band's top."""
+
+_LEAD = 0.3
+"""s by which a channel may lead: recorders skew their channels against each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rationals:
+    """Rational fits that began at each of several delays.
+
+    Attributes:
+        begun: (n_delay,) s, where each began.
+        delays: (n_delay,) s, where each ended.
+        numerators: (n_delay, zeros + 1), from s^0 up.
+        denominators: (n_delay, poles + 1), from s^0 up; the last is 1.
+        errors: (n_delay,) root of the weighted mean square of the relative errors.
+    """
+
+    begun: NDArray[np.float64]
+    delays: NDArray[np.float64]
+    numerators: NDArray[np.float64]
+    denominators: NDArray[np.float64]
+    errors: NDArray[np.float64]
+
+
+def delay_grid(
+    frequency: NDArray[np.float64], low: float = -_LEAD, high: float = np.inf
+) -> NDArray[np.float64]:
+    """Return the delays to look at, s, for a band, (n_freq,) rad/s, and bounds of the delay.
+
+    They reach from a lead of 0.3 s to 0.5 s or two cycles of the band's top, whichever is longer,
+    as far as the bounds allow.
+    """
+    top = float(np.max(frequency))
+    low = max(low, -_LEAD)
+    high = max(min(high, max(LONGEST_DELAY, 2.0 * np.pi * _CYCLES / top)), low)
+    return np.linspace(low, high, 1 + int(np.ceil((high - low) * top / STEP)))
+
+
+def rational_fits(
+    frequency: NDArray[np.float64],
+    measured: NDArray[np.complex128],
+    weight: NDArray[np.float64],
+    *,
+    zeros: int,
+    poles: int,
+    delays: NDArray[np.float64],
+    fixed: bool = False,
+) -> Rationals:
+    """Fit a response from each delay.
+
+    Args:
+        frequency: (n_freq,) rad/s.
+        measured: (n_freq,) response.
+        weight: (n_freq,) of the squared relative errors.
+        zeros: order of the numerator.
+        poles: order of the denominator.
+        delays: (n_delay,) s, increasing.
+        fixed: keep the delays where they begin.
+    """
+    unit = float(np.sqrt(np.min(frequency) * np.max(frequency)))
+    scaled = (1j * frequency / unit).astype(np.complex128)
+    powers = scaled[:, None] ** np.arange(max(zeros, poles, 1) + 1)
+    root = np.sqrt(weight / np.sum(weight))
+    top, bottom = _sanathanan_koerner(powers, measured, root, zeros, poles, unit * delays)
+    top, bottom, ended, errors = _descend(
+        powers, measured, root, top, bottom, unit * delays, fixed=fixed
+    )
+    scale = unit ** (poles - np.arange(max(zeros, poles) + 1.0))
+    return Rationals(
+        begun=delays,
+        delays=ended / unit,
+        numerators=top * scale[: zeros + 1],
+        denominators=bottom * scale[: poles + 1],
+        errors=errors,
+    )
+
+
+def _sanathanan_koerner(
+    powers: NDArray[np.complex128],
+    measured: NDArray[np.complex128],
+    root: NDArray[np.float64],
+    zeros: int,
+    poles: int,
+    delays: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the best numerator and denominator at each delay, frequencies scaled."""
+    target = measured * np.exp(powers[:, 1] * delays[:, None])
+    # The denominator of the first step has its poles in the middle of the band, well damped.
+    previous = np.ones((delays.size, 1)) * np.poly(-np.ones(poles)).astype(np.float64)
+    least = np.full(delays.size, np.inf)
+    numerators: NDArray[np.float64] = np.zeros((delays.size, zeros + 1))
+    denominators = previous.copy()
+    for _ in range(_STEPS):
+        share = (root / np.abs(previous @ powers[:, : poles + 1].T))[..., None]
+        rows = np.concatenate(
+            [
+                share / target[..., None] * powers[:, : zeros + 1],
+                -share * powers[:, :poles],
+                share * powers[:, poles, None],
+            ],
+            axis=-1,
+        )
+        found = _least_squares(np.concatenate([rows.real, rows.imag], axis=1))
+        top = found[:, : zeros + 1]
+        bottom: NDArray[np.float64] = np.ones((delays.size, poles + 1))
+        bottom[:, :poles] = found[:, zeros + 1 :]
+        model = (top @ powers[:, : zeros + 1].T) / (bottom @ powers[:, : poles + 1].T)
+        error = np.sqrt(np.sum((root * np.abs(model / target - 1.0)) ** 2, axis=1))
+        better = error < least
+        least = np.where(better, error, least)
+        numerators[better], denominators[better] = top[better], bottom[better]
+        if np.all(np.abs(bottom - previous) <= _SETTLED * (np.abs(bottom) + np.abs(previous))):
+            break
+        previous = bottom
+    return numerators, denominators
+
+
+def _descend(
+    powers: NDArray[np.complex128],
+    measured: NDArray[np.complex128],
+    root: NDArray[np.float64],
+    top: NDArray[np.float64],
+    bottom: NDArray[np.float64],
+    delays: NDArray[np.float64],
+    *,
+    fixed: bool,
+) -> tuple[NDArray[np.float64], ...]:
+    """Go from each start to a smallest relative error, by Levenberg and Marquardt, all at once.
+
+    Returns:
+        Numerators, denominators, delays and errors.
+    """
+    zeros, poles = top.shape[1] - 1, bottom.shape[1] - 1
+    free = zeros + 1 + poles + (not fixed)
+    now = np.concatenate([top, bottom[:, :poles], delays[:, None]], axis=1)
+
+    def compare(x: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        above = x[:, : zeros + 1] @ powers[:, : zeros + 1].T
+        below = x[:, zeros + 1 : -1] @ powers[:, :poles].T + powers[:, poles]
+        turn = np.exp(-x[:, -1:] * powers[:, 1]) / measured
+        residual = root * (above / below * turn - 1.0)
+        return above, below, turn, residual
+
+    above, below, turn, residual = compare(now)
+    cost = _squares(residual)
+    damping = np.full(len(now), 1e-3)
+    running = np.isfinite(cost)
+    for _ in range(_DESCENT):
+        if not running.any():
+            break
+        share = root * turn / below
+        model = (share * above)[..., None]
+        slope = np.concatenate(
+            [
+                share[..., None] * powers[:, : zeros + 1],
+                -model / below[..., None] * powers[:, :poles],
+                -model * powers[:, 1, None],
+            ],
+            axis=-1,
+        )[..., :free]
+        rows = np.concatenate([slope, -residual[..., None]], axis=-1)[running]
+        step = np.zeros_like(now)
+        step[running, :free] = _least_squares(
+            np.concatenate([rows.real, rows.imag], axis=1), damping[running]
+        )
+        tried = compare(now + step)
+        new = _squares(tried[-1])
+        better = new < cost
+        arrived = better & (new > (1.0 - _ARRIVED) * cost)
+        for old, fresh in zip((above, below, turn, residual), tried):
+            old[better] = fresh[better]
+        now[better], cost[better] = (now + step)[better], new[better]
+        damping = np.where(better, 0.2 * damping, 5.0 * damping)
+        running &= ~arrived & (damping < 1e6)
+    bottom = np.concatenate([now[:, zeros + 1 : -1], np.ones((len(now), 1))], axis=1)
+    return now[:, : zeros + 1], bottom, now[:, -1], np.sqrt(cost)
+
+
+def _squares(residual: NDArray[np.complex128]) -> NDArray[np.float64]:
+    squares = np.sum(residual.real**2 + residual.imag**2, axis=-1)
+    return np.where(np.isfinite(squares), squares, np.inf)
+
+
+def _least_squares(
+    rows: NDArray[np.float64], damping: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Solve stacks of least-squares problems, columns scaled to one; damped if asked.
+
+    Args:
+        rows: (n_stack, n_row, n_unknown + 1), the last column the right-hand side.
+        damping: (n_stack,) of the scaled unknowns' squares.
+    """
+    size = np.sqrt(np.sum(rows**2, axis=-2, keepdims=True))
+    size[size == 0.0] = 1.0
+    unknowns = rows.shape[-1] - 1
+    held = np.full(len(rows), 1e-14) if damping is None else damping
+    below = np.zeros((len(rows), unknowns, unknowns + 1))
+    below[:, np.arange(unknowns), np.arange(unknowns)] = np.sqrt(held)[:, None]
+    upright = np.concatenate([rows / size, below], axis=-2)
+    triangle = np.asarray(np.linalg.qr(upright, mode="r"))
+    solved = np.linalg.solve(triangle[:, :-1, :-1], triangle[:, :-1, -1:])[..., 0]
+    return solved * size[:, 0, -1:] / size[:, 0, :-1]
