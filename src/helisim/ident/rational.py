@@ -123,7 +123,7 @@ def _sanathanan_koerner(
     """Return the best numerator and denominator at each delay, frequencies scaled."""
     target = measured * np.exp(powers[:, 1] * delays[:, None])
     # The denominator of the first step has its poles in the middle of the band, well damped.
-    previous = np.ones((delays.size, 1)) * np.poly(-np.ones(poles)).astype(np.float64)
+    previous = np.ones((delays.size, 1)) * np.atleast_1d(np.poly(-np.ones(poles)))
     least = np.full(delays.size, np.inf)
     numerators: NDArray[np.float64] = np.zeros((delays.size, zeros + 1))
     denominators = previous.copy()
