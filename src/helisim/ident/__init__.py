@@ -3,7 +3,7 @@
 Knows no simulator: a real flight log is identified by the same calls.
 """
 
-from helisim.ident import structures
+from helisim.ident import blocks, structures
 from helisim.ident.conditioning import CrossControlWarning
 from helisim.ident.fit import identify
 from helisim.ident.fitted import FittedParameter
@@ -13,6 +13,7 @@ from helisim.ident.record_checks import RecordQualityWarning
 from helisim.ident.reduction import Reduction, reduce
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 from helisim.ident.result import Fit, load_fit
+from helisim.ident.series import in_series
 from helisim.ident.structure import Parameter, Structure
 from helisim.ident.verify import Verification, verify
 
@@ -29,8 +30,10 @@ __all__ = [
     "Reduction",
     "Structure",
     "Verification",
+    "blocks",
     "frequency_response",
     "identify",
+    "in_series",
     "load_fit",
     "reduce",
     "structures",

@@ -231,18 +231,46 @@ def _scatter(structure: Structure, random: np.random.Generator) -> NDArray[np.fl
 
 
 def _gains(structure: Structure) -> NDArray[np.intp]:
-    """Return which free parameters stand in G, D and D1 only, where they act linearly."""
+    """Return which free parameters act linearly: they stand in G, D and D1 only.
+
+    They may also stand between known dynamics at an input, such as a servo's, and the rest.
+    """
+    upstream = _upstream(structure)
     elsewhere: set[str] = set()
     within: set[str] = set()
     for entry in structure.entries:
-        names = entry.expression.names
-        (within if entry.matrix in ("G", "D", "D1") else elsewhere).update(names)
+        between = (
+            entry.matrix in ("F", "M") and entry.column in upstream and entry.row not in upstream
+        )
+        gain = entry.matrix in ("D", "D1") or (entry.matrix == "G" and entry.row not in upstream)
+        (within if gain or between else elsewhere).update(entry.expression.names)
     found = [
         k
         for k, parameter in enumerate(structure.free)
         if parameter.name in within and parameter.name not in elsewhere
     ]
     return np.array(found, dtype=np.intp)
+
+
+def _upstream(structure: Structure) -> set[int]:
+    """Return the states between an input and the rest that nothing but known numbers drives."""
+    size = len(structure.states)
+    reaches = np.eye(size, dtype=np.bool_)
+    free = {parameter.name for parameter in structure.free}
+    driven: set[int] = set()
+    for entry in structure.entries:
+        if entry.matrix in ("F", "M"):
+            reaches[entry.row, entry.column] = True
+        elif entry.matrix == "G" and not entry.expression.names.isdisjoint(free):
+            driven.add(entry.row)
+    for k in range(size):
+        reaches |= np.outer(reaches[:, k], reaches[k])
+    found: set[int] = set()
+    for state in range(size):
+        behind = set(np.flatnonzero(reaches[state]).tolist())
+        if driven.isdisjoint(behind) and all(reaches[other, state] for other in behind):
+            found |= behind
+    return found if len(found) < size else set()
 
 
 def _solve_gains(

@@ -1,0 +1,130 @@
+"""Blocks by name: each has its closed form, and in series it multiplies the response."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, freqs
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.ident import FrequencyResponse, Structure, blocks, identify, in_series
+from helisim.ident.evaluate import response
+from helisim.ident.structures import heave_inflow, hover_imu, rollpitch, yaw_base
+
+GRID = np.geomspace(0.5, 80.0, 25)
+S = 1j * GRID
+SERVO = blocks.second_order("servo", omega=(60.0, 1.0), zeta=(0.7, 0.01))
+SERVO_RESPONSE = 3600.0 / (S**2 + 84.0 * S + 3600.0)
+
+
+def alone(block):
+    return response(block, block.starts, GRID)[0, 0]
+
+
+def test_blocks_have_their_closed_forms():
+    """The lag, the servo and the delay as written; scipy's Butterworth filters of each order."""
+    assert alone(SERVO) == pytest.approx(SERVO_RESPONSE, rel=1e-12)
+    assert alone(blocks.first_order(tau=0.1)) == pytest.approx(1.0 / (1.0 + 0.1 * S), rel=1e-12)
+    assert alone(blocks.delay(tau=0.03)) == pytest.approx(np.exp(-0.03 * S), rel=1e-12)
+    for order in range(1, 9):
+        expected = freqs(*butter(order, 40.0, analog=True), GRID)[1]
+        # eight poles one after the other, the response down to 1e-3 of itself
+        assert alone(blocks.low_pass(corner=40.0, order=order)) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_inflow_block_is_the_rotor_s_with_its_hub_held():
+    """As heave so slow that it stays put: its acceleration over the collective, at once 1 / C."""
+    lag, stays = 0.08, 0.6
+    values = {"Z_w": -1e-9, "Z_col": -10.0, "tau_0": lag, "C": stays, "tau_col": 0.0}
+    held = response(heave_inflow, values, GRID)[1, 0] / -10.0
+    # the damping is 1e-9 of the lowest frequency
+    assert alone(blocks.inflow(tau=lag, C=stays)) == pytest.approx(held, rel=1e-7)
+
+
+@pytest.mark.parametrize("plant", [rollpitch, hover_imu, heave_inflow], ids=lambda one: one.name)
+def test_series_multiply_the_response(plant):
+    """Whatever the plant's matrices, an input's block multiplies its column, an output's its row.
+
+    The inflow block has a part that follows its input's rate, the delay none but a delay.
+    """
+    rng = np.random.default_rng(4)
+    values = {one.name: one.start or 0.1 * rng.normal() for one in plant.parameters}
+    inner = response(plant, values, GRID)
+    lead, late = blocks.inflow(tau=0.1, C=0.7), blocks.delay(tau=0.02)
+    first, last = plant.inputs[0], plant.inputs[-1]
+    ends = {plant.outputs[0]: blocks.low_pass(corner=40.0, order=3), plant.outputs[-1]: late}
+    made = in_series(plant, inputs={first: SERVO, last: lead}, outputs=ends)
+    expected = inner.copy()
+    expected[:, plant.inputs.index(last)] *= alone(lead)
+    if first != last:
+        expected[:, 0] *= SERVO_RESPONSE
+    expected[0] *= alone(blocks.low_pass(corner=40.0, order=3))
+    expected[-1] *= alone(late)
+    found = response(made, {**made.starts, **values}, GRID)
+    # a few dozen operations, of states that differ by 1e4
+    assert np.abs(found / expected - 1.0) == pytest.approx(0.0, abs=1e-10)
+
+
+def test_one_servo_for_two_inputs_has_one_natural_frequency():
+    """Blocks of one name share their parameters; two of one name that differ are refused."""
+    made = in_series(rollpitch, inputs={"lat": SERVO, "lon": SERVO})
+    assert made.names == (*rollpitch.names, "servo_omega", "servo_zeta")
+    assert len(made.states) == len(rollpitch.states) + 4
+    assert made.parameter("servo_omega").error == 1.0
+    other = blocks.second_order("servo", omega=50.0, zeta=0.7)
+    with pytest.raises(InputError, match=r"'servo_omega': 50 rad/s of the block 'servo' and 60"):
+        in_series(rollpitch, inputs={"lat": SERVO, "lon": other})
+    again = Structure.from_dict(made.to_dict())
+    assert again == made
+
+
+def test_a_known_servo_is_taken_out_and_its_error_carried_through():
+    """A first order behind a servo is found exactly, with more error than a servo without any."""
+    exact = (50.0 / (S + 0.7) * np.exp(-0.03 * S) * SERVO_RESPONSE)[None, None]
+    data = FrequencyResponse.exact(GRID, exact, inputs=("ped",), outputs=("r",))
+    found = identify(data, in_series(yaw_base, inputs={"ped": SERVO}), band=(0.5, 12.0))
+    expected = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.03}
+    assert {name: found.values[name] for name in expected} == pytest.approx(expected, rel=1e-6)
+    # far below it a servo is the delay 2 zeta / omega; the band goes to a fifth of omega
+    delay = 2.0 * 0.7 / 60.0 * np.hypot(1.0 / 60.0, 0.01 / 0.7)
+    assert found["tau_r_base"].standard_error == pytest.approx(delay, rel=0.1)
+
+
+def test_blocks_are_read_from_words():
+    """Numbers with and without errors; what is left out is free; two signals share one."""
+    made = blocks.with_blocks(
+        rollpitch,
+        {"lat,lon": "second_order:omega=62+-1,zeta=0.7", "p": "low_pass:corner=40,order=4"},
+    )
+    assert made.parameter("lat_lon_omega").error == 1.0
+    assert made.parameter("lat_lon_zeta").start == 0.7
+    assert made.parameter("lat_lon_zeta").fixed
+    assert made.parameter("p_corner").start == 40.0
+    free = blocks.read("first_order:name=servo")
+    assert not free.parameter("servo_tau").fixed
+    for words, error, what in (
+        ("third_order:omega=3", UnknownNameError, "third_order"),
+        ("first_order:omega=3", UnknownNameError, "'omega'"),
+        ("first_order:tau=fast", InputError, r"tau = 'fast' of the block .* isn't a number"),
+        ("low_pass:corner=3,order=12", InputError, "order of a low-pass is 12"),
+    ):
+        with pytest.raises(error, match=what):
+            blocks.read(words)
+    with pytest.raises(UnknownNameError, match="'pad'"):
+        blocks.with_blocks(rollpitch, {"pad": "first_order:tau=1"})
+    with pytest.raises(InputError, match="lat has two blocks"):
+        blocks.with_blocks(rollpitch, {"lat": "first_order", "lat,lon": "delay"})
+
+
+def test_what_cannot_be_in_series_is_refused():
+    """A block of two inputs; an output that follows its input's rate behind a lag."""
+    with pytest.raises(InputError, match="has 2 inputs and 2 outputs"):
+        in_series(rollpitch, inputs={"lat": rollpitch})
+    with pytest.raises(UnknownNameError, match="input of 'rollpitch' 'col'"):
+        in_series(rollpitch, inputs={"col": SERVO})
+    improper = Structure("improper", (), (), ("col",), ("az",), H0=((),), D=(("1",),), D1=(("2",),))
+    with pytest.raises(InputError, match="need the rate of an input"):
+        in_series(improper, outputs={"az": SERVO})
+    lagged = in_series(improper, inputs={"col": SERVO})
+    found = response(lagged, lagged.starts, GRID)[0, 0]
+    assert found == pytest.approx((1.0 + 2.0 * S) * SERVO_RESPONSE, rel=1e-12)
+    with pytest.raises(InputError, match="differentiated"):
+        in_series(improper, inputs={"col": blocks.inflow(tau=0.1, C=0.7)})
