@@ -12,10 +12,17 @@ from helisim.records.channels import Channel
 from helisim.records.logs.log import Log, assemble_log, passband, steps
 from helisim.records.logs.mapping import Column, Map, find_column
 from helisim.records.logs.parts import Options, cut, tidied, unwrapped, with_rate
+from helisim.records.logs.plausibility import Declared
 from helisim.records.logs.report import OURS, Findings, LogReport
-from helisim.records.logs.screening import check_clocks, note_lost_samples, screened
+from helisim.records.logs.screening import (
+    check_clocks,
+    check_plausible,
+    note_lost_samples,
+    screened,
+)
 from helisim.records.logs.source import Source, place
 from helisim.records.logs.timing import Samples, check_unit_of_time, empty, within
+from helisim.records.logs.units import unit
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 
@@ -39,6 +46,8 @@ def from_record(
     made = (cut((samples,), options, findings),)
     findings.check()
     findings += check_clocks(made, record.names)
+    ours = {one.name: Declared(one.name, one.unit, 1.0, 1) for one in record.channels}
+    findings += check_plausible(made, record.names, ours, "time")
     report = LogReport(
         path=str(path),
         format=OURS,
@@ -124,6 +133,7 @@ def _from_source(
     order = [name for names in groups for name in names]
     findings.check()
     findings += check_clocks(made, order)
+    findings += check_plausible(made, order, mapped.declared, samples[0].clock)
     used = {*mapped.headings.values(), *origins}
     report = LogReport(
         path=str(source.path),
@@ -152,17 +162,19 @@ class _Mapped(NamedTuple):
         channels: name -> the channel.
         headings: name -> the column's heading.
         computed: name -> how it is computed, for people.
+        declared: name -> what its column is declared to be.
         by_clock: clock -> name -> (n_time,) values, NaN where there is no number.
     """
 
     channels: dict[str, Channel]
     headings: dict[str, str]
     computed: dict[str, str]
+    declared: dict[str, Declared]
     by_clock: dict[str, dict[str, NDArray[np.float64]]]
 
 
 def _mapped(source: Source, map_: Map, findings: Findings) -> _Mapped:
-    mapped = _Mapped({}, {}, {}, {})
+    mapped = _Mapped({}, {}, {}, {}, {})
     for name, column in map_.channels.items():
         try:
             heading = find_column(column.column, source.names, f"column of channel {name!r}")
@@ -175,6 +187,7 @@ def _mapped(source: Source, map_: Map, findings: Findings) -> _Mapped:
         mapped.channels[name] = channel
         mapped.headings[name] = heading
         mapped.computed[name] = _computation(column, heading, stated, channel)
+        mapped.declared[name] = _declared(column, heading, stated, factor)
         mapped.by_clock.setdefault(source.clock(heading), {})[name] = values
     return mapped
 
@@ -213,6 +226,14 @@ def _samples(
             continue
         samples.append(read.pick(full))
     return tuple(samples), origins
+
+
+def _declared(column: Column, heading: str, stated: str | None, factor: float) -> Declared:
+    """Return what a column is declared to be, as the option that says so has it."""
+    parts = (("trim", column.trim), ("range", column.range))
+    further = "".join(f":{name}={value:g}" for name, value in parts if value is not None)
+    name = unit(column.unit or stated or "1").name if column.range is None else "1"
+    return Declared(heading, name, abs(factor), column.sign, further)
 
 
 def _computation(column: Column, heading: str, stated: str | None, channel: Channel) -> str:

@@ -3,7 +3,7 @@
 Each is noted, and left out where that was asked for.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from helisim.records.channels import Channel
 from helisim.records.logs.kinematics import clock_findings
 from helisim.records.logs.parts import Cut
+from helisim.records.logs.plausibility import Channels, Declared, implausible
 from helisim.records.logs.report import LogFinding
 from helisim.records.logs.timing import GAP, Samples
 from helisim.records.quality import frozen_runs, spikes
@@ -131,6 +132,30 @@ def check_clocks(made: Sequence[Cut], names: Sequence[str]) -> list[LogFinding]:
         if not part.uneven and part.duration >= _LONG_ENOUGH
     ]
     return clock_findings(parts, names)
+
+
+def check_plausible(
+    made: Sequence[Cut], names: Sequence[str], declared: Mapping[str, Declared], clock: str
+) -> list[LogFinding]:
+    """Return what the longest uniform part shows can't be as it is declared.
+
+    Args:
+        made: what the log's stretches became.
+        names: of the channels.
+        declared: what each of them is declared to be.
+        clock: the column of times.
+    """
+    parts = [
+        (part.duration, time, values)
+        for one in made
+        for time, values, part in zip(one.time, one.values, one.parts)
+        if not part.uneven
+    ]
+    if not parts:
+        return []
+    duration, time, values = max(parts, key=lambda part: part[0])
+    columns = {name: values[:, k] for k, name in enumerate(names)}
+    return implausible(Channels(duration / (time.size - 1), columns, declared, clock))
 
 
 def note_lost_samples(samples: Samples, filled: bool, findings: list[LogFinding]) -> None:
