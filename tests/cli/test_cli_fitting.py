@@ -123,6 +123,17 @@ def test_bounds_hold_a_parameter(tmp_path, sweep_csv):
     assert free["Z_w"].definition.limits == (-np.inf, -0.4)
 
 
+def test_what_is_known_from_a_bench_carries_its_error(tmp_path, sweep_csv):
+    """--fix NAME=VALUE+-ERROR widens the others' errors; without an error it is exact."""
+    path = sweep_csv()
+    exact = fitted(tmp_path, [path], "--fix", "Z_w=-0.8", structure="heave")
+    for sign in ("+-", "±", "+/-"):
+        fit = fitted(tmp_path, [path], "--fix", f"Z_w=-0.8{sign}0.5", structure="heave")
+        assert fit["Z_w"].definition.error == 0.5
+        assert fit["Z_col"].value == pytest.approx(exact["Z_col"].value)
+        assert fit["Z_col"].standard_error > 1.2 * exact["Z_col"].standard_error
+
+
 def test_a_reduction_keeps_what_it_is_told_to(tmp_path, sweep_csv):
     """--keep, --rise and --drop-delays are those of `reduce`; with a rise all goes."""
     path, model = sweep_csv(), tmp_path / "model.json"
@@ -155,6 +166,8 @@ def test_a_reduction_keeps_what_it_is_told_to(tmp_path, sweep_csv):
         (["--bounds", "Z_q=1:2"], "Z_w"),
         (["--bounds", "Z_w=nan:nan"], "Z_w"),
         (["--bounds", "Z_w=-2:-1", "--start", "Z_w=5"], "start"),
+        (["--fix", "Z_w=-1+-x"], "--fix"),
+        (["--fix", "Z_w=-1+--2"], "expected 0 or more"),
         (["--keep", "Z_w"], "--reduce"),
         (["--reduce", "--keep", "Z_q"], "Z_w"),
         (["--reduce", "--rise", "-1"], "rise"),

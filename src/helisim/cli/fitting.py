@@ -2,6 +2,8 @@
 
 import argparse
 import math
+import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from helisim.cli.bands import Band, Bands
@@ -38,8 +40,9 @@ def _add_parameters(command: argparse.ArgumentParser) -> None:
         "--fix",
         action="append",
         default=[],
-        metavar="NAME=VALUE",
-        help="what is known already: keep it, and fit the others",
+        metavar="NAME=VALUE[+-ERROR]",
+        help="what is known already: keep it, and fit the others; its standard error, as from a "
+        "bench, goes on into theirs: omega=62+-0.5",
     )
     group.add_argument(
         "--bounds",
@@ -116,11 +119,19 @@ def adapted(structure: "Structure", options: argparse.Namespace) -> "Structure":
         structure = structure.renamed(_renames(options.rename))
     bounds = dict(_bounds(item) for item in options.bounds)
     starts = named_numbers("--start", options.start)
-    fixed = named_numbers("--fix", options.fix)
+    fixed, errors = _known(options.fix)
     within = {name: _start(structure.parameter(name), *bounds[name]) for name in bounds}
     structure = structure.with_bounds(dict.fromkeys(bounds))
     structure = structure.with_starts(within | starts).with_bounds(bounds)
-    return structure.with_fixed(fixed)
+    return structure.with_fixed(fixed, errors)
+
+
+def _known(items: Sequence[str]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return NAME=VALUE[+-ERROR] items as values and as errors by name. Raises InputError."""
+    apart = [re.split(r"\+-|\+/-|±", item, maxsplit=1) for item in items]
+    values = named_numbers("--fix", [value for value, *_ in apart])
+    named = [f"{value.partition('=')[0]}={error}" for value, *errors in apart for error in errors]
+    return values, named_numbers("--fix NAME=VALUE+-ERROR:", named)
 
 
 def _start(parameter: "Parameter", low: float, high: float) -> float:
