@@ -9,6 +9,7 @@ from helisim.ident import frequency_response as frequency_response
 from helisim.ident import identify as identify
 from helisim.ident import in_series as in_series
 from helisim.ident import load_fit as load_fit
+from helisim.ident import load_response as load_response
 from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
 from helisim.ident import verify as verify

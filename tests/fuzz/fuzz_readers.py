@@ -30,7 +30,7 @@ with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING])
     import numpy as np
 
     from helisim.errors import HelisimError, InputError
-    from helisim.ident import Structure, load_fit, structures
+    from helisim.ident import Structure, frequency_response, load_fit, load_response, structures
     from helisim.ident.expression import Expression
     from helisim.records.channels import channel
     from helisim.records.log_terms import MAP_EXAMPLE
@@ -69,6 +69,13 @@ def _structure(path: Path) -> None:
     assert Structure.from_dict(structure.to_dict()).to_dict() == structure.to_dict()
 
 
+def _response(path: Path) -> None:
+    found = load_response(path, unnamed="p/lat")
+    json.dumps(found.to_dict(), allow_nan=False)
+    if found.scatter is not None:
+        found.scatter.variance([0], [0], [0])
+
+
 def _fit(path: Path) -> None:
     fit = load_fit(path)
     json.dumps(fit.to_dict(), allow_nan=False)
@@ -85,6 +92,8 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "expression": ("expression.txt", _expression),
     "fit": ("fit.json", _fit),
     "fits": ("fits.json", read_models),
+    "response": ("response.json", _response),
+    "columns": ("columns.txt", _response),
     "run": ("results.json", lambda path: (arguments_of(path.parent), read_run(path.parent))),
 }
 """Reader -> the name of the file that it is given, and the call."""
@@ -102,6 +111,12 @@ def seeds(name: str, folder: Path) -> list[bytes]:
     row = {"name": "Z_w", "unit": "1/s", "identified": -1.0}
     table = {"name": "heave", "input": "IN1", "cost": 1.0, "band_rad_s": [1.0, 2.0]}
     run = {"configuration": {"arguments": arguments}, "tables": [{**table, "parameters": [row]}]}
+    moved = FlightRecord(
+        0.05 * np.arange(200), np.random.default_rng(1).normal(size=(200, 2)), record.channels
+    )
+    found = frequency_response(moved, inputs="lat", outputs="p", band=(5.0, 20.0), windows=2.0)
+    for end in ("json", "csv"):
+        found.save(folder / f"response.{end}")
     sound = {
         "log": [foreign, foreign.replace(b",", b";"), b"ULog\x01\x12\x35\x01", b"\xa3\x95", *own],
         "parquet": own[:1],
@@ -111,6 +126,11 @@ def seeds(name: str, folder: Path) -> list[bytes]:
         "parameters": [(model_folder("jr700") / "tuned.toml").read_bytes()],
         "expression": [b"-tau_f * sqrt(N_v) ** 2 + exp(-1.5e3)"],
         "fit": [json.dumps({"format": "helisim fit, version 1", "structure": heave}).encode()],
+        "response": [(folder / "response.json").read_bytes()],
+        "columns": [
+            (folder / "response.csv").read_bytes(),
+            b"% f_Hz mag_dB phase_deg\n1 2 3\n2 1 9\n",
+        ],
         "fits": [b'{"format": "helisim fits, version 1", "models": [{"name": "heave"}]}'],
         "run": [json.dumps(run).encode()],
     }

@@ -35,6 +35,7 @@ _SHARED = {
     "by_hand",
     "common",
     "fitting",
+    "given",
     "ground",
     "logs",
     "manoeuvres",

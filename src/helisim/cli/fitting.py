@@ -168,15 +168,17 @@ def search_options(options: argparse.Namespace, structure: "Structure") -> dict[
 
 def fitted_bands(
     options: argparse.Namespace, structure: "Structure", default: Band
-) -> dict[str, Band] | None:
-    """Return each fitted response's band, rad/s, None where it is one for all.
+) -> dict[str, Band] | Band:
+    """Return the band of all fitted responses or of each, rad/s.
 
     Args:
         options: of the command.
         structure: that is fitted.
         default: of a response for which --band says nothing.
     """
-    return Bands.of(options).by_response(_fitted(options, structure), default)
+    bands = Bands.of(options)
+    own = bands.by_response(_fitted(options, structure), default)
+    return own or bands.common or default
 
 
 def _fitted(options: argparse.Namespace, structure: "Structure") -> tuple[str, ...]:
@@ -189,12 +191,11 @@ def _bounds(item: str) -> tuple[str, tuple[float, float]]:
     name, _, edges = item.partition("=")
     low, colon, high = edges.partition(":")
     try:
-        pair = float(low or -math.inf), float(high or math.inf)
+        if name.strip() and colon:
+            return name.strip(), (float(low or -math.inf), float(high or math.inf))
     except ValueError:
-        colon = ""
-    if not (name.strip() and colon):
-        raise InputError(f"--bounds takes NAME=LO:HI, such as tau=0:0.5 or tau=0:, got {item!r}")
-    return name.strip(), pair
+        pass
+    raise InputError(f"--bounds takes NAME=LO:HI, such as tau=0:0.5 or tau=0:, got {item!r}")
 
 
 def _renames(text: str) -> dict[str, str]:

@@ -1,8 +1,6 @@
 """`helisim frf`: frequency responses of anyone's logs."""
 
 import argparse
-import csv
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +12,9 @@ from helisim.cli.logs import MAP_HELP, add_log_options, describe, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Signals, add_responses, estimate
 from helisim.errors import InputError
-from helisim.units import decibel
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse
-
-FORMAT = "helisim frequency response, version 1"
 
 _EPILOG = f"""\
 example:
@@ -47,8 +42,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.records.files import check_destination, write_json
-    from helisim.records.provenance import made_by
+    from helisim.ident.response_file import save_response
+    from helisim.records.files import check_destination
 
     for path, suffix in ((options.json, ".json"), (options.csv, ".csv")):
         if path is not None:
@@ -59,19 +54,10 @@ def _run(options: argparse.Namespace) -> int:
         logs, _, frf, _ = estimate(options, Signals.of(options), advance)
     print(f"{describe(logs)}\n")
     print("\n".join(_table(frf)))
-    provenance = made_by("frequency response", **frf.provenance)
-    if options.json is not None:
-        data = {
-            "format": FORMAT,
-            "response": frf.to_dict(),
-            "logs": reports(logs),
-            "provenance": provenance,
-        }
-        write_json(data, options.json)
-        print_written(options, str(options.json))
-    if options.csv is not None:
-        _write_csv(frf, provenance, options.csv)
-        print_written(options, str(options.csv))
+    for path, more in ((options.json, {"logs": reports(logs)}), (options.csv, {})):
+        if path is not None:
+            save_response(frf, path, more)
+            print_written(options, str(path))
     return 0
 
 
@@ -97,31 +83,3 @@ def _table(frf: "FrequencyResponse") -> list[str]:
             f"{100.0 * np.mean(frf.random_error[o, i, where]):15.2g}"
         )
     return lines + list(frf.flags)
-
-
-def _write_csv(frf: "FrequencyResponse", provenance: dict[str, Any], path: Path) -> None:
-    """Write a comment with the provenance, the headings, and a line a frequency."""
-    from helisim.records.files import atomic_write
-
-    heads = ["frequency [rad/s]"]
-    columns = [frf.frequency]
-    for name in frf.pairs:
-        o, i = frf.index(*name.split("/", 1))
-        response = frf.response[o, i]
-        heads += [
-            f"{name} magnitude [dB]",
-            f"{name} phase [deg]",
-            f"{name} coherence [1]",
-            f"{name} random error [1]",
-        ]
-        magnitude = decibel(np.abs(response))
-        phase = np.degrees(np.unwrap(np.angle(response)))
-        columns += [magnitude, phase, frf.coherence[o, i], frf.random_error[o, i]]
-    with (
-        atomic_write(path) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as file,
-    ):
-        file.write(f"# provenance: {json.dumps(provenance, sort_keys=True)}\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(heads)
-        writer.writerows(np.column_stack(columns).tolist())

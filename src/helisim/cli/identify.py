@@ -1,11 +1,13 @@
 """`helisim identify`: from logs to a model with bounds."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helisim.cli.common import add_quiet, print_written, wrapped
 from helisim.cli.fitting import adapted, add_fitting, fitted_bands, search_options
+from helisim.cli.given import add_given, given_response
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
@@ -13,13 +15,16 @@ from helisim.cli.structures import find_structure
 from helisim.errors import InputError
 
 if TYPE_CHECKING:
-    from helisim.ident import Fit, Reduction, Structure
+    from helisim.ident import Fit, FrequencyResponse, Reduction, Structure
 
 _EPILOG = f"""\
 example:
   helisim identify lat.csv lon.csv --structure rollpitch --map heli.toml \\
       --resample 100 --band 1 40 --json model.json
   helisim identify yaw.parquet --structure tf:1/2 --inputs PED --outputs r
+  helisim identify frf.json --structure rollpitch
+  helisim identify p/lat=p.txt q/lon=q.txt --structure rollpitch \\
+      --responses p/lat,q/lon
 
 The model in --json is what `helisim verify` reads. Exit status 1: the search
 didn't converge or the fit's cost is beyond the guidelines.
@@ -33,7 +38,9 @@ def add(commands: Any) -> None:
         "identify",
         help="identify a model from flight logs",
         description="Estimate frequency responses from flight logs, by anyone, fit a structure's "
-        "parameters to them, and print values with Cramér-Rao bounds and insensitivities.",
+        "parameters to them, and print values with Cramér-Rao bounds and insensitivities. "
+        "Frequency responses that exist already are taken in place of logs: the JSON or CSV of "
+        "`helisim frf`, or columns of text by anyone, as p/lat=FILE where they name no response.",
         epilog=_EPILOG,
     )
     add_log_options(command)
@@ -44,6 +51,7 @@ def add(commands: Any) -> None:
         help="built-in name, tf:ZEROS/POLES, or a TOML file; `helisim structures` lists them",
     )
     add_responses(command, required=False)
+    add_given(command)
     add_fitting(command)
     group = command.add_argument_group("what is written")
     group.add_argument("--json", type=Path, metavar="FILE", help="the model, for verify, .json")
@@ -61,7 +69,7 @@ def _run(options: argparse.Namespace) -> int:
     search = search_options(options, structure)
     _check_destinations(options)
     with Progress(len(options.logs) + 1, options.quiet) as advance:
-        estimated = estimate(options, signals, advance)
+        estimated = _response(options, structure, signals, advance)
     frf, reduction = estimated.response, None
     search["band"] = fitted_bands(options, structure, estimated.band)
     with (
@@ -74,13 +82,34 @@ def _run(options: argparse.Namespace) -> int:
         else:
             fit = identify(frf, structure, on_progress=advance, **search)
     low, high = frf.frequency[[0, -1]]
-    print(describe(estimated.logs))
+    print(describe(estimated.logs) or _described(options, frf))
     print(f"band {low:.4g} to {high:.4g} rad/s, {fit.method}\n")
     if reduction is not None:
         print(wrapped(str(reduction), indent=2))
     print(wrapped(str(fit), indent=2))
     _write(options, estimated, fit, reduction)
     return 0 if fit.converged and fit.acceptable else 1
+
+
+def _described(options: argparse.Namespace, frf: "FrequencyResponse") -> str:
+    """Return which files gave the response, and what it holds."""
+    files = ", ".join(map(str, options.logs))
+    held = f"{', '.join(frf.outputs)} over {', '.join(frf.inputs)}"
+    return wrapped(f"{files}: {held}, {frf.frequency.size} frequencies", indent=2)
+
+
+def _response(
+    options: argparse.Namespace,
+    structure: "Structure",
+    signals: Signals,
+    advance: Callable[[str], None],
+) -> Estimated:
+    """Return the response that the files hold, or that of the logs. Raises HelisimError."""
+    given = given_response(options, structure.inputs, structure.outputs)
+    if given is None:
+        return estimate(options, signals, advance)
+    low, high = given.frequency[[0, -1]]
+    return Estimated((), (), given, (float(low), float(high)))
 
 
 def _asked(options: argparse.Namespace) -> "tuple[Structure, Signals]":

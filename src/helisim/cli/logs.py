@@ -136,6 +136,8 @@ def located(logs: "Sequence[Log]") -> Iterator[None]:
     try:
         yield
     except IdentificationError as error:
+        if not logs:
+            raise
         text = str(error)
         channels = [name for name in logs[0].headings if repr(name) in text]
         places = [log.where(name) for log in logs for name in channels] or [

@@ -12,6 +12,7 @@ from helisim.ident.misfit import Misfit
 from helisim.ident.record_checks import RecordQualityWarning
 from helisim.ident.reduction import Reduction, reduce
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
+from helisim.ident.response_file import load_response
 from helisim.ident.result import Fit, load_fit
 from helisim.ident.series import in_series
 from helisim.ident.structure import Parameter, Structure
@@ -35,6 +36,7 @@ __all__ = [
     "identify",
     "in_series",
     "load_fit",
+    "load_response",
     "reduce",
     "structures",
     "verify",

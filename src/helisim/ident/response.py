@@ -14,6 +14,8 @@ from helisim.records.display import Displayed, shower
 from helisim.records.value import Value
 
 if TYPE_CHECKING:
+    from os import PathLike
+
     import control
 
     from helisim.records.display import Axes, Figure
@@ -222,6 +224,18 @@ class FrequencyResponse(Value, Displayed):
             InputError: there are more or fewer axes than panels.
         """
         return shower().plot_response(self, pairs, axes)
+
+    def save(self, path: "str | PathLike[str]") -> None:
+        """Write the response as JSON, with its error model, or as CSV; `load_response` reads both.
+
+        From the JSON a fit finds what it finds from the records, to the last bit.
+
+        Raises:
+            StorageError: the suffix is neither .json nor .csv, or the file can't be written.
+        """
+        from helisim.ident.response_file import save_response
+
+        save_response(self, path)
 
     def to_frd(self) -> "control.FRD":
         """Return the response as python-control's frequency response data."""

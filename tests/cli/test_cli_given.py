@@ -1,0 +1,103 @@
+"""The command line on frequency responses in place of logs, so that nothing is estimated twice."""
+
+import numpy as np
+import pytest
+
+from command import fails
+from helisim.cli import main
+from helisim.ident import load_fit, structures
+from swept_logs import HEAVE, csv_writer
+
+OMEGA = np.geomspace(1.0, 20.0, 30)
+EXACT = HEAVE["Z_col"] / (1j * OMEGA - HEAVE["Z_w"]) * np.exp(-1j * HEAVE["tau_col"] * OMEGA)
+
+
+@pytest.fixture
+def sweep_csv(tmp_path):
+    return csv_writer(tmp_path)
+
+
+def model_of(tmp_path, *arguments):
+    """Identify the heave model; return the fit that was written."""
+    model = tmp_path / "model.json"
+    assert main(["identify", *map(str, arguments), "--json", str(model), "--quiet"]) == 0
+    return load_fit(model)
+
+
+def columns(path, heading=""):
+    """Write the heave model's response, Hz, dB and degrees."""
+    table = np.column_stack(
+        [OMEGA / (2 * np.pi), 20 * np.log10(abs(EXACT)), np.degrees(np.angle(EXACT))]
+    )
+    path.write_text(heading + "\n".join(" ".join(map(repr, row)) for row in table.tolist()))
+    return path
+
+
+def test_a_response_of_frf_gives_the_model_of_the_log(tmp_path, sweep_csv):
+    """From the JSON that `frf` wrote, values and errors are those from the log itself."""
+    path, out = sweep_csv(), tmp_path / "frf.json"
+    band = ["--band", "1.5", "20"]
+    signals = ["--inputs", "col", "--outputs", "w", "--quiet"]
+    assert main(["frf", str(path), *signals, *band, "--json", str(out)]) == 0
+    direct = model_of(tmp_path, path, "--structure", "heave", *band)
+    given = model_of(tmp_path, out, "--structure", "heave")
+    assert given.values == direct.values
+    assert given["Z_w"].standard_error == direct["Z_w"].standard_error
+    part = model_of(tmp_path, out, "--structure", "heave", "--band", "3", "10")
+    assert part.bands["w/col"] == pytest.approx((3, 10), rel=0.05)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_anyones_columns_are_a_response(tmp_path, capsys, named):
+    """A file without names holds the structure's one response, or the one that is named."""
+    path = columns(tmp_path / "w.txt", "% freq_Hz mag_dB phase_deg\n")
+    given = f"w/col={path}" if named else path
+    fit = model_of(tmp_path, given, "--structure", "heave")
+    assert fit.values == pytest.approx(HEAVE, rel=1e-6)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "30 frequencies" in printed
+    assert "has no coherence" in printed
+
+
+def test_columns_are_named_on_the_command_line(tmp_path):
+    """--columns says what a file without headings holds."""
+    path = columns(tmp_path / "w.dat")
+    options = ["--structure", "heave", "--columns", "frequency:Hz,magnitude:dB,phase:deg"]
+    assert model_of(tmp_path, path, *options).values == pytest.approx(HEAVE, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["w.txt", "other.txt"], "from one file"),
+        (["w.txt", "log.csv"], "logs can't be beside"),
+        (["w/col=w.txt", "w/col=other.txt"], "given twice"),
+        (["w.txt", "--resample", "50"], "--resample"),
+        (["w.txt", "--reference", "COL", "--from", "3"], "--from, --reference"),
+        (["w.txt", "--columns", "frequency:Hz,volume:dB"], "'volume'"),
+        (["w.txt", "--columns", "frequency:Hz,magnitude:dB"], "3 cells, expected 2"),
+        (["p/lat=w.txt"], "'w'"),
+        (["w/col=none.txt"], "none.txt"),
+        (["none.json"], "none.json"),
+        (["bare.dat", "--columns", "frequency:Hz,magnitude,phase:deg"], "magnitude"),
+    ],
+)
+def test_a_bad_file_is_one_line_and_status_2(
+    tmp_path, sweep_csv, monkeypatch, capsys, arguments, says
+):
+    """The message says what can't be beside what, and which option does nothing."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("w.txt", "other.txt"):
+        columns(tmp_path / name, "# freq_Hz mag_dB phase_deg\n")
+    columns(tmp_path / "bare.dat")
+    sweep_csv(name="log.csv")
+    assert says in fails(capsys, "identify", *arguments, "--structure", "heave")
+
+
+def test_the_help_says_what_a_file_may_be(capsys):
+    """A newcomer finds that responses are taken too."""
+    with pytest.raises(SystemExit):
+        main(["identify", "--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "p/lat=FILE" in shown
+    assert structures.heave.name
