@@ -36,6 +36,10 @@ def scatter_to_plain(scatter: Scatter, response: NDArray[np.complex128]) -> dict
 def scatter_from_plain(data: Any, response: NDArray[np.complex128]) -> Scatter:
     """Return what `scatter_to_plain` wrote.
 
+    Args:
+        data: the plain data.
+        response: (n_out, n_in, n_freq) what it belongs to.
+
     Raises:
         InputError: it is of another response, or was changed.
     """
