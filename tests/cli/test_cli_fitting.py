@@ -40,7 +40,13 @@ OPTIONS = {
         "on_progress": "--quiet",
     },
     reduce: {"keep": "--keep", "delays": "--drop-delays", "rise": "--rise"},
-    verify: {"fit": "model", "records": "logs", "use_ended": "--use-ended"},
+    verify: {
+        "fit": "model",
+        "records": "logs",
+        "segment": "--segment",
+        "ahead": "--ahead",
+        "use_ended": "--use-ended",
+    },
 }
 OPTIONS[reduce] |= OPTIONS[identify]
 
