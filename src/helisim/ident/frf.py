@@ -9,18 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError, InputError
-from helisim.ident.composite import Composite, compose, composite_noise, window_lengths
-from helisim.ident.conditioning import condition, cross_control, gate
+from helisim.ident.conditioning import gate
+from helisim.ident.estimate import Estimator
+from helisim.ident.local import Local
 from helisim.ident.record_checks import quality_flags, refuse_truncated
 from helisim.ident.response import FrequencyResponse
-from helisim.ident.scatter import Scatter, WindowWeights
 from helisim.ident.seen import flight_span, record_digest
-from helisim.ident.spectra import Spectra, cross_spectra
 from helisim.ident.threads import one_blas_thread
+from helisim.ident.windows import Windows, chosen_windows
 from helisim.records.record import FlightRecord
 
 POINTS_PER_DECADE = 80
 """Density of the frequency grid; 20 points of it a response go into a fit."""
+
+ESTIMATORS = ("local", "windows")
+"""Names of the estimators."""
 
 _COMPARED = 8
 """Every so many frequencies the direct estimate is compared with the joint one."""
@@ -45,6 +48,7 @@ def frequency_response(
     band: tuple[float, float],
     conditioning: str | Sequence[str] | None = None,
     reference: str | Sequence[str] | None = None,
+    estimator: str | None = None,
     windows: float | Sequence[float] | None = None,
     overlap: float = 0.75,
     use_ended: bool = False,
@@ -61,6 +65,8 @@ def frequency_response(
         reference: signals outside the loop (sticks, the sweep), at least as many as active
             inputs. Given, the joint input-output method is used, which feedback and gusts do
             not bias.
+        estimator: "windows", CIFER's composite of Hann windows, or "local", the local
+            polynomial method, which windows don't smear and which transients don't bias.
         windows: one window length or several, s; by default five by the published rules.
         overlap: share of a window that the next one covers at least.
         use_ended: True takes records of flights that were terminated early
@@ -83,37 +89,43 @@ def frequency_response(
     signals = tuple(dict.fromkeys((*wanted, *others, *reference_names, *measured)))
     _check_motion(flights, (*wanted, *others, *reference_names), "input")
     _check_motion(flights, measured, "output")
-    lengths = _window_lengths(flights, band, windows)
+    name = _estimator_name(estimator, windows)
+    lengths = chosen_windows(flights, band, windows)
     frequency = _grid(band)
-    spectra = cross_spectra(flights, signals, frequency, windows=lengths, overlap=overlap)
-    cross = _cross_control(spectra, (*wanted, *others))
+    method: Estimator
+    if name == "local":
+        method = Local(flights, signals, frequency)
+    else:
+        method = Windows(flights, signals, frequency, windows=lengths, overlap=overlap)
+    cross = method.cross_control((*wanted, *others))
     flags = quality_flags(flights, signals) + gate(cross, (*wanted, *others), frequency)
     if reference_names:
-        flags += gate(_cross_control(spectra, reference_names), reference_names, frequency)
+        flags += gate(method.cross_control(reference_names), reference_names, frequency)
 
     sources = tuple(record_digest(flight) for flight in flights)
     spans = tuple(span for flight in flights if (span := flight_span(flight)) is not None)
 
     def estimated(names: tuple[str, ...]) -> FrequencyResponse:
-        composite, scatter = _estimate(spectra, wanted, measured, others, names, flights)
+        found = method.estimate(wanted, measured, others, names)
         return FrequencyResponse(
             frequency=frequency,
-            response=composite.response,
-            coherence=composite.coherence,
-            multiple_coherence=composite.multiple,
+            response=found.response,
+            coherence=found.coherence,
+            multiple_coherence=found.multiple,
             cross_control_coherence=cross[: len(wanted), : len(wanted)],
-            random_error=composite.random_error,
+            random_error=found.random_error,
             inputs=wanted,
             outputs=measured,
             input_units=tuple(flights[0].unit(name) for name in wanted),
             output_units=tuple(flights[0].unit(name) for name in measured),
             conditioning=others,
             reference=names,
-            windows=lengths,
+            estimator=name,
+            windows=method.windows,
             flags=flags,
             sources=sources,
             spans=spans,
-            scatter=scatter,
+            scatter=found.scatter,
         )
 
     if not reference_names:
@@ -166,63 +178,21 @@ def as_names(names: str | Sequence[str] | None) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _estimate(
-    spectra: Sequence[Spectra],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    others: tuple[str, ...],
-    reference: tuple[str, ...],
-    flights: Sequence[FlightRecord],
-) -> tuple[Composite, Scatter]:
-    """Return the composite response, and how its errors hang together."""
-    each = [condition(one, inputs, outputs, others, reference or None) for one in spectra]
-    composite = compose(each)
-    scatter = Scatter(
-        frequency=spectra[0].frequency,
-        windows=tuple(
-            WindowWeights(one.window, one.start, one.flight, conditioned.weight, share)
-            for one, conditioned, share in zip(spectra, each, composite.share)
-        ),
-        durations=tuple(flight.duration for flight in flights),
-        noise=composite_noise(each),
-    )
-    return composite, scatter
-
-
-def _cross_control(spectra: Sequence[Spectra], inputs: tuple[str, ...]) -> NDArray[np.float64]:
-    """Average over the window lengths: the long ones alone have too few averages."""
-    return np.mean([cross_control(one, inputs) for one in spectra], axis=0)
+def _estimator_name(estimator: str | None, windows: float | Sequence[float] | None) -> str:
+    name = estimator or "windows"
+    if name not in ESTIMATORS:
+        raise InputError(f"estimator is {name!r}, expected one of: {', '.join(ESTIMATORS)}")
+    if name != "windows" and windows is not None:
+        raise InputError(
+            f"window lengths were given to the {name!r} estimator, which has no windows; "
+            "leave them out, or ask for estimator='windows'"
+        )
+    return name
 
 
 def _grid(band: tuple[float, float]) -> NDArray[np.float64]:
     count = max(32, math.ceil(POINTS_PER_DECADE * math.log10(band[1] / band[0])) + 1)
     return np.geomspace(band[0], band[1], count)
-
-
-def _window_lengths(
-    flights: Sequence[FlightRecord],
-    band: tuple[float, float],
-    windows: float | Sequence[float] | None,
-) -> tuple[float, ...]:
-    durations = [len(flight) * flight.sample_time for flight in flights]
-    if windows is None:
-        return window_lengths(durations, band)
-    lengths = (windows,) if isinstance(windows, int | float) else tuple(windows)
-    longest = max(lengths, default=0.0)
-    if not lengths or not all(math.isfinite(length) and length > 0.0 for length in lengths):
-        raise InputError(f"windows are {lengths}, expected positive lengths in s")
-    if longest > min(durations):
-        raise IdentificationError(
-            f"a window of {longest:.4g} s does not fit into a record of {min(durations):.4g} s; "
-            "shorten the window or leave the record out"
-        )
-    if 2.0 * np.pi / longest > band[0] * (1.0 + 1e-9):
-        raise InputError(
-            f"the longest window, {longest:.4g} s, resolves frequencies from "
-            f"{2.0 * np.pi / longest:.4g} rad/s, but the band starts at {band[0]:.4g} rad/s; "
-            "lengthen the window or raise the band's lower edge"
-        )
-    return tuple(float(length) for length in lengths)
 
 
 def _check_names(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.ident.scatter import Scatter
+from helisim.ident.estimate import ErrorModel
 from helisim.ident.seen import FlightSpan
 from helisim.records.display import Displayed, shower
 from helisim.records.value import Value
@@ -41,12 +41,13 @@ class FrequencyResponse(Value, Displayed):
         multiple_coherence: (n_out, n_freq) share of the output that all inputs explain.
         cross_control_coherence: (n_in, n_in, n_freq) coherence between inputs, best at 0.
         random_error: (n_out, n_in, n_freq) standard deviation of the response's magnitude,
-            as a fraction of it, and of its phase in rad.
+            as a fraction of it, and of its phase in rad; what bias is left is in it.
         inputs, outputs: names.
         input_units, output_units: units, SI.
         conditioning: further inputs whose effect was removed.
         reference: signals that the joint input-output method used; empty for the direct one.
-        windows: window lengths, s.
+        estimator: "local" or "windows"; empty where it isn't known.
+        windows: window lengths, s; empty where no windows were used.
         flags: warnings of the records' quality and of the cross-control gate.
         sources: a digest of each record.
         spans: which part of which flight each record is, as far as it says so: a verification
@@ -68,11 +69,12 @@ class FrequencyResponse(Value, Displayed):
     output_units: tuple[str, ...]
     conditioning: tuple[str, ...] = ()
     reference: tuple[str, ...] = ()
+    estimator: str = ""
     windows: tuple[float, ...] = ()
     flags: tuple[str, ...] = ()
     sources: tuple[str, ...] = field(default=(), repr=False)
     spans: tuple[FlightSpan, ...] = field(default=(), repr=False)
-    scatter: Scatter | None = field(default=None, repr=False, compare=False, metadata=_IN_MEMORY)
+    scatter: ErrorModel | None = field(default=None, repr=False, compare=False, metadata=_IN_MEMORY)
     direct: "FrequencyResponse | None" = field(
         default=None, repr=False, compare=False, metadata=_IN_MEMORY
     )
@@ -178,6 +180,7 @@ class FrequencyResponse(Value, Displayed):
         """From what the response was estimated and how, as plain data."""
         return {
             "method": self.method,
+            "estimator": self.estimator,
             "records": list(self.sources),
             "inputs": list(self.inputs),
             "outputs": list(self.outputs),
