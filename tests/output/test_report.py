@@ -139,7 +139,8 @@ def test_every_pair_sweep_and_verification_has_its_figure(folder, page):
     """One figure a pair, a kept sweep of each axis, one a verified flight; a file of each."""
     expected = {f"bode_heave_{PAIRS[0]}", *(f"bode_rollpitch_in1_{pair}" for pair in PAIRS[1:])}
     expected |= {"sweep_lat", "sweep_col", "time_rollpitch_in1_1"}
-    assert set(page.figures) == expected
+    maps = {"correlation_heave", "correlation_rollpitch"}
+    assert set(page.figures) == expected | maps
     files = {path.name for path in (folder / "figures").iterdir()}
     assert files == {f"{name}.svg" for name in expected}
 
@@ -249,7 +250,7 @@ def test_anyones_fit_has_a_report(tmp_path):
     page = Page(path.read_text())
     for name, value in item.fit.values.items():
         assert page.cells[f"parameters.{name}.value"][0] == value
-    assert page.figures == ["bode_heave_w_col", "flight_0"]
+    assert page.figures == ["correlation_heave", "bode_heave_w_col", "flight_0"]
 
 
 needs_browser = pytest.mark.skipif(

@@ -154,7 +154,7 @@ def test_a_run_is_recorded_with_its_models(tmp_path):
                 "axes/ticks",
                 "data",
                 "identified",
-                "truth",
+                "exact",
                 "coherence/partial",
                 "legend/models",
             )

@@ -143,9 +143,9 @@ def _draw(axes: Sequence[Axes], drawing: Drawing) -> None:
 
 def _mark(ax: Any, mark: Mark) -> None:
     look = {"color": LIGHT[mark.ink], "label": _literal(mark.label) or None}
-    if mark.kind == "band":
+    if mark.kind == "bars":
         top = mark.y if mark.top is None else mark.top
-        ax.fill_between(mark.x, mark.y, top, alpha=0.25, linewidth=0.0, **look)
+        ax.vlines(mark.x, mark.y, top, linewidth=0.9 * mark.width, **look)
     elif mark.kind in ("line", "dashes"):
         dashes = (4.0, 2.8) if mark.kind == "dashes" else ()
         ax.plot(mark.x, mark.y, linewidth=mark.width, dashes=dashes, **look)

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from helisim.ident import Fit
-from helisim.output.plots import draw_bode, draw_flight, draw_verification
+from helisim.output.bode_drawing import draw_bode
+from helisim.output.plots import draw_flight, draw_verification
 from helisim.output.svg import Drawing
 from helisim.study.identified import IdentifiedModel
 

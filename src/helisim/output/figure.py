@@ -22,16 +22,16 @@ class Mark:
     """One line, band or set of points in a panel.
 
     Attributes:
-        kind: "dots" are filled, "rings" are hollow, "band" lies between y and top.
+        kind: "dots" are filled, "rings" are hollow, "bars" stand between y and top.
         ink: what it stands for.
         x: (n,), in the unit of the figure's axis.
         y: (n,), in the unit of the panel; not finite where there is nothing to mark.
-        top: (n,), the upper edge of a band; None for all else.
+        top: (n,), the upper ends of bars; None for all else.
         label: in the legend; "" for none.
         width: of a line, as a share of the usual.
     """
 
-    kind: Literal["line", "dashes", "dots", "rings", "band"]
+    kind: Literal["line", "dashes", "dots", "rings", "bars"]
     ink: Ink
     x: NDArray[np.float64]
     y: NDArray[np.float64]

@@ -16,9 +16,9 @@ import numpy as np
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, Verification
 from helisim.output import html, summaries, tables
+from helisim.output.bode_drawing import draw_bode
 from helisim.output.drawings import pair_drawing
 from helisim.output.plots import (
-    draw_bode,
     draw_excitation,
     draw_flight,
     draw_groups,
@@ -69,7 +69,7 @@ def plot_record(
 def plot_response(
     found: FrequencyResponse, pairs: Sequence[str] | str | None, axes: Sequence[Axes] | None
 ) -> Figure:
-    """Draw magnitude, phase and coherence of each pair, with the random error as a band."""
+    """Draw magnitude, phase and coherence of each pair, with two random errors as bars."""
     shown = _chosen(found.outputs, found.inputs, pairs)
     return _drawn(_in_grid(shown, lambda o, i: draw_bode("", o, i, data=found)), axes)
 

@@ -1,4 +1,4 @@
-"""Figures of frequency responses, verifications, flights and trims.
+"""Figures of verifications, flights and trims.
 
 Data come first and wide, lines that explain them thin and on top, words outside: nothing hides
 what was measured. Hz and degrees are for people; the value objects stay in rad/s and rad.
@@ -6,22 +6,13 @@ what was measured. Hz and degrees are for people; the value objects stay in rad/
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
-from helisim.ident import USABLE_COHERENCE, FrequencyResponse, Verification
-from helisim.output.bode import (
-    DEGREES,
-    decibels,
-    middle,
-    on_turn,
-    phase_degrees,
-    ratio_unit,
-)
+from helisim.ident import Verification
 from helisim.output.figure import Ink, Mark, Panel, less
 from helisim.output.svg import Drawing
 from helisim.records.channels import (
@@ -40,7 +31,6 @@ from helisim.records.channels import (
     VELOCITIES,
 )
 from helisim.records.record import FlightRecord
-from helisim.units import decibel
 
 if TYPE_CHECKING:
     from helisim.sim import Excitation
@@ -65,120 +55,6 @@ _UNITISED = ("controls", "sticks", "servos", "servo positions")
 _INKS: tuple[Ink, ...] = ("identified", "data", "third", "fourth")
 _INSTANTS = 3001
 """Of a manoeuvre that is drawn: more than a figure has columns."""
-
-
-def draw_bode(
-    name: str,
-    output: str,
-    input_: str,
-    *,
-    data: FrequencyResponse | None = None,
-    identified: FrequencyResponse | None = None,
-    truth: FrequencyResponse | None = None,
-    used: tuple[float, float] | None = None,
-    caption: str = "",
-) -> Drawing:
-    """Draw one pair: magnitude, phase, both less the identified model's, and the coherence.
-
-    Args:
-        name: of the drawing.
-        output: of the pair, in each response that is given.
-        input_: of the pair.
-        data: estimated from flights; points below the usable coherence are hollow, the band is
-            its random error.
-        identified: the fitted model's.
-        truth: the exact one of the vehicle that flew.
-        used: lowest and highest frequency of the fit, rad/s; None if the pair was left out.
-        caption: of the drawing.
-    """
-    gains: list[Mark] = []
-    phases: list[Mark] = []
-    turn: float | None = None
-    alone = data is None and (identified is None or truth is None)
-    if data is not None:
-        o, i = data.index(output, input_)
-        omega, good, error = data.frequency, data.usable()[o, i], data.random_error[o, i]
-        gain, phase = decibels(data.response[o, i]), phase_degrees(data.response[o, i])
-        turn = middle(phase)
-        gains += _estimate(omega, gain, decibel(1.0 + error), good)
-        phases += _estimate(omega, phase, np.rad2deg(np.minimum(error, np.pi)), good)
-    for response, curve in (
-        (identified, partial(Mark, "line", "identified", label="" if alone else "identified")),
-        (truth, partial(Mark, "dashes", "truth", label="" if alone else "exact")),
-    ):
-        if response is not None:
-            line = response.response[response.index(output, input_)]
-            phase = phase_degrees(line)
-            turn = middle(on_turn(phase, 0.0)) if turn is None else turn
-            gains.append(curve(response.frequency, decibels(line)))
-            phases.append(curve(response.frequency, on_turn(phase, turn)))
-    phases = [replace(mark, label="") for mark in phases]
-    shown = next((one for one in (data, identified, truth) if one and any(one.output_units)), None)
-    panels = [
-        Panel(f"magnitude, dB ({ratio_unit(shown, output, input_)})", tuple(gains), 110.0),
-        *_differences("magnitude less the identified, dB", gains),
-        Panel("phase, deg", tuple(phases), 100.0, steps=DEGREES),
-        *_differences("phase less the identified, deg", phases),
-    ]
-    if data is not None:
-        panels.append(_coherence(data, output, input_))
-    return Drawing(
-        name,
-        f"{output} / {input_}",
-        caption,
-        tuple(panels),
-        "frequency, rad/s",
-        logarithmic=True,
-        used=used,
-    )
-
-
-def _differences(label: str, marks: Sequence[Mark]) -> list[Panel]:
-    """Return a panel of what lies apart from the identified model; none without one, or alone.
-
-    Where all agree to the width of a line, it alone shows by how much. Estimates that are too
-    incoherent to use are left out: they would set the scale.
-    """
-    (model,) = [mark for mark in marks if mark.ink == "identified"] or (None,)
-    if model is None or len(marks) == 1:
-        return []
-    low, high = model.x[[0, -1]]
-    apart = []
-    for mark in marks:
-        if mark.kind != "rings":
-            there = (mark.x >= low * 0.999) & (mark.x <= high * 1.001)
-            base = np.interp(np.log(mark.x[there]), np.log(model.x), model.y)
-            top = None if mark.top is None else less(mark.top[there], base)
-            y = less(mark.y[there], base)
-            apart.append(replace(mark, x=mark.x[there], y=y, top=top, label=""))
-    return [Panel(label, tuple(apart), 46.0)]
-
-
-def _estimate(
-    omega: NDArray[np.float64],
-    values: NDArray[np.float64],
-    error: NDArray[np.float64],
-    good: NDArray[np.bool_],
-) -> list[Mark]:
-    """Return an estimate as marks, (n_freq,) each: band of one random error, points."""
-    nothing = np.where(good, 0.0, np.nan)
-    band = Mark("band", "data", omega, values - error + nothing, values + error + nothing)
-    dots = Mark("dots", "data", omega[good], values[good], label="flight data")
-    if good.all():
-        return [band, dots]
-    label = f"coherence < {USABLE_COHERENCE:g}"
-    return [band, dots, Mark("rings", "data", omega[~good], values[~good], label=label)]
-
-
-def _coherence(data: FrequencyResponse, output: str, input_: str) -> Panel:
-    o, i = data.index(output, input_)
-    omega = data.frequency
-    marks = (
-        Mark("line", "data", omega, data.coherence[o, i], label="partial", width=1.5),
-        Mark("dashes", "grey", omega, data.multiple_coherence[o], label="multiple"),
-    )
-    limits = (0.0, 1.04)
-    return Panel("coherence", marks, 58.0, (0.5,), limits, threshold=USABLE_COHERENCE)
 
 
 def draw_verification(name: str, verification: Verification, trace: int, flight: str) -> Drawing:

@@ -10,6 +10,7 @@ from typing import Any
 
 from helisim.ident import USABLE_COHERENCE, Fit
 from helisim.output import html, tables
+from helisim.output.correlation import correlation_map
 from helisim.output.drawings import run_drawings
 from helisim.output.svg import Drawing
 from helisim.output.table import Table
@@ -79,6 +80,7 @@ def render_run(
         ("gyro", "Before and after the gyro", _gyro(results.gyro_effect)),
         ("overall", "Eq. (8), the parts against the whole", _overall(results.eq_8)),
         ("bode", "Frequency responses", _bode_section(run, drawings)),
+        ("quality", "Costs and correlations", _quality_section(run)),
         ("time", "Verification in the time domain", _time_section(run, drawings)),
         ("sweeps", "The sweeps", _sweep_section(drawings.get("sweeps", ()))),
         ("omitted", "What was left out, and why", _omitted_section(run)),
@@ -221,9 +223,11 @@ def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     blocks = []
     lead = html.paragraph(
         "Dots: estimated from the flights, hollow where the coherence is below "
-        f"{USABLE_COHERENCE:g}, in a band of one random error. Solid: the identified model. "
+        f"{USABLE_COHERENCE:g}, with bars of two random errors. Solid: the identified model. "
         "Dashed: the exact response of the model that flew. Grey ground: not used by the fit. "
-        "Where the lines meet, what lies apart is below, on its own scale. The folder "
+        "Where the lines meet, what lies apart is below, on its own scale; between the grey dashes "
+        "pilots do not notice a mismatch (MUAD, found with fighters: a small helicopter is flown "
+        "faster). The folder "
         "figures/ has each as a file.",
         "note",
     )
@@ -240,6 +244,12 @@ def _bode_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
         )
         blocks.append((block, 4 if len(shown) > 1 else 1))
     return "\n".join([lead, html.side_by_side(blocks)]) if blocks else ""
+
+
+def _quality_section(run: Run) -> str:
+    return html.side_by_side(
+        (html.heading(item.name) + fit_quality(item.fit), 2) for item in run.models
+    )
 
 
 def _time_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
@@ -278,6 +288,18 @@ def _omitted_section(run: Run) -> str:
     for item in run.models:
         sentences += [f"{item.name}: {sentence}" for sentence in left_out(item.fit)]
     return html.bullets(sentences) or html.paragraph("Nothing was left out.")
+
+
+def fit_quality(fit: Fit) -> str:
+    """Return how well each response is known and followed, the windows, and the correlations."""
+    data = fit.data
+    lengths = ", ".join(f"{length:.3g}" for length in data.windows)
+    text = f"Windows of {lengths} s. " if lengths else ""
+    if fit.misfit is not None:
+        text += f"{fit.misfit.summary[0].upper()}{fit.misfit.summary[1:]}."
+    shown = tables.responses(fit)
+    words = [html.paragraph(text), html.table(shown), *_notes(shown)]
+    return "\n".join([*words, correlation_map(fit)])
 
 
 def left_out(fit: Fit) -> list[str]:

@@ -7,7 +7,7 @@ from helisim.ident import Fit, Verification
 from helisim.output import html, tables
 from helisim.output.drawings import bode_drawings, verification_drawings
 from helisim.output.plots import draw_flight
-from helisim.output.report import as_json, left_out
+from helisim.output.report import as_json, fit_quality, left_out
 from helisim.records.files import atomic_write
 from helisim.records.record import FlightRecord
 from helisim.study.identified import IdentifiedModel
@@ -46,6 +46,7 @@ def write_fit_report(
     )
     sections = [
         ("parameters", "Parameters", html.table(tables.fitted(fit))),
+        ("responses", "Responses", fit_quality(fit)),
         ("bode", "Frequency responses", html.figures(bode_drawings(item))),
         ("time", "Verification in the time domain", _verified(item)),
         ("flights", "Records", html.figures(flights)),

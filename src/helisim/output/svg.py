@@ -171,9 +171,6 @@ def _rules(colour: Callable[[str], str]) -> str:
     ]
     for name in _INKS:
         lines.append(f".drawing .{name} {{ stroke: {colour(name)} }}")
-        lines.append(
-            f".drawing .band.{name} {{ fill: {colour(name)}; fill-opacity: .25; stroke: none }}"
-        )
     return "\n".join(lines) + "\n"
 
 
@@ -199,9 +196,8 @@ def _heading(panel: Panel, left: float, top: float) -> tuple[str, float]:
 
 def _sample(mark: Mark, x: float, y: float) -> str:
     """Return a piece of a mark for the legend."""
-    if mark.kind == "band":
-        low, high = np.full(2, y + 4.0), np.full(2, y - 4.0)
-        return _shape(mark, np.array([x, x + 15.0]), low, high)
+    if mark.kind == "bars":
+        return _shape(mark, np.array([x + 8.0]), np.array([y + 4.0]), np.array([y - 4.0]))
     ends = np.array([x, x + 15.0]) if mark.kind in ("line", "dashes") else np.array([x + 8.0])
     return _shape(mark, ends, np.full(len(ends), y))
 
@@ -248,12 +244,10 @@ def _shape(
 ) -> str:
     """Return a mark at places (n,) of the drawing."""
     seen = np.isfinite(y)
-    if mark.kind == "band":
-        edge = y if top is None else top
-        pieces = [(np.r_[x[k], x[k][::-1]], np.r_[y[k], edge[k][::-1]]) for k in _runs(seen)]
-        path = "".join(f"{_line(around, along)}Z" for around, along in pieces)
-        return f'<path class="band {mark.ink}" d="{path}"/>'
-    if mark.kind in ("line", "dashes"):
+    if mark.kind == "bars":
+        width, ends = 1.1 * mark.width, y if top is None else top
+        path = "".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in zip(x[seen], y[seen], ends[seen]))
+    elif mark.kind in ("line", "dashes"):
         width = 1.3 * mark.width
         path = "".join(_line(x[k], y[k]) for k in _runs(seen))
     elif mark.kind == "dots":

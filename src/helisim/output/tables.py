@@ -257,6 +257,38 @@ def fitted(fit: Fit) -> Table:
     )
 
 
+def responses(fit: Fit) -> Table:
+    """Return each response of a fit: where it was used, its cost, and how well it is known."""
+    return Table(
+        "Responses",
+        (
+            Column("response", left=True),
+            *(Column("from", unit="rad/s"), Column("to", unit="rad/s"), Column("J")),
+            *(Column("coherence"), Column("error", unit="%", label="mean random error")),
+            *(Column("left", unit="dB"), Column("left", unit="deg", label="left, phase")),
+        ),
+        tuple(_response(fit, name) for name in fit.costs),
+        notes=(("left", "what the model leaves beyond noise, rms"),) if fit.misfit else (),
+    )
+
+
+def _response(fit: Fit, name: str) -> tuple[Cell, ...]:
+    low, high = fit.bands[name]
+    pair = fit.data.index(*name.split("/", 1))
+    inside = (fit.data.frequency >= low) & (fit.data.frequency <= high)
+    inside &= fit.data.usable()[pair]
+    left = fit.misfit
+    return (
+        words(name, "name"),
+        *(number(edge, ".3g", unit="rad/s") for edge in (low, high)),
+        number(fit.costs[name], ".3g", key=f"costs.{name}"),
+        number(float(fit.data.coherence[pair][inside].mean()), ".3f"),
+        number(100.0 * float(fit.data.random_error[pair][inside].mean()), _UNCERTAINTY, unit="%"),
+        number(left.magnitude[name] if left else None, _UNCERTAINTY, unit="dB"),
+        number(left.phase[name] if left else None, _UNCERTAINTY, unit="deg"),
+    )
+
+
 def errata(found: Sequence[Erratum]) -> Table:
     """Return the known errors of the paper, each with its calculation."""
     return _sentences(

@@ -12,14 +12,8 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.ident import USABLE_COHERENCE, FrequencyResponse
-from helisim.output.bode import (
-    DEGREES,
-    decibels,
-    middle,
-    on_turn,
-    phase_degrees,
-    ratio_unit,
-)
+from helisim.output.bode import DEGREES, beside, decibels, phase_degrees, ratio_unit
+from helisim.output.bode_drawing import SURE
 from helisim.output.figure import Scale, extent
 from helisim.units import decibel
 
@@ -107,8 +101,8 @@ def log_bode(
         entity: above the drawing's parts.
         output: of the pair, in each response that is given.
         input_: of the pair.
-        data: estimated from flights; points below a coherence of 0.6 are dim and not in the
-            band of one random error.
+        data: estimated from flights; points below a coherence of 0.6 are dim and have no bars of
+            two random errors.
         identified: the fitted model's.
         truth: the exact one of the vehicle that flew; None for a real one.
         used: lowest and highest frequency of the fit, rad/s; None if the pair was left out.
@@ -144,12 +138,13 @@ class _Drawing:
         self.error = data.random_error[o, i]
         self.good = data.usable()[o, i]
         line = data.response[o, i]
-        self.gain, self.phase = decibels(line), phase_degrees(line)
+        self.gain, self.phase = decibels(line), phase_degrees(line, self.good)
         self.lines: list[tuple[str, FrequencyResponse, NDArray, NDArray]] = []
         for name, response in models.items():
             if response is not None:
                 values = response.response[response.index(*pair)]
-                phase = on_turn(phase_degrees(values), middle(self.phase))
+                sure = self.omega[self.good], self.phase[self.good]
+                phase = beside(response.frequency, values, *sure)
                 self.lines.append((name, response, decibels(values), phase))
         shared = Scale.decades(float(self.omega[0]) / 1.08, float(self.omega[-1]) * 1.08)
         self.axis = _Axis(shared, _LEFT, size[0] - _RIGHT)
@@ -206,10 +201,10 @@ class _Drawing:
             self._strips("axes/unused", strips, _UNUSED, 1.2, 0.0)
 
     def log_data(self) -> None:
-        """Draw the estimate, and one random error around it."""
+        """Draw the estimate, and two random errors around it."""
         x = self.axis.places(self.omega)
-        spread = decibel(1.0 + self.error)
-        turn = np.rad2deg(np.minimum(self.error, np.pi))
+        spread = decibel(1.0 + SURE * self.error)
+        turn = np.rad2deg(np.minimum(SURE * self.error, np.pi))
         bars, inside, weak, said, doubted = [], [], [], [], []
         for panel, values, half in (
             (self.panels[0], self.gain, spread),
