@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError
+from helisim.ident.sensitivity import Sensitivity
 from helisim.ident.structure import Structure
 
 if TYPE_CHECKING:
@@ -35,26 +36,26 @@ class Matrices:
         return self.output_delays[:, None] + self.input_delays[None, :] + self.delays
 
 
-Slopes = list[tuple[str, int, int, Mapping[str, float]]]
-"""Matrix, row, column and derivatives by parameter of every entry that has any."""
-
-
 def matrices(structure: Structure, values: Mapping[str, float]) -> Matrices:
     """Return the matrices for the given parameters."""
-    return _evaluate(structure, values)[0]
+    filled = structure.program.fill(structure.program.ordered(values))
+    for delays in ("input_delays", "output_delays"):
+        filled[delays] = filled[delays].ravel()
+    return Matrices(**filled)
 
 
 def response(
     structure: Structure, values: Mapping[str, float], frequency: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Return the frequency response, (n_out, n_in, n_freq); nan where it is undefined.
+    """Return the frequency response, (n_out, n_in, n_freq); not finite where it is undefined.
 
     Args:
         structure: the model's.
         values: every parameter by name.
         frequency: (n_freq,) rad/s.
     """
-    return _transfer(_evaluate(structure, values)[0], frequency)[0].transpose(1, 2, 0)
+    everywhere, shape = _everywhere(structure, frequency)
+    return everywhere.at(structure.program.ordered(values)).response.reshape(shape)
 
 
 def response_and_slope(
@@ -65,6 +66,8 @@ def response_and_slope(
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return the response and its derivative by each free parameter.
 
+    A fit asks for them at its points alone, by `Sensitivity`.
+
     Args:
         structure: the model's.
         values: every parameter by name.
@@ -74,17 +77,9 @@ def response_and_slope(
     Returns:
         (n_out, n_in, n_freq) and (n_free, n_out, n_in, n_freq).
     """
-    numbers, slopes = _evaluate(structure, values)
-    total, left, right, delay = _transfer(numbers, frequency)
-    names = [parameter.name for parameter in structure.free] if by is None else list(by)
-    slope = np.zeros((len(names), *total.shape), dtype=np.complex128)
-    s = 1j * frequency[:, None, None]
-    for matrix, row, column, gradient in slopes:
-        part = _entry_slope(matrix, row, column, s, total, left, right, delay)
-        for name, derivative in gradient.items():
-            if name in names:
-                slope[names.index(name)] += derivative * part
-    return total.transpose(1, 2, 0), slope.transpose(0, 2, 3, 1)
+    everywhere, shape = _everywhere(structure, frequency, by)
+    there = everywhere.at(structure.program.ordered(values))
+    return there.response.reshape(shape), there.slope().reshape(-1, *shape)
 
 
 def state_space(structure: Structure, values: Mapping[str, float]) -> "control.StateSpace":
@@ -132,88 +127,11 @@ def proper_part(structure: Structure, values: Mapping[str, float]) -> "control.S
     )
 
 
-def _evaluate(structure: Structure, values: Mapping[str, float]) -> tuple[Matrices, Slopes]:
-    n, n_in, n_out = len(structure.states), len(structure.inputs), len(structure.outputs)
-    arrays = {
-        "M": np.zeros((n, n)),
-        "F": np.zeros((n, n)),
-        "G": np.zeros((n, n_in)),
-        "H0": np.zeros((n_out, n)),
-        "H1": np.zeros((n_out, n)),
-        "D": np.zeros((n_out, n_in)),
-        "D1": np.zeros((n_out, n_in)),
-        "input_delays": np.zeros((1, n_in)),
-        "output_delays": np.zeros((n_out, 1)),
-        "delays": np.zeros((n_out, n_in)),
-    }
-    known = {**structure.constants, **values}
-    slopes: Slopes = []
-    for matrix, row, column, expression in structure.entries:
-        value, gradient = expression.evaluate(known)
-        arrays[matrix][row, column] = value
-        if gradient:
-            slopes.append((matrix, row, column, gradient))
-    for delays in ("input_delays", "output_delays"):
-        arrays[delays] = arrays[delays].ravel()
-    return Matrices(**arrays), slopes
-
-
-def _transfer(
-    numbers: Matrices, frequency: NDArray[np.float64]
-) -> tuple[
-    NDArray[np.complex128],
-    NDArray[np.complex128],
-    NDArray[np.complex128],
-    NDArray[np.complex128],
-]:
-    """Return H, (H0 + s H1)(s M - F)^-1, (s M - F)^-1 G and the delays' phases, frequency first."""
-    s = 1j * frequency[:, None, None]
-    pencil = s * numbers.M - numbers.F
-    observed = numbers.H0 + s * numbers.H1
-    try:
-        resolvent = np.linalg.inv(pencil)
-    except np.linalg.LinAlgError:
-        resolvent = np.full_like(pencil, np.nan)
-    left = observed @ resolvent
-    right = resolvent @ numbers.G
-    delay = np.exp(-s * numbers.lags)
-    return (observed @ right + numbers.D + s * numbers.D1) * delay, left, right, delay
-
-
-def _entry_slope(
-    matrix: str,
-    row: int,
-    column: int,
-    s: NDArray,
-    total: NDArray[np.complex128],
-    left: NDArray[np.complex128],
-    right: NDArray[np.complex128],
-    delay: NDArray[np.complex128],
-) -> NDArray[np.complex128]:
-    """Return the derivative of H by one matrix entry, (n_freq, n_out, n_in).
-
-    From dR = -R d(sM - F) R with R = (sM - F)^-1.
-    """
-    slope = np.zeros_like(total)
-    match matrix:
-        case "F":
-            slope = left[:, :, row, None] * right[:, None, column, :] * delay
-        case "M":
-            slope = -s * left[:, :, row, None] * right[:, None, column, :] * delay
-        case "G":
-            slope[:, :, column] = left[:, :, row] * delay[:, :, column]
-        case "H0":
-            slope[:, row, :] = right[:, column, :] * delay[:, row, :]
-        case "H1":
-            slope[:, row, :] = s[:, :, 0] * right[:, column, :] * delay[:, row, :]
-        case "D":
-            slope[:, row, column] = delay[:, row, column]
-        case "D1":
-            slope[:, row, column] = s[:, 0, 0] * delay[:, row, column]
-        case "input_delays":
-            slope[:, :, column] = -s[:, :, 0] * total[:, :, column]
-        case "output_delays":
-            slope[:, row, :] = -s[:, :, 0] * total[:, row, :]
-        case "delays":
-            slope[:, row, column] = -s[:, 0, 0] * total[:, row, column]
-    return slope
+def _everywhere(
+    structure: Structure, frequency: NDArray[np.float64], by: Sequence[str] | None = None
+) -> tuple[Sensitivity, tuple[int, int, int]]:
+    """Return the points of every response at every frequency, and the shape that they have."""
+    shape = (len(structure.outputs), len(structure.inputs), frequency.size)
+    output, input_, position = np.indices(shape).reshape(3, -1)
+    program = structure.program
+    return Sensitivity(program, frequency[position], output, input_, by=by), shape

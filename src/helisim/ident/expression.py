@@ -1,18 +1,16 @@
 """Arithmetic in parameter names, such as "-tau_f" or "N_v * Y_ped", with exact derivatives.
 
 Text is parsed into a tree that may hold numbers, names, + - * / **, and a few functions;
-anything else is refused. Nothing is ever executed as Python.
+anything else is refused. Nothing is ever executed as Python: the tree is turned into closures.
 """
 
 import ast
 import math
 from collections.abc import Callable, Mapping
+from functools import cached_property
 
 from helisim.errors import InputError, UnknownNameError
-
-Gradient = dict[str, float]
-Dual = tuple[float, Gradient]
-"""A value with its derivatives by name (forward differentiation)."""
+from helisim.ident.forms import Dual, added, applied, divided, multiplied, picked, powered, value_at
 
 FUNCTIONS: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
     "sqrt": (math.sqrt, lambda x: 0.5 / math.sqrt(x)),
@@ -42,18 +40,35 @@ class Expression:
     def __repr__(self) -> str:
         return f"Expression({self.text!r})"
 
-    def evaluate(self, values: Mapping[str, float]) -> Dual:
+    def evaluate(self, values: Mapping[str, float]) -> tuple[float, dict[str, float]]:
         """Return the value and its derivatives by name; nan where it is undefined.
 
         Raises:
             UnknownNameError: a name has no value.
         """
-        try:
-            return _evaluate(self._tree, values)
-        except (ZeroDivisionError, OverflowError, ValueError) as error:
-            if isinstance(error, UnknownNameError):
-                raise
-            return math.nan, dict.fromkeys(self.names, math.nan)
+        order, (value, slopes) = self._own
+        for name in order:
+            if name not in values:
+                raise UnknownNameError("parameter", name, values)
+        at = [values[name] for name in order]
+        found = value_at(value, at)
+        if math.isnan(found):
+            return found, dict.fromkeys(order, math.nan)
+        return found, {order[k]: value_at(slope, at) for k, slope in slopes.items()}
+
+    def compiled(self, places: Mapping[str, int], constants: Mapping[str, float]) -> Dual:
+        """Return the value and its derivatives as functions of a list of parameters.
+
+        Args:
+            places: each parameter's place in that list.
+            constants: names that are numbers.
+        """
+        return _compiled(self._tree, places, constants)
+
+    @cached_property
+    def _own(self) -> tuple[tuple[str, ...], Dual]:
+        order = tuple(sorted(self.names))
+        return order, self.compiled({name: k for k, name in enumerate(order)}, {})
 
 
 def _parse(text: str) -> ast.expr:
@@ -106,49 +121,28 @@ def _is_number(value: float) -> bool:
     return not isinstance(value, bool) and math.isfinite(value)
 
 
-def _evaluate(node: ast.expr, values: Mapping[str, float]) -> Dual:
+def _compiled(node: ast.expr, places: Mapping[str, int], constants: Mapping[str, float]) -> Dual:
     match node:
         case ast.Constant(value=int() | float() as value):
             return float(value), {}
         case ast.Name(id=name):
-            if name not in values:
-                raise UnknownNameError("parameter", name, values)
-            return values[name], {name: 1.0}
+            return (constants[name], {}) if name in constants else picked(places[name])
         case ast.UnaryOp(op=op, operand=operand):
-            value, gradient = _evaluate(operand, values)
             sign = -1.0 if isinstance(op, ast.USub) else 1.0
-            return sign * value, _scaled(gradient, sign)
+            return multiplied((sign, {}), _compiled(operand, places, constants))
         case ast.Call(func=ast.Name(id=name), args=[argument]):
-            value, gradient = _evaluate(argument, values)
-            function, derivative = FUNCTIONS[name]
-            return function(value), _scaled(gradient, derivative(value))
+            return applied(*FUNCTIONS[name], _compiled(argument, places, constants))
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            return powered(_compiled(left, places, constants), _literal(right) or 0.0)
         case ast.BinOp(left=left, op=op, right=right):
-            return _binary(op, _evaluate(left, values), _evaluate(right, values))
+            one, other = (_compiled(side, places, constants) for side in (left, right))
+            match op:
+                case ast.Add():
+                    return added(one, other)
+                case ast.Sub():
+                    return added(one, multiplied((-1.0, {}), other))
+                case ast.Mult():
+                    return multiplied(one, other)
+                case _:
+                    return divided(one, other)
     raise InputError(f"{ast.unparse(node)!r} isn't an expression")
-
-
-def _binary(op: ast.operator, left: Dual, right: Dual) -> Dual:
-    (a, da), (b, db) = left, right
-    match op:
-        case ast.Add():
-            return a + b, _sum(da, db)
-        case ast.Sub():
-            return a - b, _sum(da, _scaled(db, -1.0))
-        case ast.Mult():
-            return a * b, _sum(_scaled(da, b), _scaled(db, a))
-        case ast.Div():
-            return a / b, _sum(_scaled(da, 1.0 / b), _scaled(db, -a / b**2))
-    if a < 0.0 and not b.is_integer():
-        raise ValueError("a fractional power of a negative number")
-    return a**b, _scaled(da, b * a ** (b - 1.0))
-
-
-def _scaled(gradient: Gradient, factor: float) -> Gradient:
-    return {name: factor * slope for name, slope in gradient.items()}
-
-
-def _sum(first: Gradient, second: Gradient) -> Gradient:
-    total = dict(first)
-    for name, slope in second.items():
-        total[name] = total.get(name, 0.0) + slope
-    return total

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.expression import FUNCTIONS, Expression
+from helisim.ident.program import Program
 from helisim.ident.structure_toml import (
     DELAYS,
     MATRICES,
@@ -195,6 +196,11 @@ class Structure(Value):
                 expression = self._expression(cell, f"{matrix}.{name}")
                 found.append(Entry(matrix, *places[name], expression))
         return tuple(entry for entry in found if entry.expression.text not in ("0", "0.0"))
+
+    @cached_property
+    def program(self) -> Program:
+        """The matrices compiled, for `helisim.ident.evaluate`."""
+        return Program(self)
 
     @property
     def improper(self) -> bool:

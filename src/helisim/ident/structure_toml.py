@@ -20,8 +20,8 @@ def axes(
 ) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
     """Return the names of every matrix's rows and columns."""
     x, u, y = tuple(states), tuple(inputs), tuple(outputs)
-    states = {"M": (x, x), "F": (x, x), "G": (x, u), "H0": (y, x), "H1": (y, x)}
-    return {**states, "D": (y, u), "D1": (y, u)}
+    by_state = {"M": (x, x), "F": (x, x), "G": (x, u), "H0": (y, x), "H1": (y, x)}
+    return {**by_state, "D": (y, u), "D1": (y, u)}
 
 
 def delay_places(
