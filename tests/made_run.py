@@ -7,7 +7,7 @@ import numpy as np
 
 from helisim import ident
 from helisim.ident.evaluate import response
-from helisim.ident.verify import Trace
+from helisim.ident.verification import Trace
 from helisim.paper import jr700
 from helisim.paper.eq8 import Coefficient, OverallCheck
 from helisim.paper.gyro_effect import Change, GyroEffect, Statement

@@ -1,5 +1,8 @@
 """Accuracy and speed of the identification beside open peers, on the same records.
 
+Three parts: a small plant, where accuracy is compared; a large one, and a single log, where speed
+is.
+
 The plant is Table 3's [IN1 OUT] model (roll and pitch rate over cyclic, delays of 11.5 and
 -8.3 ms), flown in four sweeps of 90 s from 1.5 to 45 rad/s, recorded at 100 Hz:
 
@@ -13,13 +16,24 @@ closed loop both sticks carry the remnant. Printed are the mean error of the pol
 cost J of the identified against the true response over 3 to 35 rad/s, and the seconds of
 processor time from records to model: mean and standard deviation over the seeds.
 
+The large plant is the hover model of tests/recovery, twelve states and 38 parameters in closed
+loop: eight sweeps of 100 s at 100 Hz with four inputs and nine outputs. Seconds are processor time
+of the frequency response and of the fit, default options, no band.
+
+The single log is 60 s of a first-order plant at 100 Hz as CSV. `helisim identify` and, beside it, a
+script that reads the same file with NumPy and identifies it with a peer are run as processes of
+their own: imports count. The first run of each is not timed.
+
 Peers (`pip install helisim[benchmark]`) get the four records joined, which is fair as each begins
 and ends in trim, decimated to 25 Hz, and the true order: 4.
 
     python scripts/benchmark/identification.py [SEEDS]
 """
 
+import os
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -30,7 +44,9 @@ from numpy.typing import NDArray
 from scipy.signal import decimate
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "recovery"))
+from fleet import FLEET
 from plants import ROLLPITCH_IN1, fly, fly_closed_loop
+from recovering import recover
 
 from helisim.ident import frequency_response, identify, structures
 from helisim.ident.evaluate import response, state_space
@@ -134,8 +150,78 @@ def row(name: str, method: Callable[[int], Responses], seeds: int) -> None:
     print(f"  {name:<22}{text}", flush=True)
 
 
+def hover(seeds: int) -> None:
+    """Print the processor time of the 38-parameter case in closed loop."""
+    found = [recover(FLEET["hover"](), seed) for seed in range(seeds)]
+    response, fit = (
+        [getattr(one, part) for one in found] for part in ("response_seconds", "fit_seconds")
+    )
+    inside = [one.inside for one in found]
+    print("38 parameters in closed loop, processor s, median of the seeds")
+    print(
+        f"  frequency response {np.median(response):.2f}, fit {np.median(fit):.2f}, "
+        f"both {np.median(np.add(response, fit)):.2f}; inside their bounds "
+        f"{min(inside)} to {max(inside)} of 38"
+    )
+
+
+PEER_SCRIPT = """
+import sys
+import numpy as np
+from sippy_unipi import system_identification
+_, pedal, rate = np.loadtxt(sys.argv[1], delimiter=",", skiprows=1, unpack=True)
+model = system_identification(rate, pedal, {order}, tsample=0.01)
+print(model.G if hasattr(model, "G") else model.A)
+"""
+PEER_METHODS = {"ARX": '"ARX", ARX_orders=[1, 1, 1]', "N4SID": '"N4SID", SS_fixed_order=1'}
+
+
+def one_log(runs: int = 5) -> None:
+    """Print the processor time of a first-order model from one log, imports included."""
+    truth = {"N_r": -0.75, "N_ped": 76.0, "tau_r_base": 0.02}
+    record = fly(
+        structures.yaw_base,
+        truth,
+        axis="ped",
+        seed=0,
+        duration=60.0,
+        band=(0.5, 25.0),
+        amplitude=0.02,
+        noise={"r": 0.01},
+    )
+    print("a first-order model from one log, processor s of the process, median of the runs")
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "yaw.csv"
+        columns = np.column_stack([record.time, record.select(["ped", "r"])])
+        np.savetxt(log, columns, delimiter=",", header="time [s],ped [1],r [rad/s]", comments="")
+        ours = [sys.executable, "-m", "helisim", "identify", str(log), "--structure", "tf:0/1"]
+        ours += ["--inputs", "ped", "--outputs", "r", "--quiet"]
+        _row_of_processes("helisim identify", ours, runs)
+        for name, order in PEER_METHODS.items():
+            code = PEER_SCRIPT.format(order=order)
+            _row_of_processes(name, [sys.executable, "-c", code, str(log)], runs)
+
+
+def _row_of_processes(name: str, command: Sequence[str], runs: int) -> None:
+    seconds = [processor_seconds(command) for _ in range(runs + 1)][1:]
+    if None in seconds:
+        print(f"  {name:<22}      failed: is it installed? pip install helisim[benchmark]")
+    else:
+        print(f"  {name:<22}{np.median(seconds):8.2f}  {min(seconds):.2f} to {max(seconds):.2f}")
+
+
+def processor_seconds(command: Sequence[str]) -> float | None:
+    """Return a process's own processor time, user and system; None if it failed."""
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return used.ru_utime + used.ru_stime if process.returncode == 0 else None
+
+
 def main(seeds: int = 10) -> None:
     """Print the benchmark."""
+    one_log()
+    hover(min(seeds, 5))
     print(f"mean +- scatter over {seeds} seeds")
     print(f"{'':<24}{'pole error, %':>18}{'J':>14}{'processor s':>26}")
     for case in ("quiet", "gusty", "closed loop"):

@@ -40,7 +40,13 @@ OPTIONS = {
         "on_progress": "--quiet",
     },
     reduce: {"keep": "--keep", "delays": "--drop-delays", "rise": "--rise"},
-    verify: {"fit": "model", "records": "logs", "use_ended": "--use-ended"},
+    verify: {
+        "fit": "model",
+        "records": "logs",
+        "segment": "--segment",
+        "ahead": "--ahead",
+        "use_ended": "--use-ended",
+    },
 }
 OPTIONS[reduce] |= OPTIONS[identify]
 
@@ -134,6 +140,15 @@ def test_what_is_known_from_a_bench_carries_its_error(tmp_path, sweep_csv):
         assert fit["Z_col"].standard_error > 1.2 * exact["Z_col"].standard_error
 
 
+def test_known_blocks_are_in_series(tmp_path, sweep_csv):
+    """--known puts a bench's lag before an input: the fit's own delay gets as much shorter."""
+    path = sweep_csv()
+    plain = fitted(tmp_path, [path], structure="heave")
+    fit = fitted(tmp_path, [path], "--known", "col=delay:tau=0.02+-0.001", structure="heave")
+    assert fit["tau_col"].value == pytest.approx(plain["tau_col"].value - 0.02, abs=1e-6)
+    assert fit["tau_col"].standard_error > plain["tau_col"].standard_error
+
+
 def test_a_reduction_keeps_what_it_is_told_to(tmp_path, sweep_csv):
     """--keep, --rise and --drop-delays are those of `reduce`; with a rise all goes."""
     path, model = sweep_csv(), tmp_path / "model.json"
@@ -168,6 +183,10 @@ def test_a_reduction_keeps_what_it_is_told_to(tmp_path, sweep_csv):
         (["--bounds", "Z_w=-2:-1", "--start", "Z_w=5"], "start"),
         (["--fix", "Z_w=-1+-x"], "--fix"),
         (["--fix", "Z_w=-1+--2"], "expected 0 or more"),
+        (["--known", "delay"], "--known"),
+        (["--known", "col=delay", "--known", "col=delay"], "twice"),
+        (["--known", "lat=delay"], "'lat'"),
+        (["--known", "col=spring"], "second_order"),
         (["--keep", "Z_w"], "--reduce"),
         (["--reduce", "--keep", "Z_q"], "Z_w"),
         (["--reduce", "--rise", "-1"], "rise"),

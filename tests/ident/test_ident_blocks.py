@@ -128,3 +128,19 @@ def test_what_cannot_be_in_series_is_refused():
     assert found == pytest.approx((1.0 + 2.0 * S) * SERVO_RESPONSE, rel=1e-12)
     with pytest.raises(InputError, match="differentiated"):
         in_series(improper, inputs={"col": blocks.inflow(tau=0.1, C=0.7)})
+
+
+def test_a_file_has_its_blocks_in_a_table(tmp_path):
+    """[series] of a structure's file is `with_blocks`; what it wrote reads back as it is."""
+    path = tmp_path / "yaw.toml"
+    path.write_text(
+        yaw_base.to_toml() + '\n[series]\nped = "second_order:omega=60+-1,zeta=0.7,name=servo"\n'
+    )
+    found = Structure.from_toml(path)
+    assert found.parameter("servo_omega").error == 1.0
+    assert found.states == ("r", "ped_servo_x0", "ped_servo_x1")
+    found.to_toml(path)
+    assert Structure.from_toml(path) == found
+    path.write_text(yaw_base.to_toml() + "\n[series]\nped = 3\n")
+    with pytest.raises(InputError, match=r"series.ped is 3, expected text"):
+        Structure.from_toml(path)

@@ -13,7 +13,7 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, identify, structures, verify
 from helisim.ident.evaluate import matrices, response, state_space
 from helisim.ident.simulation import delayed, simulate
-from helisim.ident.verify import _theil, _tic
+from helisim.ident.verification import overall_theil, theil
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -172,14 +172,14 @@ def test_theils_coefficient_of_all_weighs_each_output_by_its_own_size():
         np.sqrt(np.mean((values / size) ** 2))
         for values in (measured - predicted, measured, predicted)
     )
-    assert _tic(measured, predicted) == pytest.approx(error / (one + other), rel=1e-12)
+    assert overall_theil(measured, predicted) == pytest.approx(error / (one + other), rel=1e-12)
 
 
 def test_what_does_not_move_has_no_theil_coefficient():
     """Zero over zero is zero, by output and in all; a still output leaves the others alone."""
     still, moving = np.zeros((5, 2)), np.array([[0.0, 1.0], [0.0, -1.0]])
-    assert list(_theil(still, still)) == [0.0, 0.0]
-    assert _tic(still, still) == 0.0
-    assert list(_theil(moving, -moving)) == [0.0, 1.0]
+    assert list(theil(still, still)) == [0.0, 0.0]
+    assert overall_theil(still, still) == 0.0
+    assert list(theil(moving, -moving)) == [0.0, 1.0]
     # of two outputs of which one stands still, the mean squares are halved on both sides
-    assert _tic(moving, -moving) == pytest.approx(1.0)
+    assert overall_theil(moving, -moving) == pytest.approx(1.0)

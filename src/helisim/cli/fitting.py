@@ -52,6 +52,15 @@ def _add_parameters(command: argparse.ArgumentParser) -> None:
         help="values that are possible; without LO or HI that side is open, as in tau=0:",
     )
     group.add_argument(
+        "--known",
+        action="append",
+        default=[],
+        metavar="SIGNAL,...=BLOCK",
+        help="a servo before an input or a filter behind an output, as one knows it from a bench: "
+        "lat,lon=second_order:omega=62+-1,zeta=0.7 or p=low_pass:corner=40,order=2, SI; what is "
+        "left out is fitted (first_order, second_order, low_pass, inflow, delay)",
+    )
+    group.add_argument(
         "--rename",
         metavar="OLD=NEW,...",
         help="the structure's channels by other names, as lat=LAT for the stick",
@@ -117,6 +126,7 @@ def adapted(structure: "Structure", options: argparse.Namespace) -> "Structure":
     """
     if options.rename is not None:
         structure = structure.renamed(_renames(options.rename))
+    structure = _with_blocks(structure, options.known)
     bounds = dict(_bounds(item) for item in options.bounds)
     starts = named_numbers("--start", options.start)
     fixed, errors = _known(options.fix)
@@ -132,6 +142,25 @@ def _known(items: Sequence[str]) -> tuple[dict[str, float], dict[str, float]]:
     values = named_numbers("--fix", [value for value, *_ in apart])
     named = [f"{value.partition('=')[0]}={error}" for value, *errors in apart for error in errors]
     return values, named_numbers("--fix NAME=VALUE+-ERROR:", named)
+
+
+def _with_blocks(structure: "Structure", items: Sequence[str]) -> "Structure":
+    """Return a structure with the blocks of SIGNAL,...=BLOCK in series. Raises InputError."""
+    if not items:
+        return structure
+    from helisim.ident.blocks import with_blocks
+
+    series = {}
+    for item in items:
+        signals, equals, block = item.partition("=")
+        if not equals or not names(signals):
+            raise InputError(
+                f"--known takes SIGNAL=BLOCK, such as lat=delay:tau=0.02, got {item!r}"
+            )
+        if signals in series:
+            raise InputError(f"--known {signals} was given twice: a signal has one block")
+        series[signals] = block
+    return with_blocks(structure, series)
 
 
 def _start(parameter: "Parameter", low: float, high: float) -> float:

@@ -11,6 +11,9 @@ from helisim.cli.progress import Progress
 _EPILOG = f"""\
 example:
   helisim verify model.json doublet.csv --map heli.toml --resample 100
+  helisim verify hover.json flight.csv --map heli.toml --ahead 0.5
+
+An unstable model diverges from any initial state: it is verified in segments, and says so.
 
 Exit status 1: Theil's coefficient is above 0.25.
 
@@ -29,6 +32,20 @@ def add(commands: Any) -> None:
     )
     command.add_argument("model", type=Path, metavar="MODEL", help="model of identify, .json")
     add_log_options(command)
+    command.add_argument(
+        "--segment",
+        type=float,
+        metavar="S",
+        help="verify in segments of S seconds, each from a state of its own; by default an "
+        "unstable model's, in which its errors double three times at most",
+    )
+    command.add_argument(
+        "--ahead",
+        type=float,
+        metavar="S",
+        help="predict each sample S seconds ahead, from the samples before it alone; --segment "
+        "is then how much of the past gives a state",
+    )
     command.add_argument("--json", type=Path, metavar="FILE", help="write the figures, .json")
     add_quiet(command)
     command.set_defaults(run=_run)
@@ -50,7 +67,13 @@ def _run(options: argparse.Namespace) -> int:
             for record in log.records:
                 refuse_seen(fit, record, log.report.path)
         with located(logs):
-            verification = verify(fit, records, use_ended=options.use_ended)
+            verification = verify(
+                fit,
+                records,
+                segment=options.segment,
+                ahead=options.ahead,
+                use_ended=options.use_ended,
+            )
         advance("simulation")
     print(f"{describe(logs)}\n")
     print(verification)

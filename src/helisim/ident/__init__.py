@@ -16,7 +16,8 @@ from helisim.ident.response_file import load_response
 from helisim.ident.result import Fit, load_fit
 from helisim.ident.series import in_series
 from helisim.ident.structure import Parameter, Structure
-from helisim.ident.verify import Verification, verify
+from helisim.ident.verification import Verification
+from helisim.ident.verify import verify
 
 __all__ = [
     "USABLE_COHERENCE",

@@ -9,7 +9,7 @@ be skewed against each other.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
@@ -21,6 +21,7 @@ from helisim.ident.program import Program
 from helisim.ident.structure_toml import (
     DELAYS,
     MATRICES,
+    as_entries,
     axes,
     delay_places,
     read_fields,
@@ -157,7 +158,7 @@ class Structure(Value):
         }
         for matrix, shape in shapes.items():
             rows = getattr(self, matrix) or self._default(matrix, shape)
-            object.__setattr__(self, matrix, _entries(rows, shape, f"{self.name}: {matrix}"))
+            object.__setattr__(self, matrix, as_entries(rows, shape, f"{self.name}: {matrix}"))
         self._check_names()
         _ = self.entries
 
@@ -273,14 +274,17 @@ class Structure(Value):
 
         Parameters are a table by name. A matrix is a list of rows, or a table of rows by state
         or output name, each a table by state or input name, where what is left out is zero
-        (in M: one on the diagonal).
+        (in M: one on the diagonal). `series` puts `blocks` at its signals, as `with_blocks` does.
 
         Raises:
             InputError: something is missing, unknown, misshapen or of the wrong type.
         """
         fields = read_fields(data)
         fields["parameters"] = tuple(Parameter(**one) for one in fields["parameters"])
-        return cls(**fields)
+        from helisim.ident.blocks import with_blocks  # which are structures themselves
+
+        series = fields.pop("series")
+        return with_blocks(cls(**fields), series)
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Structure":
@@ -396,11 +400,3 @@ class Structure(Value):
             for name in getattr(self, matrix):
                 if name not in places:
                     raise UnknownNameError(f"{DELAYS[matrix]} with a delay", name, places)
-
-
-def _entries(rows: Sequence[Sequence[object]], shape: tuple[int, int], what: str) -> Entries:
-    entries = tuple(tuple(str(cell) for cell in row) for row in rows)
-    if len(entries) != shape[0] or any(len(row) != shape[1] for row in entries):
-        received = f"{len(entries)} rows of {sorted({len(row) for row in entries})}"
-        raise InputError(f"{what} has {received} entries, expected {shape[0]} of {shape[1]}")
-    return entries

@@ -10,7 +10,7 @@ from helisim.records.files import toml_key, toml_value
 REQUIRED = ("name", "parameters", "states", "inputs", "outputs", "F", "G")
 DELAYS = {"input_delays": "input", "output_delays": "output", "delays": "response"}
 """Each table of delays, and what they belong to."""
-OPTIONAL = ("M", "H0", "H1", "D", "D1", *DELAYS, "constants", "meaning")
+OPTIONAL = ("M", "H0", "H1", "D", "D1", *DELAYS, "constants", "meaning", "series")
 MATRICES = ("M", "F", "G", "H0", "H1", "D", "D1")
 PARAMETER_KEYS = ("unit", "start", "bounds", "meaning", "scale", "fixed", "error")
 
@@ -78,7 +78,22 @@ def read_fields(data: Mapping[str, Any]) -> dict[str, Any]:
         name: _number(number, f"constant {name!r}")
         for name, number in _table(data.get("constants", {}), "constants").items()
     }
+    fields["series"] = {
+        signals: _text(block, f"series.{signals}")
+        for signals, block in _table(data.get("series", {}), "series").items()
+    }
     return fields
+
+
+def as_entries(
+    rows: Sequence[Sequence[object]], shape: tuple[int, int], what: str
+) -> tuple[tuple[str, ...], ...]:
+    """Return a matrix's cells as expressions. Raises InputError: it hasn't the shape."""
+    entries = tuple(tuple(str(cell) for cell in row) for row in rows)
+    if len(entries) != shape[0] or any(len(row) != shape[1] for row in entries):
+        received = f"{len(entries)} rows of {sorted({len(row) for row in entries})}"
+        raise InputError(f"{what} has {received} entries, expected {shape[0]} of {shape[1]}")
+    return entries
 
 
 def to_toml(data: Mapping[str, Any]) -> str:

@@ -95,6 +95,8 @@ def coefficients(structure: Structure) -> Coefficients | None:
     poles = len(structure.states)
     zeros = len(names) - poles - 1
     delay = next(iter(structure.input_delays.values()), None)
+    if delay not in (None, *names):  # an expression, such as that of a block in series
+        return None
     zeros -= delay is not None
     if len(structure.inputs) != 1 or len(structure.outputs) != 1 or not 0 <= zeros <= poles:
         return None

@@ -166,6 +166,7 @@ def _verification_page(verification: Verification) -> tuple[str, ...]:
     return (
         "Verification",
         html.paragraph(f"{count} record(s), Theil's coefficient {verification.tic:.3f}: {good}."),
+        html.paragraph(f"{verification.approach}.") if verification.approach else "",
         html.table(_unnamed(tables.verification({"": verification.figures}))),
         _figures(
             draw_verification("", verification, k, f"record {k}") for k in range(min(count, _FEW))

@@ -82,7 +82,8 @@ def draw_verification(name: str, verification: Verification, trace: int, flight:
         panels.append(Panel(_labelled(f"{output}, flight less model", seen), (left,), 42.0))
     tics = ", ".join(f"{output} {tic:.3g}" for output, tic in zip(verification.outputs, shown.tic))
     title = f"{flight}: {', '.join(verification.outputs)} predicted"
-    return Drawing(name, title, f"{flight}: TIC {tics}", tuple(panels), "time, s")
+    how = f"; {verification.approach}" if verification.approach else ""
+    return Drawing(name, title, f"{flight}: TIC {tics}{how}", tuple(panels), "time, s")
 
 
 def draw_flight(name: str, title: str, record: FlightRecord, channels: Sequence[str]) -> Drawing:

@@ -157,7 +157,7 @@ def _block(table: Table) -> str:
 
 def _notes(table: Table) -> list[str]:
     return [
-        html.paragraph(f"{label.capitalize()}: {text}." if label else text, "note")
+        html.paragraph(f"{label[:1].upper()}{label[1:]}: {text}." if label else text, "note")
         for label, text in table.notes
     ]
 
@@ -256,10 +256,11 @@ def _time_section(run: Run, drawings: Mapping[str, Sequence[Drawing]]) -> str:
     blocks = []
     for item in run.models:
         if item.verification is not None:
-            figures = item.verification.figures
+            shown = tables.verification({item.name: item.verification.figures})
             block = [
                 html.heading(item.name),
-                html.table(tables.verification({item.name: figures})),
+                html.table(shown),
+                *_notes(shown),
                 html.figures(drawings.get(f"time {item.name}", ())),
             ]
             blocks.append(("\n".join(block), 2))

@@ -63,6 +63,6 @@ def write_fit_report(
 def _verified(item: IdentifiedModel) -> str:
     if item.verification is None:
         return ""
-    figures = item.verification.figures
-    shown = html.table(tables.verification({item.name: figures}))
-    return shown + html.figures(verification_drawings(item))
+    shown = tables.verification({item.name: item.verification.figures})
+    notes = "".join(html.paragraph(f"Verified: {text}.", "note") for _, text in shown.notes)
+    return html.table(shown) + notes + html.figures(verification_drawings(item))

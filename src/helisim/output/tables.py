@@ -7,7 +7,7 @@ from math import degrees
 from typing import TYPE_CHECKING, Literal
 
 from helisim.ident import Fit
-from helisim.ident.verify import VerificationFigures
+from helisim.ident.verification import VerificationFigures
 from helisim.output.table import PERCENT, Cell, Column, Table, common_form, number, words
 from helisim.paper import jr700
 from helisim.records.channels import IN1
@@ -108,6 +108,9 @@ def verification(found: Mapping[str, VerificationFigures]) -> Table:
             )
             for model, figures in found.items()
             for one in figures.outputs
+        ),
+        notes=tuple(
+            (model, str(figures.approach)) for model, figures in found.items() if figures.approach
         ),
     )
 

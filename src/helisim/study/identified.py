@@ -12,7 +12,7 @@ import numpy as np
 
 from helisim import ident
 from helisim.errors import InputError
-from helisim.ident.verify import Trace
+from helisim.ident.verification import Approach, Trace
 from helisim.records.files import read_json, write_json
 from helisim.records.provenance import made_by
 from helisim.records.value import Value
@@ -106,9 +106,10 @@ def read_models(path: str | Path) -> tuple[IdentifiedModel, ...]:
 
 def _verification_to_dict(verification: ident.Verification) -> dict[str, Any]:
     traces = [
-        {one.name: getattr(trace, one.name).tolist() for one in fields(Trace)}
+        {one.name: np.asarray(getattr(trace, one.name)).tolist() for one in fields(Trace)}
         for trace in verification.traces
     ]
+    approach = verification.approach
     return {
         "outputs": list(verification.outputs),
         "units": list(verification.units),
@@ -117,18 +118,22 @@ def _verification_to_dict(verification: ident.Verification) -> dict[str, Any]:
         "tic": verification.tic,
         "j_rms_by_output": dict(verification.j_rms_by_output),
         "tic_by_output": dict(verification.tic_by_output),
+        "approach": None if approach is None else approach.to_dict(),
+        "quiet": list(verification.quiet),
     }
 
 
 def _verification_from_dict(data: Mapping[str, Any], fit: ident.Fit) -> ident.Verification:
-    arrays = [{name: np.array(rows) for name, rows in trace.items()} for trace in data["traces"]]
+    told = data.get("approach")
     return ident.Verification(
         inputs=fit.structure.inputs,
         outputs=tuple(data["outputs"]),
         units=tuple(data["units"]),
-        traces=tuple(Trace(**trace) for trace in arrays),
+        traces=tuple(Trace(**trace) for trace in data["traces"]),
         j_rms=float(data["j_rms"]),
         tic=float(data["tic"]),
         j_rms_by_output=dict(data["j_rms_by_output"]),
         tic_by_output=dict(data["tic_by_output"]),
+        approach=Approach.from_dict(told) if told else None,
+        quiet=tuple(data.get("quiet", ())),
     )

@@ -165,4 +165,8 @@ def _steps(run: Run) -> list[str]:
             f"identified: {table.name} from {table.input}, cost {table.cost:.3g}, "
             f"{good} of {len(table.parameters)} parameters agree"
         )
+    steps += [
+        f"verified: {name}, TIC {one.tic:.3g}, {one.approach}"
+        for name, one in run.results.verification.items()
+    ]
     return steps + [f"missed: {sentence}" for sentence in run.results.misses]
