@@ -27,7 +27,7 @@ example:
       --responses p/lat,q/lon
 
 The model in --json is what `helisim verify` reads. Exit status 1: the search
-didn't converge or the fit's cost is beyond the guidelines.
+didn't converge, the fit's cost is beyond the guidelines, or the fit is degenerate.
 
 {MAP_HELP}"""
 
@@ -88,7 +88,7 @@ def _run(options: argparse.Namespace) -> int:
         print(wrapped(str(reduction), indent=2))
     print(wrapped(str(fit), indent=2))
     _write(options, estimated, fit, reduction)
-    return 0 if fit.converged and fit.acceptable else 1
+    return 0 if fit.converged and fit.acceptable and not fit.degenerate else 1
 
 
 def _described(options: argparse.Namespace, frf: "FrequencyResponse") -> str:

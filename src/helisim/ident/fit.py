@@ -7,8 +7,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from helisim.errors import InputError
-from helisim.ident.bounds import accuracy
+from helisim.ident.bounds import Accuracy, accuracy
 from helisim.ident.cost import Cost
+from helisim.ident.degenerate import Degenerate, degenerate
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.misfit import misfit
 from helisim.ident.points import Band, select
@@ -73,11 +74,22 @@ def identify(
         )
     points = select(frf, structure, band=band, responses=responses, count=frequencies_per_response)
     cost = Cost(structure, points)
-    best, agreeing = search(cost, searches, seed, on_progress or (lambda _: None))
     deviation = points.deviation
     standardised = weighting == "error" and deviation is not None and bool(np.any(deviation > 0.0))
-    if standardised and structure.free:
-        best = refine(cost, best)
+
+    def fitted(of: Cost) -> tuple[Minimum, int]:
+        best, agreeing = search(of, searches, seed, on_progress or (lambda _: None))
+        return (refine(of, best) if standardised and of.structure.free else best), agreeing
+
+    best, agreeing = fitted(cost)
+    quality = accuracy(cost, best.x, standardised=standardised)
+    collapsed = degenerate(
+        cost,
+        best,
+        quality.cramer_rao,
+        lambda of, end: float(np.sum(of.standardised(end.x) ** 2)) if standardised else end.cost,
+        lambda of: fitted(of)[0],
+    )
     options = plain(
         {
             "band_rad_s": dict(band) if isinstance(band, Mapping) else band,
@@ -88,7 +100,7 @@ def identify(
             "weighting": weighting,
         }
     )
-    return _result(frf, cost, best, agreeing, standardised, options)
+    return _result(frf, cost, best, agreeing, quality, collapsed, options)
 
 
 def _result(
@@ -96,11 +108,11 @@ def _result(
     cost: Cost,
     best: Minimum,
     agreeing: int,
-    standardised: bool,
+    quality: Accuracy,
+    collapsed: Degenerate,
     options: Mapping[str, Any],
 ) -> Fit:
     structure, points = cost.structure, cost.points
-    quality = accuracy(cost, best.x, standardised=standardised)
     values = cost.values(best.x)
     free = [parameter.name for parameter in structure.free]
     fitted = []
@@ -120,6 +132,7 @@ def _result(
                 float(quality.insensitivity[k]),
                 float(quality.standard_error[k]),
                 min(value - low, high - value) <= edge,
+                parameter.name in collapsed.names,
             )
         )
     costs = cost.per_response(best.x)
@@ -134,6 +147,7 @@ def _result(
         dropped=points.dropped,
         converged=best.converged,
         searches_agreeing=agreeing,
+        degenerate=collapsed.advice,
         data=frf,
         options=options,
     )

@@ -15,6 +15,7 @@ from helisim.ident.evaluate import matrices, proper_part, response, state_space
 from helisim.ident.export import latex_table, text_table, write_matlab
 from helisim.ident.fitted import FittedParameter, matrix_from_plain, matrix_to_plain
 from helisim.ident.misfit import Misfit
+from helisim.ident.remarks import remarks
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
 from helisim.ident.structure_toml import delay_places
@@ -59,6 +60,7 @@ class Fit(Value, Displayed):
             standard errors; infinite there where the data do not see one. None in a file of
             an earlier version.
         misfit: what the structure leaves beyond noise, which no standard error holds, or None.
+        degenerate: where the data support less than the structure has: what to do, a line each.
         options: how `identify` was called, as plain data.
         versions: the programs that computed the fit, by name.
     """
@@ -74,6 +76,7 @@ class Fit(Value, Displayed):
     data: FrequencyResponse
     covariance: NDArray[np.float64] | None = None
     misfit: Misfit | None = None
+    degenerate: tuple[str, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict, repr=False)
     versions: Mapping[str, str] = field(default_factory=versions, repr=False)
 
@@ -110,24 +113,15 @@ class Fit(Value, Displayed):
 
     @property
     def judged(self) -> str:
-        """The average cost in a word or two."""
+        """The average cost in a word or two; "degenerate" whatever it is, where the fit is."""
+        if self.degenerate:
+            return "degenerate"
         return "excellent" if self.excellent else "acceptable" if self.acceptable else "too high"
 
     @property
     def remarks(self) -> list[str]:
         """What a reader should know beside the numbers, a line each."""
-        remarks = []
-        if not self.converged:
-            remarks.append("the search did not converge: give better starts, or fix a parameter")
-        if self.searches_agreeing < 2:
-            remarks.append(
-                "no two starts, at different delays where there are any, ended in this minimum: "
-                "try more searches, or say where to start"
-            )
-        if self.dropped:
-            remarks.append(f"left out for lack of coherence: {', '.join(self.dropped)}")
-        remarks.extend(f"{a} and {b} are correlated by {r:.3f}" for a, b, r in self.correlated)
-        return remarks + list(self.data.flags)
+        return remarks(self)
 
     @property
     def values(self) -> dict[str, float]:
@@ -169,7 +163,9 @@ class Fit(Value, Displayed):
     def ok(self) -> bool:
         """Whether the fit converged off every bound with acceptable costs, none poor."""
         return (
-            self.converged and self.acceptable and not self.at_bound and not self.poorly_identified
+            self.converged
+            and self.acceptable
+            and not (self.at_bound or self.poorly_identified or self.degenerate)
         )
 
     @property
@@ -294,6 +290,7 @@ class Fit(Value, Displayed):
             "converged": self.converged,
             "acceptable": self.acceptable,
             "searches_agreeing": self.searches_agreeing,
+            "degenerate": list(self.degenerate),
             "method": self.method,
             "windows_s": list(self.data.windows),
             "flags": list(self.data.flags),
@@ -332,6 +329,7 @@ class Fit(Value, Displayed):
                 dropped=tuple(data["dropped"]),
                 converged=bool(data["converged"]),
                 searches_agreeing=int(data["searches_agreeing"]),
+                degenerate=tuple(data.get("degenerate", ())),
                 data=FrequencyResponse.from_dict(data["data"]),
                 covariance=matrix_from_plain(data.get("covariance"), len(structure.free)),
                 misfit=Misfit.from_dict(data["misfit"]) if "misfit" in data else None,
