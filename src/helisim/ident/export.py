@@ -16,6 +16,8 @@ from helisim.records.files import atomic_write
 if TYPE_CHECKING:
     import control
 
+    from helisim.ident.result import Fit
+
 _LATEX_SPECIAL = {
     "\\": r"\textbackslash{}",
     "&": r"\&",
@@ -211,6 +213,25 @@ def _cells(names: Sequence[str]) -> np.ndarray:
     for k, name in enumerate(names):
         cells[k, 0] = name
     return cells
+
+
+def fit_text(fit: "Fit", parameters: Collection[FittedParameter]) -> str:
+    """Return a fit in words: its parameters, costs, and what a reader should know.
+
+    Args:
+        fit: what was found.
+        parameters: its own, or the same in other units.
+    """
+    lines = [f"{fit.structure.name}: {fit.structure.meaning}".rstrip(": "), ""]
+    lines += [*text_table(parameters, fit.support), ""]
+    for name, cost in fit.costs.items():
+        low, high = fit.bands[name]
+        left = f"; {fit.misfit.words(name)}" if fit.misfit else ""
+        lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s{left}")
+    if fit.misfit and fit.misfit.ratio is not None:
+        lines.append(fit.misfit.summary)
+    lines += [f"average J = {fit.cost:.4g}: {fit.judged}", *fit.remarks]
+    return "\n".join(lines)
 
 
 def text_table(parameters: Collection[FittedParameter], support: Callable[[str], str]) -> list[str]:

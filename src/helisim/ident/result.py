@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.evaluate import matrices, proper_part, response, state_space
-from helisim.ident.export import latex_table, text_table, write_matlab
+from helisim.ident.export import fit_text, latex_table, write_matlab
 from helisim.ident.fitted import FittedParameter, matrix_from_plain, matrix_to_plain
 from helisim.ident.misfit import Misfit
 from helisim.ident.remarks import remarks
@@ -100,16 +100,7 @@ class Fit(Value, Displayed):
         return f"Fit({self.structure.name}, average cost {self.cost:.4g})"
 
     def __str__(self) -> str:
-        lines = [f"{self.structure.name}: {self.structure.meaning}".rstrip(": "), ""]
-        lines += [*text_table(self.parameters.values(), self.support), ""]
-        for name, cost in self.costs.items():
-            low, high = self.bands[name]
-            left = f"; {self.misfit.words(name)}" if self.misfit else ""
-            lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s{left}")
-        if self.misfit and self.misfit.ratio is not None:
-            lines.append(self.misfit.summary)
-        lines += [f"average J = {self.cost:.4g}: {self.judged}", *self.remarks]
-        return "\n".join(lines)
+        return fit_text(self, self.parameters.values())
 
     @property
     def judged(self) -> str:
