@@ -1,6 +1,6 @@
 """Recovery with default options: parameters inside their bounds, errors as stated.
 
-    python scripts/proof/recovery_study.py [SEEDS] [AIRCRAFT,...]
+    python scripts/proof/recovery_study.py [SEEDS] [AIRCRAFT,...] [ESTIMATOR]
 
 Each aircraft of `tests/recovery` is flown in sweeps with sensor noise and gusts, in closed loop
 where it needs one, and identified as `helisim identify` does without options. Printed are, for
@@ -39,11 +39,11 @@ def row(aircraft: Aircraft, seed: int, one: Recovery) -> str:
     )
 
 
-def study(aircraft: Aircraft, seeds: int) -> bool:
+def study(aircraft: Aircraft, seeds: int, estimator: str | None) -> bool:
     """Print the replicates of an aircraft and their sum; return whether the bar is met."""
     found = []
     for seed in range(seeds):
-        found.append(recover(aircraft, seed))
+        found.append(recover(aircraft, seed, estimator))
         print(row(aircraft, seed, found[-1]), flush=True)
     whole = sum(one.inside == len(one.excess) for one in found)
     share = float(np.mean(np.concatenate([one.points for one in found]) <= 3.0))
@@ -57,10 +57,10 @@ def study(aircraft: Aircraft, seeds: int) -> bool:
     return whole == seeds and share >= 0.99
 
 
-def main(seeds: str = "20", names: str = ",".join(FLEET)) -> int:
+def main(seeds: str = "20", names: str = ",".join(FLEET), estimator: str | None = None) -> int:
     """Print the study; return 1 where the bar is missed."""
     print(HEAD)
-    met = [study(FLEET[name](), int(seeds)) for name in names.split(",")]
+    met = [study(FLEET[name](), int(seeds), estimator) for name in names.split(",")]
     return 0 if all(met) else 1
 
 

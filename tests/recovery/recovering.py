@@ -54,11 +54,11 @@ class Recovery:
         return float(np.mean(self.points <= 3.0))
 
 
-def recover(aircraft: Aircraft, seed: int) -> Recovery:
-    """Fly an aircraft and identify it as `helisim identify` does without options."""
+def recover(aircraft: Aircraft, seed: int, estimator: str | None = None) -> Recovery:
+    """Fly an aircraft and identify it as `helisim identify` does, without options or with one."""
     records = aircraft.fly(seed)
     begun = time.process_time()
-    frf = estimated(aircraft, records)
+    frf = estimated(aircraft, records, estimator)
     between = time.process_time()
     fit = identify(frf, aircraft.structure)
     ended = time.process_time()
@@ -71,7 +71,9 @@ def recover(aircraft: Aircraft, seed: int) -> Recovery:
     )
 
 
-def estimated(aircraft: Aircraft, records: list[FlightRecord]) -> FrequencyResponse:
+def estimated(
+    aircraft: Aircraft, records: list[FlightRecord], estimator: str | None = None
+) -> FrequencyResponse:
     """Return the response with default options, the sticks as references where a loop is closed."""
     with warnings.catch_warnings():
         for category in (ClosedLoopWarning, CrossControlWarning, RecordQualityWarning):
@@ -81,6 +83,7 @@ def estimated(aircraft: Aircraft, records: list[FlightRecord]) -> FrequencyRespo
             inputs=aircraft.structure.inputs,
             outputs=aircraft.structure.outputs,
             band=resolved_band(records),
+            estimator=estimator,
             reference=aircraft.rig.sticks if aircraft.closed else None,
         )
 
@@ -99,6 +102,10 @@ def bound(fit: Fit, name: str) -> float:
 
 
 def point_errors(frf: FrequencyResponse, aircraft: Aircraft) -> NDArray[np.float64]:
-    """Return |H - H_true| / |H| over the stated error, (n_out, n_in, n_freq)."""
-    error = np.abs(frf.response - aircraft.response(frf.frequency))
-    return error / (frf.random_error * np.abs(frf.response))
+    """Return |H - H_true| / |H_true| over the stated error, (n_out, n_in, n_freq).
+
+    Infinite where the true response is zero: no relative error is right there.
+    """
+    truth = aircraft.response(frf.frequency)
+    with np.errstate(divide="ignore"):
+        return np.abs(frf.response - truth) / np.abs(truth) / frf.random_error
