@@ -42,6 +42,7 @@ _SHARED = {
     "missions",
     "progress",
     "responses",
+    "units",
     "weather",
 }
 """Modules here that are no commands."""

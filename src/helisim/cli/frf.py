@@ -11,6 +11,7 @@ from helisim.cli.common import add_quiet, print_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Signals, add_responses, estimate
+from helisim.cli.units import add_units, chosen_units
 from helisim.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,11 +38,13 @@ def add(commands: Any) -> None:
     add_responses(command, required=True)
     command.add_argument("--json", type=Path, metavar="FILE", help="write everything, .json")
     command.add_argument("--csv", type=Path, metavar="FILE", help="write the responses, .csv")
+    add_units(command, "the responses in --csv")
     add_quiet(command)
     command.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.ident.in_units import response_in
     from helisim.ident.response_file import save_response
     from helisim.records.files import check_destination
 
@@ -50,13 +53,18 @@ def _run(options: argparse.Namespace) -> int:
             check_destination(path, (suffix,))
     if Bands.of(options).own:
         raise InputError("--band LO HI is one for all responses here; identify takes others by one")
+    units = chosen_units(options)
     with Progress(len(options.logs) + 1, options.quiet) as advance:
         logs, _, frf, _ = estimate(options, Signals.of(options), advance)
     print(f"{describe(logs)}\n")
     print("\n".join(_table(frf)))
-    for path, more in ((options.json, {"logs": reports(logs)}), (options.csv, {})):
+    shown = response_in(frf, units) if units else frf
+    for found, path, more in (
+        (frf, options.json, {"logs": reports(logs)}),
+        (shown, options.csv, {}),
+    ):
         if path is not None:
-            save_response(frf, path, more)
+            save_response(found, path, more)
             print_written(options, str(path))
     return 0
 

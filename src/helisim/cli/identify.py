@@ -1,7 +1,7 @@
 """`helisim identify`: from logs to a model with bounds."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,11 @@ from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, repor
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
 from helisim.cli.structures import find_structure
+from helisim.cli.units import add_units, chosen_units
 from helisim.errors import InputError
 
 if TYPE_CHECKING:
-    from helisim.ident import Fit, FrequencyResponse, Reduction, Structure
+    from helisim.ident import Fit, FittedParameter, FrequencyResponse, Reduction, Structure
 
 _EPILOG = f"""\
 example:
@@ -58,15 +59,18 @@ def add(commands: Any) -> None:
     group.add_argument("--latex", type=Path, metavar="FILE", help="the table, .tex")
     group.add_argument("--matlab", type=Path, metavar="FILE", help="the model, .mat")
     group.add_argument("--report", type=Path, metavar="FILE", help="a page with figures, .html")
+    add_units(command, "the parameters, also in --latex and --report,")
     add_quiet(command)
     command.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.ident import identify, reduce
+    from helisim.ident.export import fit_text
+    from helisim.ident.in_units import ShownParameters, fit_in
 
     structure, signals = _asked(options)
-    search = search_options(options, structure)
+    search, units = search_options(options, structure), chosen_units(options)
     _check_destinations(options)
     with Progress(len(options.logs) + 1, options.quiet) as advance:
         estimated = _response(options, structure, signals, advance)
@@ -86,8 +90,9 @@ def _run(options: argparse.Namespace) -> int:
     print(f"band {low:.4g} to {high:.4g} rad/s, {fit.method}\n")
     if reduction is not None:
         print(wrapped(str(reduction), indent=2))
-    print(wrapped(str(fit), indent=2))
-    _write(options, estimated, fit, reduction)
+    shown = fit_in(fit, units) if units else ShownParameters(tuple(fit.parameters.values()), ())
+    print(wrapped("\n".join([fit_text(fit, shown.parameters), *shown.notes]), indent=2))
+    _write(options, estimated, fit, reduction, shown.parameters)
     return 0 if fit.converged and fit.acceptable and not fit.degenerate else 1
 
 
@@ -143,8 +148,10 @@ def _write(
     estimated: Estimated,
     fit: "Fit",
     reduction: "Reduction | None",
+    shown: "Sequence[FittedParameter]",
 ) -> None:
-    """Write what was asked for, and say so."""
+    """Write what was asked for, the parameters in tables as they are shown, and say so."""
+    from helisim.ident.export import latex_table
     from helisim.records.files import atomic_write, write_json
 
     if options.json is not None:
@@ -152,15 +159,18 @@ def _write(
         write_json({**fit.to_dict(), **log, "logs": reports(estimated.logs)}, options.json)
     if options.latex is not None:
         with atomic_write(options.latex) as temporary:
-            temporary.write_text(fit.to_latex(), encoding="utf-8")
+            text = latex_table(shown, cost=fit.cost, provenance=fit.provenance)
+            temporary.write_text(text, encoding="utf-8")
     if options.matlab is not None:
         fit.to_matlab(options.matlab)
     if options.report is not None:
         from helisim.output.report_fit import write_fit_report
 
-        shown = {f"record {k + 1}": record for k, record in enumerate(estimated.records)}
-        with Progress(len(shown), options.quiet, unit="record") as advance:
-            write_fit_report(options.report, fit, records=shown, on_progress=advance)
+        records = {f"record {k + 1}": record for k, record in enumerate(estimated.records)}
+        with Progress(len(records), options.quiet, unit="record") as advance:
+            write_fit_report(
+                options.report, fit, records=records, parameters=shown, on_progress=advance
+            )
     for path in (options.json, options.latex, options.matlab, options.report):
         if path is not None:
             print_written(options, str(path))

@@ -7,6 +7,7 @@ from typing import Any
 from helisim.cli.common import add_quiet, print_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, read_logs, reports
 from helisim.cli.progress import Progress
+from helisim.cli.units import add_units, chosen_units
 
 _EPILOG = f"""\
 example:
@@ -47,16 +48,19 @@ def add(commands: Any) -> None:
         "is then how much of the past gives a state",
     )
     command.add_argument("--json", type=Path, metavar="FILE", help="write the figures, .json")
+    add_units(command, "J_rms")
     add_quiet(command)
     command.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.ident import load_fit, verify
+    from helisim.ident.in_units import verification_in
     from helisim.ident.verify import refuse_seen
     from helisim.records.files import check_destination, write_json
     from helisim.records.provenance import made_by
 
+    units = chosen_units(options)
     fit = load_fit(options.model)
     if options.json is not None:
         check_destination(options.json, (".json",))
@@ -76,7 +80,7 @@ def _run(options: argparse.Namespace) -> int:
             )
         advance("simulation")
     print(f"{describe(logs)}\n")
-    print(verification)
+    print(verification_in(verification, units) if units else verification)
     if options.json is not None:
         data = {
             **verification.to_dict(),

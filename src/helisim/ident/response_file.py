@@ -1,5 +1,6 @@
 """Frequency responses in files: helisim's own, and those that anyone wrote as columns of text."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
@@ -21,6 +22,7 @@ from helisim.ident.response_text import (
 )
 from helisim.ident.scatter_file import scatter_from_plain, scatter_to_plain
 from helisim.records.files import check_suffix, read_json, write_json
+from helisim.records.logs.units import is_unit, unit
 from helisim.records.provenance import made_by
 
 FORMAT = "helisim frequency response, version 1"
@@ -184,23 +186,36 @@ def _assembled(
     missing = [f"{o}/{i}" for o in outputs for i in inputs if f"{o}/{i}" not in curves]
     if missing:
         told = [*told, f"not in the file(s): {', '.join(missing)}"]
+    inputs_si = _si(_texts(provenance, "input_units", ("",) * len(inputs)))
+    outputs_si = _si(_texts(provenance, "output_units", ("",) * len(outputs)))
+    factor = np.outer([many for _, many in outputs_si], [1.0 / many for _, many in inputs_si])
     return FrequencyResponse(
         frequency=frequency,
-        response=response,
+        response=response * factor[:, :, None],
         coherence=coherence,
         multiple_coherence=np.max(coherence, axis=1),  # what they explain together, at the least
         cross_control_coherence=np.repeat(np.eye(len(inputs))[:, :, None], frequency.size, axis=2),
         random_error=error,
         inputs=inputs,
         outputs=outputs,
-        input_units=_texts(provenance, "input_units", ("",) * len(inputs)),
-        output_units=_texts(provenance, "output_units", ("",) * len(outputs)),
+        input_units=tuple(unit for unit, _ in inputs_si),
+        output_units=tuple(unit for unit, _ in outputs_si),
         conditioning=_texts(provenance, "conditioning", ()),
         reference=_texts(provenance, "reference", ()),
         sources=_texts(provenance, "records", ()),
         windows=_lengths(provenance),
         flags=tuple(dict.fromkeys(told)),
     )
+
+
+def _si(written: Sequence[str]) -> list[tuple[str, float]]:
+    """Return the SI unit of each unit that was written, and how many of it one is."""
+    found = []
+    for name in written:
+        si = unit(name) if is_unit(name) else None
+        known = si is not None and math.isfinite(si.factor)
+        found.append((si.si, si.factor) if si is not None and known else (name, 1.0))
+    return found
 
 
 def _signals(

@@ -85,9 +85,7 @@ _sway = {
     "l_tail": Parameter("l_tail", "m", 1.0, None, "tail rotor behind the centre", fixed=True),
     "c_tail": Parameter("c_tail", "m", 0.1, None, "I_zz / (m l_tail)"),
     "Y_v": Parameter("Y_v", "1/s", 0.0, None, "side damping without the tail's", 0.1),
-    "P_v": Parameter(
-        "P_v", "rad/(s m)", 0.0, None, "quasi-steady roll rate by side velocity", 0.02
-    ),
+    "P_v": Parameter("P_v", "rad/m", 0.0, None, "quasi-steady roll rate by side velocity", 0.02),
     "tau_r_base": delay_parameter("tau_r_base", "delay from pedal to yaw rate"),
     "tau_v": delay_parameter("tau_v", "delay from pedal to side velocity"),
 }

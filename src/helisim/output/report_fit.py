@@ -1,9 +1,9 @@
 """The report of one identified model, from anyone's records."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from helisim.ident import Fit, Verification
+from helisim.ident import Fit, FittedParameter, Verification
 from helisim.output import html, tables
 from helisim.output.drawings import bode_drawings, verification_drawings
 from helisim.output.plots import draw_flight
@@ -19,6 +19,7 @@ def write_fit_report(
     *,
     records: Mapping[str, FlightRecord] | None = None,
     verification: Verification | None = None,
+    parameters: Sequence[FittedParameter] | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> Path:
     """Write a report of one identified model, from anyone's records, and return its path.
@@ -28,6 +29,7 @@ def write_fit_report(
         fit: the model.
         records: by name; their inputs and outputs are shown.
         verification: of flights that the fit has not seen.
+        parameters: the fit's in other units; SI by default.
         on_progress: called with a record's name when it is drawn.
 
     Raises StorageError.
@@ -45,7 +47,7 @@ def write_fit_report(
         f"{low:.3g} to {high:.3g} rad/s, {fit.method} method; average cost {fit.cost:.3g}."
     )
     sections = [
-        ("parameters", "Parameters", html.table(tables.fitted(fit))),
+        ("parameters", "Parameters", html.table(tables.fitted(fit, parameters))),
         ("responses", "Responses", fit_quality(fit)),
         ("bode", "Frequency responses", html.figures(bode_drawings(item))),
         ("time", "Verification in the time domain", _verified(item)),

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import degrees
 from typing import TYPE_CHECKING, Literal
 
-from helisim.ident import Fit
+from helisim.ident import Fit, FittedParameter
 from helisim.ident.verification import VerificationFigures
 from helisim.output.table import PERCENT, Cell, Column, Table, common_form, number, words
 from helisim.paper import jr700
@@ -242,8 +242,8 @@ def airframe(record: FlightRecord | None) -> Table:
     )
 
 
-def fitted(fit: Fit) -> Table:
-    """Return the parameters of a fit with their bounds and support."""
+def fitted(fit: Fit, parameters: Sequence[FittedParameter] | None = None) -> Table:
+    """Return the parameters of a fit with their bounds and support, or the same in other units."""
     return Table(
         fit.structure.name,
         (*_NAME, Column("value"), *_BOUNDS, Column("support", left=True)),
@@ -255,7 +255,7 @@ def fitted(fit: Fit) -> Table:
                 number(None if one.fixed else one.insensitivity_percent, PERCENT, unit="%"),
                 words(fit.support(one.name), "long"),
             )
-            for one in fit.parameters.values()
+            for one in parameters or fit.parameters.values()
         ),
     )
 
