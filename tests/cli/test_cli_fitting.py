@@ -24,6 +24,7 @@ OPTIONS = {
         "band": "--band",
         "conditioning": "--conditioning",
         "reference": "--reference",
+        "estimator": "--estimator",
         "windows": "--windows",
         "overlap": "--overlap",
         "use_ended": "--use-ended",
@@ -118,6 +119,19 @@ def test_windows_and_their_overlap_are_the_users(tmp_path, sweep_csv):
     assert np.any(coherence[0] != coherence[1])
 
 
+def test_the_estimator_is_the_users(tmp_path, sweep_csv):
+    """--estimator local has no windows; what it finds in a file is what it finds in the log."""
+    path, out = sweep_csv(), tmp_path / "frf.json"
+    signals = ["--inputs", "col", "--outputs", "w", "--band=2:20", "--quiet", "--json", str(out)]
+    assert main(["frf", str(path), *signals, "--estimator", "local"]) == 0
+    assert json.loads(out.read_text())["response"]["estimator"] == "local"
+    from_file = fitted(tmp_path, [out], structure="heave")
+    local = ["--band", "2", "20", "--estimator", "local"]
+    from_log = fitted(tmp_path, [path], *local, structure="heave")
+    assert from_file.values == from_log.values
+    assert from_file["Z_w"].standard_error == from_log["Z_w"].standard_error
+
+
 def test_bounds_hold_a_parameter(tmp_path, sweep_csv):
     """--bounds moves a start inside, holds the fit, and opens a side that is left out."""
     path = sweep_csv()
@@ -172,6 +186,7 @@ def test_a_reduction_keeps_what_it_is_told_to(tmp_path, sweep_csv):
         (["--windows", "5,x"], "--windows"),
         (["--windows", "500"], "does not fit"),
         (["--overlap", "2"], "overlap"),
+        (["--estimator", "local", "--windows", "5"], "no windows"),
         (["--searches", "0"], "searches"),
         (["--points", "2"], "frequencies"),
         (["--weighting", "none"], "coherence"),

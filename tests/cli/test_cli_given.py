@@ -5,8 +5,8 @@ import pytest
 
 from command import fails
 from helisim.cli import main
-from helisim.ident import load_fit, structures
-from swept_logs import HEAVE, csv_writer
+from helisim.ident import load_fit, load_response, structures
+from swept_logs import HEAVE, csv_writer, flown, write_foreign
 
 OMEGA = np.geomspace(1.0, 20.0, 30)
 EXACT = HEAVE["Z_col"] / (1j * OMEGA - HEAVE["Z_w"]) * np.exp(-1j * HEAVE["tau_col"] * OMEGA)
@@ -57,6 +57,39 @@ def test_anyones_columns_are_a_response(tmp_path, capsys, named):
     printed = " ".join(capsys.readouterr().out.split())
     assert "30 frequencies" in printed
     assert "has no coherence" in printed
+
+
+def test_results_are_in_the_users_units(tmp_path, sweep_csv, capsys):
+    """--units changes what is printed and tabulated, and JSON stays SI; a CSV comes back as SI."""
+    path, out, table = sweep_csv(), tmp_path / "frf.csv", tmp_path / "heave.tex"
+    options = ["--units", "ft,percent", "--quiet"]
+    fit = model_of(tmp_path, path, "--structure", "heave", *options, "--latex", table)
+    printed = capsys.readouterr().out
+    (line,) = (line for line in printed.splitlines() if line.startswith("Z_col"))
+    assert line.split()[1:3] == ["ft/(s^2", "%)"]
+    shown = fit["Z_col"].value / 0.3048 / 100.0
+    assert float(line.split()[3]) == pytest.approx(shown, rel=1e-5)
+    assert f"{shown:.3f}" in table.read_text()
+    signals = ["--inputs", "col", "--outputs", "w", "--band", "1.5", "20", "--csv", str(out)]
+    gains = []
+    for units in ([], ["--units", "ft,percent"]):
+        assert main(["frf", str(path), *signals, "--quiet", *units]) == 0
+        assert load_response(out).output_units == ("m/s",)
+        gains.append(load_response(out).response[0, 0])
+    assert gains[1] == pytest.approx(gains[0], rel=1e-12)
+    model = tmp_path / "model.json"
+    time, inputs, outputs = flown(structures.heave, HEAVE, "col", 9, duration=20.0, noise=0.01)
+    other = tmp_path / "other.csv"
+    write_foreign(other, ["t [s]", "col [1]", "w [m/s]"], time, [*inputs.T, *outputs.T])
+    rms = []
+    for units in ([], ["--units", "ft"]):
+        capsys.readouterr()
+        main(["verify", str(model), str(other), *units])
+        (line,) = (one for one in capsys.readouterr().out.splitlines() if one.startswith("w "))
+        rms.append(float(line.split()[2]))
+        assert line.split()[1] == ("ft/s" if units else "m/s")
+    assert rms[1] == pytest.approx(rms[0] / 0.3048, rel=1e-3)
+    assert "furlong" in fails(capsys, "verify", model, other, "--units", "furlong")
 
 
 def test_columns_are_named_on_the_command_line(tmp_path):

@@ -27,6 +27,7 @@ _OF_LOGS = (
     "to_time",
     "conditioning",
     "reference",
+    "estimator",
     "windows",
     "overlap",
 )

@@ -87,7 +87,8 @@ def _run(options: argparse.Namespace) -> int:
             fit = identify(frf, structure, on_progress=advance, **search)
     low, high = frf.frequency[[0, -1]]
     print(describe(estimated.logs) or _described(options, frf))
-    print(f"band {low:.4g} to {high:.4g} rad/s, {fit.method}\n")
+    how = ", ".join(filter(None, (fit.method, frf.estimator)))
+    print(f"band {low:.4g} to {high:.4g} rad/s, {how}\n")
     if reduction is not None:
         print(wrapped(str(reduction), indent=2))
     shown = fit_in(fit, units) if units else ShownParameters(tuple(fit.parameters.values()), ())

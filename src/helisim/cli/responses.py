@@ -75,6 +75,13 @@ def add_responses(command: argparse.ArgumentParser, *, required: bool) -> None:
         help=f"lowest and highest frequency, rad/s (default: what the records resolve){own}",
     )
     group.add_argument(
+        "--estimator",
+        choices=("windows", "local"),
+        help="windows: CIFER's composite of Hann windows; local: a polynomial in each narrow band, "
+        "which no window smears and no transient biases, for records that are short or begin in "
+        "motion (default: windows)",
+    )
+    group.add_argument(
         "--windows",
         metavar="S,S,...",
         help="lengths of the windows, s: long ones for low frequencies, short ones for less "
@@ -115,6 +122,7 @@ def estimate(
                 band=bands.around(common),
                 conditioning=conditioning,
                 reference=reference,
+                estimator=options.estimator,
                 windows=numbers("--windows", options.windows) or None,
                 overlap=options.overlap,
                 use_ended=options.use_ended,

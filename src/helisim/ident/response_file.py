@@ -204,6 +204,7 @@ def _assembled(
         reference=_texts(provenance, "reference", ()),
         sources=_texts(provenance, "records", ()),
         windows=_lengths(provenance),
+        estimator=str(provenance.get("estimator", "")),
         flags=tuple(dict.fromkeys(told)),
     )
 

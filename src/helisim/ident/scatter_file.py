@@ -15,14 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
+from helisim.ident.local_scatter import LineWeights, LocalScatter
 from helisim.ident.scatter import Scatter, WindowWeights
 
-_KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Scatter, WindowWeights)}
+_KINDS: dict[str, Any] = {
+    kind.__name__: kind for kind in (Scatter, WindowWeights, LocalScatter, LineWeights)
+}
 
 _TYPES = ("<f8", "<f4", "<c16", "<c8", "<i8", "<i4")
 
 
-def scatter_to_plain(scatter: Scatter, response: NDArray[np.complex128]) -> dict[str, Any]:
+def scatter_to_plain(
+    scatter: Scatter | LocalScatter, response: NDArray[np.complex128]
+) -> dict[str, Any]:
     """Return an error model as plain data for JSON.
 
     Args:
@@ -33,7 +38,7 @@ def scatter_to_plain(scatter: Scatter, response: NDArray[np.complex128]) -> dict
     return {"digest": _digest(plain, response), "model": plain}
 
 
-def scatter_from_plain(data: Any, response: NDArray[np.complex128]) -> Scatter:
+def scatter_from_plain(data: Any, response: NDArray[np.complex128]) -> Scatter | LocalScatter:
     """Return what `scatter_to_plain` wrote.
 
     Args:

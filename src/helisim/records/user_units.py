@@ -89,7 +89,7 @@ def parts(unit: str) -> Powers | None:
     for text, sign in ((above, 1), (below.strip("()"), -1)):
         for word in text.split():
             match = _PART.fullmatch(word)
-            if match is None and not (word == "1" and sign == 1):
+            if word == "SI" or (match is None and not (word == "1" and sign == 1)):
                 return None
             if match is not None:
                 power = powers.get(match[1], 0) + sign * int(match[2] or 1)
