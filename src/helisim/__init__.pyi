@@ -22,6 +22,7 @@ from helisim.records.examples import open_example as open_example
 from helisim.records.logs import read_log as read_log
 from helisim.records.logs import read_logs as read_logs
 from helisim.records.logs import screen as screen
+from helisim.records.look import look as look
 from helisim.records.record import FlightRecord as FlightRecord
 from helisim.records.storage import read_record as read_record
 from helisim.records.storage import write_record as write_record

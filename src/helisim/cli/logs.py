@@ -162,7 +162,20 @@ def _columns(
     options: argparse.Namespace, wanted: Sequence[str]
 ) -> "tuple[Map | tuple[str, ...], Clock | None]":
     """Return the map, or the wanted names where none is given, and the clock."""
-    from helisim.records.logs import Clock, Column, Map
+    from helisim.records.logs import Column
+
+    given, time = given_columns(options)
+    if options.map is None and not options.channel:
+        return tuple(wanted), time
+    return (
+        replace(given, channels={name: given.channels.get(name, Column(name)) for name in wanted}),
+        time,
+    )
+
+
+def given_columns(options: argparse.Namespace) -> "tuple[Map, Clock | None]":
+    """Return the map that the options say, empty if they say none, and the clock."""
+    from helisim.records.logs import Clock, Map
 
     if options.time is not None and options.rate is not None:
         raise InputError("--time and --rate exclude each other: give one")
@@ -170,14 +183,8 @@ def _columns(
     if options.time is not None:
         column, _, unit = options.time.partition(":")
         time = Clock(column, unit or None)
-    if options.map is None and not options.channel:
-        return tuple(wanted), time
     given = Map() if options.map is None else Map.from_toml(options.map)
-    given = given.with_channels(dict(_channel(item) for item in options.channel))
-    return (
-        replace(given, channels={name: given.channels.get(name, Column(name)) for name in wanted}),
-        time,
-    )
+    return given.with_channels(dict(_channel(item) for item in options.channel)), time
 
 
 def _channel(item: str) -> "tuple[str, Column]":

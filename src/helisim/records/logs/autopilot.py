@@ -2,7 +2,8 @@
 
 A column is called `topic.field`, such as `vehicle_angular_velocity.xyz[0]` or `RATE.R`; a
 second instance is `topic[1].field`. Each topic has its own clock, which counts microseconds.
-Rows are a topic's messages, from 0.
+Rows are a topic's messages, from 0. PX4 logs attitude as a quaternion; its Euler angles are added
+as `vehicle_attitude.roll`, `pitch` and `yaw`.
 """
 
 import contextlib
@@ -142,7 +143,24 @@ def read_ulog(path: Path, data: bytes) -> TopicLog:
             for field, values in one.data.items()
             if field != "timestamp" and np.asarray(values).dtype.kind in "iufb"
         }
-    return TopicLog(path, "ULog", topics, clocks, {}, findings)
+    units = {}
+    for topic, fields in topics.items():
+        added = _euler(fields) if topic.startswith("vehicle_attitude") else {}
+        fields.update(added)
+        units |= {f"{topic}.{name}": "rad" for name in added}
+    return TopicLog(path, "ULog", topics, clocks, units, findings)
+
+
+def _euler(fields: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """Return roll, pitch and yaw, rad, of PX4's quaternion from body to world, scalar first."""
+    if not {"q[0]", "q[1]", "q[2]", "q[3]"} <= set(fields) or "roll" in fields:
+        return {}
+    w, x, y, z = (fields[f"q[{k}]"] for k in range(4))
+    return {
+        "roll": np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+        "pitch": np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)),
+        "yaw": np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+    }
 
 
 def read_dataflash(path: Path, data: bytes) -> TopicLog:

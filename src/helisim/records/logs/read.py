@@ -77,7 +77,7 @@ def read_log(
     data = read_log_bytes(path)
     mapped = isinstance(channels, Map | Mapping)
     map_, wanted = _as_map(channels)
-    if not mapped and _is_ours(data):
+    if not mapped and is_ours(data):
         return from_record(path, read_record(path), digest(data), options, wanted)
     if time is not None:
         map_ = replace(map_, time=Clock(time) if isinstance(time, str) else time)
@@ -86,18 +86,23 @@ def read_log(
         map_ = map_.with_channels(_by_name(source, wanted, map_.channels, findings))
     elif not map_.channels:
         map_ = map_.with_channels(_stated(source))
-    ended = _ended(path) if mapped and _is_ours(data) else {}
+    ended = _ended(path) if mapped and is_ours(data) else {}
     return from_source(source, map_, digest(data), options, ended, findings)
 
 
-def open_source(path: str | Path) -> Source:
+def open_source(path: str | Path, map_: Map | None = None, *, cut_tail: bool = False) -> Source:
     """Return a file's columns as they are, unmapped and unscreened; a record's too.
+
+    Args:
+        path: the file.
+        map_: says how a CSV is written; its channels don't matter.
+        cut_tail: leave out an incomplete last line.
 
     Raises:
         StorageError: the file can't be read.
     """
     path = Path(path)
-    return _open(path, read_log_bytes(path), Map(), cut_tail=False)
+    return _open(path, read_log_bytes(path), map_ or Map(), cut_tail)
 
 
 def screen(
@@ -178,7 +183,8 @@ def _as_map(
     return Map(), (channels,) if isinstance(channels, str) else tuple(channels)
 
 
-def _is_ours(data: bytes) -> bool:
+def is_ours(data: bytes) -> bool:
+    """Return whether a file's bytes are a helisim record's, which needs no map."""
     if data.removeprefix(b"\xef\xbb\xbf").startswith(_OURS_CSV):
         return True
     return data.startswith(_PARQUET_MAGIC) and b"helisim" in data[-(1 << 16) :] and _has_key(data)

@@ -1,0 +1,62 @@
+"""`helisim look`: what logs hold, what was flown, what is usable, and what to run next."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from helisim.cli.common import add_quiet, names, print_written, wrapped
+from helisim.cli.logs import MAP_HELP, add_log_options, given_columns
+
+_EPILOG = f"""\
+example:
+  helisim look flight.ulg
+  helisim look lat.csv lon.csv --channel p=gyro_x:deg/s --json look.json
+
+Nothing need be known of the logs: what the options don't say is guessed, with
+the reason. Exit status 1: nothing can be identified from them.
+
+{MAP_HELP}"""
+
+
+def add(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = commands.add_parser(
+        "look",
+        help="look at flight logs of which nothing is known, and say what to run next",
+        description="Print the channels of flight logs with guessed units, rates, gaps and jitter, "
+        "what was swept and when, which channels answer and in which band, closed loops, what "
+        "can't be as it is declared, and the `helisim identify` to run next.",
+        epilog=_EPILOG,
+    )
+    add_log_options(command)
+    command.add_argument("--json", type=Path, metavar="FILE", help="write what was found, .json")
+    add_quiet(command)
+    command.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from helisim.records.files import check_destination, write_json
+    from helisim.records.look import look
+
+    if options.json is not None:
+        check_destination(options.json, (".json",))
+    channels, time = given_columns(options)
+    found = look(
+        options.logs,
+        channels=channels,
+        time=time,
+        resample_hz=options.resample,
+        repair=[name for item in options.repair for name in names(item)],
+        max_gap=options.max_gap,
+        start=options.from_time,
+        stop=options.to_time,
+    )
+    for log in found.logs:
+        print(wrapped(str(log), indent=4))
+    print()
+    # one line, so that it can be pasted
+    print(f"run next:\n{found.command}" if found.command else "nothing can be identified from this")
+    if options.json is not None:
+        write_json(found.to_dict(), options.json)
+        print_written(options, str(options.json))
+    return 0 if found.command else 1

@@ -1,0 +1,280 @@
+"""A first look at logs of which nothing is known: of ArduPilot, of PX4, and of anyone."""
+
+import json
+import shlex
+from functools import cache
+
+import numpy as np
+import pytest
+
+import autopilot_logs
+from helisim.cli import main
+from helisim.errors import InputError, StorageError
+from helisim.ident import load_fit
+from helisim.records.examples import examples
+from helisim.records.logs import Clock, Column
+from helisim.records.look import look
+from helisim.units import RAD_PER_DEG
+
+DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04
+"""Of the roll that is flown: p/lat = 90 e^(-0.04 s) / (s + 6)."""
+
+
+@cache
+def rolled(duration=60.0, fine=1000.0, seed=0):
+    """Return time, lateral control, p and phi of a sweep from 0.5 to 25 rad/s, exactly."""
+    t = np.arange(int(duration * fine)) / fine
+    inside = np.clip((t - 5.0) / (duration - 10.0), 0.0, 1.0)
+    phase = 0.5 * (duration - 10.0) / np.log(50.0) * (50.0**inside - 1.0)
+    moving = (t >= 5.0) & (t <= duration - 5.0)
+    lat = np.where(moving, 0.1 * np.sin(phase), 0.0)
+    lat += 0.002 * np.random.default_rng(seed).standard_normal(t.size // 20).repeat(20)
+    late = np.interp(t - DELAY, t, lat)
+    decay = np.exp(-DAMPING / fine)
+    p = np.empty(t.size)
+    now = 0.0
+    for k, value in enumerate(late.tolist()):
+        p[k] = now
+        now = decay * now + (1.0 - decay) * GAIN / DAMPING * value
+    return t, lat, p, np.cumsum(p) / fine
+
+
+def sampled(rate, jitter, seed, *columns):
+    """Return stamps in us, off by up to `jitter` steps, and columns at these instants."""
+    t, random = rolled()[0], np.random.default_rng(seed)
+    count = int(t[-1] * rate) - 1
+    at = (np.arange(1, count) + jitter * random.uniform(-0.5, 0.5, count - 1)) / rate
+    stamps = np.round(1e6 * at) + 12_000_000
+    return stamps, [np.interp(np.round(1e6 * at) / 1e6, t, column) for column in columns]
+
+
+def ardupilot(path):
+    """Write a log with rates and outputs at 100 Hz, attitude at 25, pulses at 20, with jitter."""
+    _, lat, p, phi = rolled()
+    random = np.random.default_rng(1)
+    rates, (own, out) = sampled(100.0, 0.2, 2, p, lat)
+    own = own / RAD_PER_DEG + 0.1 * random.standard_normal(own.size)
+    attitude, (angle,) = sampled(25.0, 0.2, 3, phi)
+    pulses, (stick,) = sampled(20.0, 0.2, 4, lat)
+    still = 0.01 * random.standard_normal(own.size)
+    messages = {
+        "RATE": (rates, {"RDes": own, "R": own, "ROut": out, "PDes": still, "P": still}),
+        "ATT": (attitude, {"DesRoll": angle, "Roll": angle / RAD_PER_DEG}),
+        "RCIN": (pulses, {"C1": 1500 + 800 * stick, "C2": 1500.0 + 0.0 * stick}),
+    }
+    path.write_bytes(autopilot_logs.dataflash(messages))
+    return path
+
+
+def px4(path):
+    """Write a log with a gyro at 200 Hz, torques at 100, quaternions at 50, sticks at 20."""
+    _, lat, p, phi = rolled()
+    gyro, (own,) = sampled(200.0, 0.1, 5, p)
+    torque, (out,) = sampled(100.0, 0.2, 6, lat)
+    attitude, (angle,) = sampled(50.0, 0.1, 7, phi)
+    sticks, (stick,) = sampled(20.0, 0.2, 8, lat)
+    none = np.zeros_like(own)
+    quaternion = np.column_stack(
+        [np.cos(angle / 2.0), np.sin(angle / 2.0), 0.0 * angle, 0.0 * angle]
+    )
+    topics = {
+        "vehicle_angular_velocity": (gyro, {"xyz": np.column_stack([own, none, none])}),
+        "vehicle_torque_setpoint": (torque, {"xyz": np.column_stack([out, 0.0 * out, 0.0 * out])}),
+        "vehicle_attitude": (attitude, {"q": quaternion}),
+        "manual_control_setpoint": (sticks, {"roll": stick, "pitch": 0.0 * stick}),
+    }
+    path.write_bytes(autopilot_logs.ulog(topics))
+    return path
+
+
+def anyones(path, *, gap=False, unit=1.0):
+    """Write a table of any logger: a clock without a unit, degrees nobody speaks of, a counter."""
+    stamps, (own, out, angle) = sampled(50.0, 0.1, 9, *rolled()[2:0:-1], rolled()[3])
+    table = np.column_stack(
+        [
+            np.arange(stamps.size),
+            np.round(stamps * 1e-3, 1),
+            own / RAD_PER_DEG,
+            angle / RAD_PER_DEG,
+            100.0 * out,
+        ]
+    )
+    table = np.delete(table, np.s_[100:150], axis=0) if gap else table
+    table[:, 1] *= unit
+    header = "row;stamp;rollRate;Roll;aileron"
+    np.savetxt(path, table, delimiter=";", header=header, comments="", fmt="%.10g")
+    return path
+
+
+def runs(found, folder):
+    """Run the command that a look prints; return the fit."""
+    words = shlex.split(found.command)
+    assert words[:2] == ["helisim", "identify"]
+    out = folder / "model.json"
+    assert main([*words[1:], "--json", str(out), "--quiet"]) == 0
+    return load_fit(out)
+
+
+def same_response(fit, frequency, *, output=1.0, tolerance):
+    """Assert that a fit's p/lat is the flown one's at a frequency, rad/s."""
+    true = output * GAIN * np.exp(-1j * frequency * DELAY) / (1j * frequency + DAMPING)
+    found = complex(np.ravel(fit.response([frequency]).response)[0])
+    assert abs(found / true - 1.0) < tolerance, (found, true)
+
+
+def test_a_log_of_ardupilot(tmp_path, capsys):
+    """Messages of three rates with jitter: channels, the sweep, the band, and the command."""
+    pytest.importorskip("pymavlink", reason="pymavlink isn't installed: pip install helisim[logs]")
+    found = look(ardupilot(tmp_path / "a.bin"))
+    (log,) = found.logs
+    columns = {one.name: (one.column.column, one.column.unit) for one in log.channels}
+    assert columns["p"] == ("RATE.R", "deg/s")
+    assert columns["lat"] == ("RATE.ROut", "1")
+    assert columns["phi"] == ("ATT.Roll", "deg")
+    assert columns["LAT"] == ("RCIN.C1", "us")
+    rates = {one.name.split("'")[0]: one.rate for one in log.clocks}
+    assert rates == pytest.approx({"RATE": 100.0, "ATT": 25.0, "RCIN": 20.0})
+    assert {one.even for one in log.clocks} == {"jitter"}
+    swept = {one.channel: one for one in log.excitations}
+    assert {one.kind for one in swept.values()} == {"sweep"}
+    # from 5 to 55 s, less the first stamp, to the sweep's slow first wave; 0.5 to 25 rad/s
+    assert swept["lat"].start == pytest.approx(5.0, abs=1.0)
+    assert swept["lat"].stop == pytest.approx(55.0, abs=0.5)
+    assert swept["lat"].low < 1.0
+    assert swept["lat"].high == pytest.approx(25.0, rel=0.1)
+    assert swept["lat"].amplitude == pytest.approx(0.1, rel=0.05)
+    assert (log.answers[0].input, log.answers[0].output) == ("lat", "p")
+    assert not {"unit", "sign", "axes", "loop"} & {finding.kind for finding in log.findings}
+    fit = runs(found, tmp_path)
+    for frequency in (3.0, 10.0):  # within the fit's error, and 2 % of jitter's interpolation
+        same_response(fit, frequency, tolerance=0.03)
+    assert "resampled to 100 Hz" in capsys.readouterr().out
+
+
+def test_a_log_of_px4(tmp_path):
+    """Topics with jitter, attitude as a quaternion: channels, the sweep, and the command."""
+    pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
+    found = look(px4(tmp_path / "a.ulg"))
+    (log,) = found.logs
+    columns = {one.name: one.column.column for one in log.channels if one.moves}
+    assert columns == {
+        "p": "vehicle_angular_velocity.xyz[0]",
+        "lat": "vehicle_torque_setpoint.xyz[0]",
+        "phi": "vehicle_attitude.roll",
+        "LAT": "manual_control_setpoint.roll",
+    }
+    assert [one.channel for one in log.excitations] == ["lat", "LAT"]
+    for frequency in (3.0, 10.0):
+        same_response(runs(found, tmp_path), frequency, tolerance=0.03)
+
+
+def test_a_table_of_anyone(tmp_path):
+    """Units by size and by the angle, time by its steps; a gap is split, and said so."""
+    found = look(anyones(tmp_path / "a.csv", gap=True))
+    (log,) = found.logs
+    units = {one.name: one.column.unit for one in log.channels}
+    assert units == {"p": "deg/s", "phi": "deg", "lat": "percent"}
+    assert log.unused == ("row",)
+    assert "--time stamp:ms" in found.command
+    assert "--repair gaps" in found.command
+    assert "gap" in {finding.kind for finding in log.findings}
+    for frequency in (3.0, 10.0):
+        same_response(runs(found, tmp_path), frequency, tolerance=0.03)
+
+
+def test_what_is_given_is_taken(tmp_path):
+    """A map's channel is no guess, and a wrong one is doubted with the option to try."""
+    path = anyones(tmp_path / "a.csv")
+    found = look(path, channels={"p": Column("rollRate", "rad/s")})
+    given = {one.name: one.given for one in found.logs[0].channels}
+    assert given == {"p": True, "phi": False, "lat": False}
+    doubted = [one.option for one in found.logs[0].findings if one.kind == "unit"]
+    assert doubted == ["--channel p=rollRate:deg/s"]
+
+
+def test_a_wrong_unit_of_time_is_mended_and_said(tmp_path):
+    """Milliseconds that the user declares as seconds: refused, and looked at as what they are."""
+    found = look(anyones(tmp_path / "a.csv"), time=Clock("stamp", "s"))
+    (finding,) = (one for one in found.logs[0].findings if one.kind == "unit of time")
+    assert "its steps are 20 s" in finding.text
+    assert "--time stamp:ms" in found.command
+
+
+@pytest.mark.parametrize(
+    ("names", "structure"),
+    [
+        (["sweep_lat", "sweep_lon"], "rollpitch"),
+        (["sweep_col"], "heave"),
+        (["sweep_ped"], "yaw_base"),
+        (["sweep_lat"], "tf:0/1"),
+        (["logger"], "tf:0/1"),
+    ],
+)
+def test_the_command_for_example_logs_works(names, structure, tmp_path, capsys):
+    """What is printed can be pasted: a structure that the excited axes allow, in a band."""
+    paths = [str(examples()[name].path) for name in names]
+    assert main(["look", *paths, "--json", str(tmp_path / "look.json")]) == 0
+    printed = capsys.readouterr().out
+    command = printed.splitlines()[printed.splitlines().index("run next:") + 1]
+    assert f"--structure {structure}" in command
+    data = json.loads((tmp_path / "look.json").read_text())
+    assert data["command"] == command
+    for log, name in zip(data["logs"], names):
+        axis = name.removeprefix("sweep_") if name != "logger" else "lat"
+        assert {one["channel"].lower() for one in log["excitations"]} == {axis}
+    assert main(shlex.split(command)[1:]) == 0
+
+
+def test_a_closed_loop_is_told(tmp_path):
+    """A gyro that answers gusts drives the control besides the stick; in calm air not seen."""
+    t = np.arange(0.0, 80.0, 0.01)
+    random = np.random.default_rng(0)
+    inside = np.clip((t - 5.0) / 70.0, 0.0, 1.0)
+    stick = 0.1 * np.sin(35.0 / np.log(40.0) * (40.0**inside - 1.0)) * ((t > 5.0) & (t < 75.0))
+    for gust, told in ((8.0, True), (0.0, False)):
+        p, control, now = np.empty(t.size), np.empty(t.size), 0.0
+        for k, push in enumerate(gust * random.standard_normal(t.size)):
+            p[k], control[k] = now, stick[k] - 0.08 * now
+            now += 0.01 * (-2.0 * now + 60.0 * control[k] + push)
+        columns = np.column_stack([t, stick, control, p])
+        path = tmp_path / f"gust{gust:g}.csv"
+        header = "t [s],LAT [1],lat [1],p [rad/s]"
+        np.savetxt(path, columns, delimiter=",", header=header, comments="")
+        found = look(path)
+        options = [one.option for one in found.logs[0].findings if one.kind == "loop"]
+        assert options == (["--reference LAT"] if told else [])
+        assert ("--reference LAT" in found.command) == told
+
+
+def test_nothing_to_identify_is_said(tmp_path, capsys):
+    """A log whose controls rest: status 1, and why."""
+    t = np.arange(3000) / 50.0
+    random = np.random.default_rng(0)
+    path = tmp_path / "rest.csv"
+    table = np.column_stack([t, 0.01 * random.standard_normal((3000, 2)), np.full(3000, 0.2)])
+    np.savetxt(path, table, delimiter=",", header="t [s],p [rad/s],q [rad/s],lat [1]", comments="")
+    assert main(["look", str(path)]) == 1
+    printed = capsys.readouterr().out
+    assert "no control moves" in printed
+    assert "nothing can be identified" in printed
+
+
+def test_what_is_no_log_is_one_line(tmp_path, capsys):
+    """An unknown format, an empty file, no file, no logs."""
+    picture = tmp_path / "a.png"
+    picture.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)))
+    for path in (picture, tmp_path / "none.csv"):
+        with pytest.raises(StorageError, match=path.name):
+            look(path)
+    assert main(["look", str(picture)]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    with pytest.raises(InputError, match="no logs"):
+        look([])
+
+
+def test_a_look_is_a_value(tmp_path):
+    """It prints, and goes into JSON."""
+    found = look(examples()["sweep_lat"].path)
+    assert repr(found) == "Look(sweep_lat.parquet: sweep lat sweep LAT)"
+    assert str(found).endswith(found.command)
+    assert json.loads(json.dumps(found.to_dict()))["logs"][0]["format"] == "helisim record"
