@@ -55,7 +55,8 @@ def test_a_table_reads_as_expected():
             make_row(name="bias", identified=1.0, cr_percent=None, support=None, **unknown),
         )
     )
-    title, headings, rule, *rows = text.splitlines()
+    title, headings, rule, *rows, given = text.splitlines()
+    assert given == "given: nothing"
     assert title == "rollpitch_in1: from IN1, 3 to 30 rad/s, average cost 1.23"
     assert headings == "parameter  unit   paper      truth  identified  CR %  support  agreement"
     assert rule == "-" * len(headings)
@@ -80,7 +81,7 @@ def test_a_table_reads_as_expected():
 def test_any_magnitude_is_readable(value, shown):
     """Decimals where they fit, an exponent where they would not."""
     row = make_row(identified=value, truth=None, paper=None, tolerance_percent=None)
-    assert shown in show(make_table(row)).splitlines()[-1].split()
+    assert shown in show(make_table(row)).splitlines()[-2].split()
 
 
 def test_an_infinite_bound_is_shown():
@@ -193,16 +194,19 @@ def test_nothing_found_says_nothing():
 
 
 def test_what_a_fit_was_given_stands_below_its_table():
-    """Each value with its unit and source, none cut in two by the end of a line."""
+    """Each value with its unit, error and source, none cut in two by the end of a line."""
     given = tuple(
-        GivenValue(name=f"tau_{k}", unit="s", value=0.04 + k, source="turntable") for k in range(5)
+        GivenValue(name=f"tau_{k}", unit="s", value=0.04 + k, source="turntable", standard_error=x)
+        for k, x in enumerate((None, 0.00123, 0.5, None, None))
     )
     table = ComparisonTable(
         name="x", input="IN1", cost=1.0, band_rad_s=(1, 9), parameters=(make_row(),), given=given
     )
-    lines = show(table).splitlines()
-    assert lines[-3].startswith("given: tau_0 0.04 s (turntable); ")
-    assert all(line.rstrip(";").endswith("(turntable)") for line in lines[-3:])
+    lines = show(table).splitlines()[4:]
+    assert lines[0].startswith("given: tau_0 0.04 s (turntable); tau_1 1.04 +- 0.0012 s ")
+    assert " ".join(lines).count("(turntable)") == 5
+    for value in ("tau_1 1.04 +- 0.0012 s", "tau_2 2.04 +- 0.5 s", "tau_4 4.04 s"):
+        assert any(value in line for line in lines)
 
 
 def test_a_ground_tests_zero_is_zero():

@@ -139,6 +139,20 @@ def test_uncorrected_differs_by_omega_cross_r(tumbling):
     assert np.array_equal(at_imu.select(ATTITUDES), at_cg.select(ATTITUDES))
 
 
+def test_a_lever_arm_that_was_measured_is_what_corrects(tumbling):
+    """An arm that is off by so much leaves omega x that in the velocity."""
+    truth, _, _, _ = tumbling
+    off = np.array([0.01, -0.02, 0.03])
+    right = record(truth, **WIDE, **PLAIN)
+    measured = record(truth, **WIDE, **PLAIN, lever_arm=tuple(truth.imu_offset + off))
+    left = np.cross(right.select(RATES), off)
+    shift = right.select(VELOCITIES) - measured.select(VELOCITIES)
+    assert shift == pytest.approx(left, abs=1e-13)  # rounding
+    assert np.abs(left).max() > 0.01
+    with pytest.raises(InputError, match="three finite numbers"):
+        Recorder(lever_arm=(0.1, np.nan, 0.0))
+
+
 def test_imu_stands_where_the_mjcf_puts_it(jr700):
     """The site is at (0.08, 0.01, -0.12) forward-left-up: right and down change sign."""
     # the CG is the body's origin to a micrometre

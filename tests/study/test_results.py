@@ -136,7 +136,9 @@ def everything() -> Results:
             make_row(name="unseen", cr_percent=math.inf),
             make_row(name="given", cr_percent=None, insensitivity_percent=None),
         ),
-        given=(GivenValue(name="k_I", unit="1/s", value=17.7, source="bench"),),
+        given=(
+            GivenValue(name="k_I", unit="1/s", value=17.7, source="bench", standard_error=0.0014),
+        ),
     )
     checked = make_verification(ident.structures.rollpitch)
     return Results(
@@ -156,7 +158,13 @@ def test_what_else_was_found_is_in_the_json():
     """A given value carries its source; findings stand beside the tables, by name."""
     data = json.loads(json.dumps(everything().to_dict(), allow_nan=False))
     assert data["tables"][0]["given"] == [
-        {"name": "k_I", "unit": "1/s", "value": 17.7, "source": "bench"}
+        {
+            "name": "k_I",
+            "unit": "1/s",
+            "value": 17.7,
+            "source": "bench",
+            "standard_error": 0.0014,
+        }
     ]
     assert data["tables"][0]["parameters"][1]["cr_percent"] == "inf"
     assert data["eq_8"]["gain_db"] == EQ_8.gain_db

@@ -76,10 +76,10 @@ class FittedParameter(Value):
 
     @property
     def poorly_identified(self) -> bool:
-        """Whether CR exceeds 20 % or the insensitivity 10 % of the value."""
+        """Whether the bound exceeds 20 % or the insensitivity 10 % of the value."""
         return not self.fixed and (
             self.degenerate
-            or self.cr_percent > CRAMER_RAO_LIMIT
+            or _percent(self.bound, self.value) > CRAMER_RAO_LIMIT
             or self.insensitivity_percent > INSENSITIVITY_LIMIT
         )
 
@@ -88,7 +88,7 @@ class FittedParameter(Value):
         """What the data say of it, in a word; `helisim.ident.verdicts.SUPPORT` has the meanings."""
         return support(
             self.value,
-            self.cramer_rao,
+            self.bound,
             self.insensitivity,
             fixed=self.fixed,
             at_bound=self.at_bound,

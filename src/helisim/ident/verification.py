@@ -76,12 +76,12 @@ class Approach:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Approach":
         """Read what `to_dict` wrote. Raises KeyError or TypeError."""
-        real, imaginary = data["pole"] or (None, None)
+        pole = data["pole"]
         return cls(
             kind=data["kind"],
             length_s=float(data["length_s"]),
             ahead_s=float(data["ahead_s"]),
-            pole=None if real is None else (float(real), float(imaginary)),
+            pole=None if pole is None else (float(pole[0]), float(pole[1])),
             estimated=int(data["estimated"]),
             samples=int(data["samples"]),
         )

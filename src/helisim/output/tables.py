@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from helisim.ident import Fit, FittedParameter
 from helisim.ident.verification import VerificationFigures
-from helisim.output.table import PERCENT, Cell, Column, Table, common_form, number, words
+from helisim.output.table import NO_BREAK, PERCENT, Cell, Column, Table, common_form, number, words
 from helisim.paper import jr700
 from helisim.records.channels import IN1
 from helisim.records.record import FlightRecord
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from helisim.paper.errata import Erratum
     from helisim.paper.gyro_effect import Change, GyroEffect, Statement
     from helisim.sim.rigs import Finding, RigTest
-    from helisim.study.comparison import ComparisonTable, ParameterRow
+    from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
     from helisim.vehicle import Vehicle
 
 _NAME = (Column("parameter", left=True), Column("unit", left=True))
@@ -40,10 +40,7 @@ _FLOWN = {
 def comparison(table: ComparisonTable) -> Table:
     """Return a model's parameters beside paper and truth, with support and agreement of each."""
     low, high = table.band_rad_s
-    given = "; ".join(
-        f"{one.name} {one.value:.4g} {one.unit} ({one.source})".replace(" ", "\u00a0")
-        for one in table.given
-    )
+    given = "; ".join(map(_given, table.given)) or "nothing"
     notes = {
         "given": given,
         "equivalent": table.truth_meaning if table.truth != "truth" else "",
@@ -61,6 +58,14 @@ def comparison(table: ComparisonTable) -> Table:
         lead=f"from {table.input}, {low:.3g} to {high:.3g} rad/s, average cost {table.cost:.3g}",
         notes=tuple((label, text) for label, text in notes.items() if text),
     )
+
+
+def _given(one: GivenValue) -> str:
+    """Return a given value with its standard error and source, unbroken."""
+    error = "" if one.standard_error is None else f" +- {one.standard_error:{_UNCERTAINTY}}"
+    unit = "" if one.unit in ("", "1") else f" {one.unit}"
+    value = f"{one.name} {one.value:.4g}{error}{unit}".replace(" ", NO_BREAK)
+    return f"{value} ({one.source})"
 
 
 def _compared(table: str, row: ParameterRow) -> tuple[Cell, ...]:

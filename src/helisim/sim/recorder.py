@@ -41,7 +41,7 @@ from helisim.records.channels import (
 )
 from helisim.records.record import FlightRecord
 from helisim.records.value import FrozenMap
-from helisim.sim.plain import in_brief, to_plain
+from helisim.sim.plain import UNSAID, in_brief, to_plain
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
 
@@ -95,6 +95,8 @@ class Recorder:
         rate_hz: samples a second.
         antialias_hz: corner of the fourth-order Butterworth filter before sampling.
         lever_arm_corrected: False leaves velocity and force as they are at the IMU.
+        lever_arm: (x, y, z) m, from the centre of gravity to the IMU (FRD), that they are corrected
+            by, such as a suspension found; None takes the vehicle's true one.
         rotor: True adds the rotor's true tilt, thrusts and torque, the air's own motion, the
             servos' true positions and, over a ground, its force, to look at; no flight computer
             measures them.
@@ -111,8 +113,14 @@ class Recorder:
     latency: Mapping[str, float] | None = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=lambda: dict(_NOISE))
     resolution: Mapping[str, float] = field(default_factory=lambda: dict(_RESOLUTION))
+    lever_arm: tuple[float, float, float] | None = field(default=None, metadata=UNSAID)
 
     def __post_init__(self) -> None:
+        if self.lever_arm is not None:
+            arm = tuple(float(x) for x in self.lever_arm)
+            if len(arm) != 3 or not np.all(np.isfinite(arm)):
+                raise InputError(f"lever_arm must be three finite numbers, got {self.lever_arm}")
+            object.__setattr__(self, "lever_arm", arm)
         if not 0.0 < self.antialias_hz < 0.5 * self.rate_hz < np.inf:
             raise InputError(
                 f"the anti-alias corner must be below half the sample rate, got "
@@ -276,7 +284,8 @@ class _Sampling:
         self, rates: NDArray[np.float64], attitudes: NDArray[np.float64]
     ) -> dict[tuple[str, ...], NDArray[np.float64]]:
         """Return what the IMU's offset adds to velocity, specific force and position."""
-        arm = self.trajectory.imu_offset
+        own = self.recorder.lever_arm
+        arm = self.trajectory.imu_offset if own is None else np.array(own)
         spin = np.gradient(rates, self.time, axis=0)
         turning = np.cross(rates, arm)
         earth = Rotation.from_euler("ZYX", attitudes[:, ::-1])

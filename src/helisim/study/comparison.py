@@ -42,6 +42,7 @@ class ParameterRow:
         paper: the published value; None where there is none.
         cr_percent: Cramér-Rao bound of `identified`; None where it was not estimated.
         insensitivity_percent: insensitivity of `identified`; None where it was not estimated.
+        standard_error: of `identified`, or of what was given; None in results that have none.
         support: what the data say of it; None in results that did not say it.
         tolerance_percent: the largest accepted distance from `truth`, percent of `truth`;
             None reports the parameter without judging it.
@@ -58,6 +59,7 @@ class ParameterRow:
     paper: float | None = None
     cr_percent: float | None = None
     insensitivity_percent: float | None = None
+    standard_error: float | None = None
     support: Support | None = None
     tolerance_percent: float | None = None
     tolerance_reason: str = ""
@@ -151,6 +153,7 @@ class ParameterRow:
             "identified": self.identified,
             "cr_percent": _json_number(self.cr_percent),
             "insensitivity_percent": _json_number(self.insensitivity_percent),
+            "standard_error": _json_number(self.standard_error),
             "support": self.support,
             "tolerance_percent": self.tolerance_percent,
             "tolerance_reason": self.tolerance_reason,
@@ -170,12 +173,14 @@ class GivenValue:
         unit: SI.
         value: in `unit`.
         source: the table or the ground test that it comes from.
+        standard_error: of `value`, in `unit`; None where none is known.
     """
 
     name: str
     unit: str
     value: float
     source: str
+    standard_error: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -66,15 +66,24 @@ def identify_model(
     given = {
         name: _given(source, before or {}, ground or {}) for name, source in model.given.items()
     }
+    known = model.structure.with_fixed(
+        {name: value for name, (value, _) in given.items()},
+        {name: error for name, (_, error) in given.items()},
+    )
     if estimated is None:
         estimated = frequency_response(model, flights)
-    return ident.identify(estimated, model.structure.with_fixed(given), weighting=model.weighting)
+    return ident.identify(estimated, known, weighting=model.weighting)
 
 
-def _given(source: Given, before: Mapping[str, ComparisonTable], ground: GroundTests) -> float:
+def _given(
+    source: Given, before: Mapping[str, ComparisonTable], ground: GroundTests
+) -> tuple[float, float]:
+    """Return a value and its standard error, 0 where none is stated."""
     if source.source in ground:
-        return ground[source.source][source.name].value
-    return before[source.source][source.name].identified
+        finding = ground[source.source][source.name]
+        return finding.value, finding.standard_error or 0.0
+    row = before[source.source][source.name]
+    return row.identified, row.standard_error or 0.0
 
 
 def comparison_table(
@@ -85,11 +94,12 @@ def comparison_table(
     *,
     judge_paper: bool = True,
     air: Air | None = None,
+    ground: GroundTests | None = None,
 ) -> ComparisonTable:
     """Set an identified model beside the truth and the paper.
 
-    What the fit was given is listed apart, and judged where the model has a tolerance for it.
-    The truth is the mean over `air`, if there is any.
+    What the fit was given is listed apart, with what is behind it in the ground tests, and judged
+    where the model has a tolerance for it. The truth is the mean over `air`, if there is any.
     """
     truth = true_values(vehicle, model, recorder, like=fit.data, air=air)
     paper = paper_table(vehicle, model.name)
@@ -101,10 +111,31 @@ def comparison_table(
         band_rad_s=fit.band,
         truth="equivalent" if model.truth_kind == "equivalent" else "truth",
         parameters=tuple(_row(fit, name, truth, paper, model, judge_paper) for name in found),
-        given=tuple(
-            GivenValue(name=name, unit=fit[name].unit, value=fit[name].value, source=one.source)
-            for name, one in model.given.items()
+        given=(
+            *(_given_value(fit[name], one.source) for name, one in model.given.items()),
+            *(_behind(one, ground or {}) for one in model.behind if one.source in (ground or {})),
         ),
+    )
+
+
+def _given_value(fitted: ident.FittedParameter, source: str) -> GivenValue:
+    return GivenValue(
+        name=fitted.name,
+        unit=fitted.unit,
+        value=fitted.value,
+        source=source,
+        standard_error=fitted.standard_error or None,
+    )
+
+
+def _behind(one: Given, ground: GroundTests) -> GivenValue:
+    found = ground[one.source][one.name]
+    return GivenValue(
+        name=one.name,
+        unit=found.unit,
+        value=found.value,
+        source=f"{one.source}, {found.how}",
+        standard_error=found.standard_error,
     )
 
 
@@ -140,6 +171,7 @@ def _row(
         paper=None if printed is None else printed.value,
         cr_percent=None if given else fitted.cr_percent,
         insensitivity_percent=None if given else fitted.insensitivity_percent,
+        standard_error=fitted.standard_error,
         support=fitted.support,
         **limits,
     )

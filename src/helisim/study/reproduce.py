@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from helisim.errors import InputError
@@ -12,7 +12,7 @@ from helisim.paper.gyro_effect import GyroEffect, gyro_effect
 from helisim.records.files import make_folder, write_json
 from helisim.records.provenance import versions
 from helisim.sim import Recorder
-from helisim.sim.rigs import run_rigs
+from helisim.sim.rigs import RigTest, run_rigs
 from helisim.sim.simulation import thread_count
 from helisim.study.comparison import ComparisonTable
 from helisim.study.flights import (
@@ -99,21 +99,22 @@ def reproduce(
     vehicle = load("jr700", parameters=parameters, timestep=timestep)
     on_progress = on_progress or (lambda _: None)
     recorder = Recorder.of(vehicle, rotor=rotor)
+    with one_blas_thread():
+        ground = {one.rig: one for one in run_rigs(vehicle, seed=seed, recorder=recorder)}
+    recorder = replace(recorder, lever_arm=_lever_arm(ground["suspension"]))
     if reuse and out is not None:
         kept, doublets, excluded = read_flights(vehicle, seed, out)
     else:
         kept, excluded = fly_sweeps(vehicle, flights, seed, jobs, recorder, out, on_progress)
         doublets = fly_doublets(vehicle, seed, recorder, out)
     with one_blas_thread(), ThreadPoolExecutor(threads) as pool:
-        rigs = pool.submit(run_rigs, vehicle, seed=seed, recorder=recorder)
         estimated = list(pool.map(lambda model: frequency_response(model, kept), MODELS))
-        ground = {test.rig: test for test in rigs.result()}
     tables: dict[str, ComparisonTable] = {}
     models: list[IdentifiedModel] = []
     for model, response in zip(MODELS, estimated):
         fit = identify_model(model, kept, before=tables, ground=ground, estimated=response)
         tables[model.name] = comparison_table(
-            vehicle, model, fit, recorder, judge_paper=not parameters
+            vehicle, model, fit, recorder, judge_paper=not parameters, ground=ground
         )
         models.append(identified_model(vehicle, model, fit, recorder, doublets))
         on_progress(model.name)
@@ -151,6 +152,12 @@ def reproduce(
         write_json(results.to_dict(), out / RESULTS, indent=2)
         write_models(out / FITS, models)
     return Run(results, tuple(models), kept)
+
+
+def _lever_arm(suspension: RigTest) -> tuple[float, float, float]:
+    """Return the IMU's place from the centre of gravity as it was found, m."""
+    x, y, z = (suspension[f"imu_{axis}"].value for axis in "xyz")
+    return x, y, z
 
 
 def _gyro_effect(tables: Mapping[str, ComparisonTable]) -> GyroEffect:

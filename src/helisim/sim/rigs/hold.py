@@ -71,14 +71,15 @@ class TableSweep:
     Attributes:
         amplitude: rad, of the angle. The gyro locks the heading, so the tail servo follows the
             angle at low frequency and the rate at high: this takes it to four fifths of its
-            range at the upper edge, two fifths at the lower.
-        band: (w_min, w_max) rad/s.
+            range at the upper edge, a sixth at the lower.
+        band: (w_min, w_max) rad/s. Up to where a lead's filter of some milliseconds is told
+            from its delay: to 40 rad/s it is known to half of it only, to 120 to a thirtieth.
         duration: s, of the whole test.
         rest: s, still, before and again after.
     """
 
-    amplitude: float = 0.035
-    band: tuple[float, float] = (2.0, 40.0)
+    amplitude: float = 0.015
+    band: tuple[float, float] = (2.0, 120.0)
     duration: float = 66.0
     rest: float = 3.0
 

@@ -30,10 +30,12 @@ class PlumbLine:
     Attributes:
         point: (3,) m, where the airframe was held.
         down: (3,) unit vector.
+        error: rad, standard error of its direction, each way across.
     """
 
     point: NDArray[np.float64]
     down: NDArray[np.float64]
+    error: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("point", "down"):
@@ -71,7 +73,7 @@ def plumb_line(record: FlightRecord, point: ArrayLike, *, rest: float = REST) ->
         )
     phi, theta = angles.mean(axis=0)
     down = [-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)]
-    return PlumbLine(np.array(point), np.array(down))
+    return PlumbLine(np.array(point), np.array(down), float(np.max(spread)))
 
 
 def centre_of_gravity(lines: Sequence[PlumbLine]) -> NDArray[np.float64]:

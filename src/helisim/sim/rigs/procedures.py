@@ -1,5 +1,6 @@
 """Bench and turntable from rig to finding, each value beside the truth that the vehicle carries."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -41,11 +42,11 @@ def run_rigs(
         on_progress: called with a rig's name after each test.
     """
     on_progress = on_progress or (lambda _: None)
-    k_delta = vehicle.parameters["gyro.k_delta"]
-    bench = bench_test(vehicle, k_delta=k_delta, seed=seed, recorder=recorder)
+    setting = vehicle.parameters["gyro.k_delta"]  # read off the gyro, as on a real bench
+    bench = bench_test(vehicle, k_delta=setting, seed=seed, recorder=recorder)
     on_progress(bench.rig)
     table = turntable_test(
-        vehicle, k_p=bench["k_p"].value, k_i=bench["k_I"].value, seed=seed, recorder=recorder
+        vehicle, k_p=bench["k_p"], k_i=bench["k_I"], seed=seed, recorder=recorder
     )
     on_progress(table.rig)
     suspension = suspension_test(vehicle, seed=seed, recorder=recorder)
@@ -86,6 +87,12 @@ def bench_test(
     return RigTest(
         rig="bench",
         findings=(
+            Finding(
+                name="k_delta",
+                unit="1",
+                value=k_delta,
+                how="not measured: as the gyro shows its setting",
+            ),
             Finding(
                 name="k_p k_delta",
                 unit="1",
@@ -144,8 +151,8 @@ def bench_test(
 def turntable_test(
     vehicle: Vehicle,
     *,
-    k_p: float,
-    k_i: float,
+    k_p: Finding,
+    k_i: Finding,
     sweep: TableSweep | None = None,
     seed: int = 1,
     recorder: Recorder | None = None,
@@ -153,11 +160,12 @@ def turntable_test(
     """Find k_a of the yaw gyro: the table sweeps the yaw rate while the pedals are centred.
 
     Identifies H2 = ped / r = -(k_p + k_I/s) k_a (eq. (3) of the paper) and the gyro's lead on
-    the rate. The noise is in the recorded rate, so the fit predicts the rate.
+    the rate with its filter, as a continuous lead answers like the gyro's sampled one. The noise
+    is in the recorded rate, so the fit predicts the rate.
 
     Args:
         vehicle: to test.
-        k_p: from the bench.
+        k_p: from the bench; k_a has its error too.
         k_i: from the bench, 1/s.
         sweep: the default `TableSweep` if None.
         seed: of the sensors.
@@ -174,12 +182,7 @@ def turntable_test(
     period = true["gyro.period"]
     lead_filter = held_lag(true["gyro.lead_filter"], period) - 0.5 * period
     found = loop_gains(
-        record,
-        input="r",
-        output="servo_tail",
-        band=sweep.band,
-        noisy="input",
-        lead_filter=lead_filter,
+        record, input="r", output="servo_tail", band=sweep.band, noisy="input", lead=True
     )
     k_a = true["gyro.k_a"]
     return RigTest(
@@ -211,18 +214,18 @@ def turntable_test(
             Finding(
                 name="k_a",
                 unit="s",
-                value=-found.integral / k_i,
+                value=-found.integral / k_i.value,
                 truth=k_a,
-                standard_error=found.integral_error / k_i,
-                how=f"integral part over the bench's k_I = {k_i:.5g}",
+                standard_error=_ratio_error(found.integral, found.integral_error, k_i),
+                how=f"integral part over the bench's k_I = {k_i.value:.5g}",
             ),
             Finding(
                 name="k_a by k_p",
                 unit="s",
-                value=-found.proportional / k_p,
+                value=-found.proportional / k_p.value,
                 truth=k_a,
-                standard_error=found.proportional_error / k_p,
-                how=f"proportional part over the bench's k_p = {k_p:.5g}",
+                standard_error=_ratio_error(found.proportional, found.proportional_error, k_p),
+                how=f"proportional part over the bench's k_p = {k_p.value:.5g}",
             ),
             Finding(
                 name="lead",
@@ -230,14 +233,15 @@ def turntable_test(
                 value=found.lead,
                 truth=true["gyro.lead"],
                 standard_error=found.lead_error,
-                how="from the gain, which grows with frequency; its filter as set",
+                how="from the gain, which grows with frequency",
             ),
             Finding(
                 name="lead_filter",
                 unit="s",
-                value=lead_filter,
+                value=found.lead_filter,
                 truth=lead_filter,
-                how="not measured: as the gyro documents it, sampled in the gyro's period",
+                standard_error=found.lead_filter_error,
+                how="from the gain, which grows less the higher the frequency",
             ),
             Finding(
                 name="tau_r",
@@ -249,6 +253,13 @@ def turntable_test(
             ),
         ),
     )
+
+
+def _ratio_error(part: float, error: float, over: Finding) -> float:
+    """Return the standard error of a part over a finding, both in error on their own."""
+    own = error / over.value
+    of_bench = part / over.value**2 * (over.standard_error or 0.0)
+    return math.hypot(own, of_bench)
 
 
 def _check_servo(record: FlightRecord) -> None:

@@ -43,13 +43,14 @@ def suspension_test(
             unit="m",
             value=float(value),
             truth=float(true),
+            standard_error=float(error),
             how=how,
         )
         for name, values, truths, how in (
             ("cg", found, true_centre, "where the plumb lines meet, airframe axes"),
             ("imu", arm, true_arm, "lever arm: the drawing's IMU less the centre of gravity"),
         )
-        for axis, value, true in zip("xyz", values, truths)
+        for axis, value, true, error in zip("xyz", values, truths, _errors(lines))
     ]
     findings.append(
         Finding(
@@ -79,18 +80,29 @@ def attitude_sensitivity(lines: Sequence[PlumbLine]) -> float:
 
     All of phi and theta of all hangings are off by that size, with the worst signs.
     """
+    shifts = _shifts(lines).reshape(-1, 3)
+    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * len(shifts))).reshape(len(shifts), -1)
+    return float(np.linalg.norm(signs.T @ shifts, axis=1).max())
+
+
+def _errors(lines: Sequence[PlumbLine]) -> NDArray[np.float64]:
+    """Return the standard error of the centre of gravity along each axis, (3,) m."""
+    error = np.array([line.error for line in lines])
+    return np.sqrt(np.sum((_shifts(lines) * error[:, None, None]) ** 2, axis=(0, 1)))
+
+
+def _shifts(lines: Sequence[PlumbLine]) -> NDArray[np.float64]:
+    """Return how the centre moves as a line tilts, (n_line, 2 ways across, 3) m/rad."""
     centre = centre_of_gravity(lines)
-    shifts = []
+    shifts = np.empty((len(lines), 2, 3))
     for number, line in enumerate(lines):
         down = np.array(line.down)
-        across = np.linalg.svd(down[None, :])[2][1:]
-        for direction in across:
+        for k, direction in enumerate(np.linalg.svd(down[None, :])[2][1:]):
             tilted = down + 1e-6 * direction
             moved = list(lines)
             moved[number] = PlumbLine(line.point, tilted / np.linalg.norm(tilted))
-            shifts.append((centre_of_gravity(moved) - centre) / 1e-6)
-    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * len(shifts))).reshape(len(shifts), -1)
-    return float(np.linalg.norm(signs.T @ np.array(shifts), axis=1).max())
+            shifts[number, k] = (centre_of_gravity(moved) - centre) / 1e-6
+    return shifts
 
 
 def _drawing(held: Vehicle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

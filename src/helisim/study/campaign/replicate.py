@@ -90,7 +90,7 @@ def fly_and_identify(campaign: Campaign, one: Replicate) -> list[ReplicateRow]:
             estimated = by_method(model, task.method)
             tested = _done(ground) if _needs_ground(model) else {}
             fit = _identified(estimated, flights, before, tested)
-            table = comparison_table(vehicle, estimated, fit, recorder, air=air)
+            table = comparison_table(vehicle, estimated, fit, recorder, air=air, ground=tested)
         except HelisimError as error:
             rows += _failed(task, str(error))
             continue
