@@ -2,10 +2,13 @@
 
 import inspect
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import helisim
 from command import fails
 from helisim.cli import main, parser
 from helisim.ident import frequency_response, identify, load_fit, reduce, structures, verify
@@ -76,6 +79,28 @@ def test_every_argument_of_the_library_is_an_option(function):
     known = {name for action in actions for name in (*action.option_strings, action.dest)}
     assert set(inspect.signature(function).parameters) == set(OPTIONS[function])
     assert set(OPTIONS[function].values()) <= known
+
+
+def test_what_messages_advise_exists():
+    """Every option that the identification or the reading of logs names is one of a command."""
+    words = set()
+    for room in ("ident", "records"):
+        for path in (Path(helisim.__file__).parent / room).rglob("*.py"):
+            words |= set(re.findall(r"--[a-z][a-z-]+", path.read_text(encoding="utf-8")))
+    known = set()
+    for command in ("identify", "frf", "verify"):
+        known |= set(parser([command])._actions[-1].choices[command].option_names)
+    assert words >= {"--band", "--start", "--fix", "--searches", "--bounds", "--segment"}
+    assert words <= known
+
+
+def test_a_poor_fit_names_the_options_that_help(tmp_path, sweep_csv, capsys):
+    """One search from far away, and a bound that holds: the output says what to try."""
+    options = ["--structure", "heave", "--searches", "1", "--bounds", "Z_w=-0.5:-0.4"]
+    main(["identify", str(sweep_csv()), *options])
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "try more searches (--searches N)" in printed
+    assert "at a bound: Z_w; widen it (--bounds NAME=LO:HI)" in printed
 
 
 def fitted(tmp_path, logs, *options, structure="rollpitch"):

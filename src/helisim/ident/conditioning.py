@@ -171,7 +171,7 @@ def gate(
             if mean > CROSS_CONTROL_SINGULAR:
                 raise IdentificationError(
                     f"{message}, so their effects can't be told apart; {advice}, "
-                    "or leave out the one that is known to have no effect"
+                    "or leave out the one that is known to have no effect (of --inputs)"
                 )
             if mean > CROSS_CONTROL_LIMIT:
                 flags.append(f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}")

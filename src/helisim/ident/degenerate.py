@@ -165,6 +165,7 @@ def _far_poles(cost: Cost, x: NDArray[np.float64], unknown: NDArray[np.bool_]) -
         return Degenerate((), frozenset())
     advice = (
         f"degenerate: a pole at {worst:.3g} rad/s is far above the band's {top:.3g} rad/s, and the "
-        f"data do not see what puts it there; fix {' or '.join(moving)}, or leave that lag out"
+        f"data do not see what puts it there; fix {' or '.join(moving)} (--fix NAME=VALUE), or "
+        "leave that lag out"
     )
     return Degenerate((advice,), frozenset([*moving, *(set(free) & delays)]))

@@ -185,7 +185,7 @@ def _estimator_name(estimator: str | None, windows: float | Sequence[float] | No
     if name != "windows" and windows is not None:
         raise InputError(
             f"window lengths were given to the {name!r} estimator, which has no windows; "
-            "leave them out, or ask for estimator='windows'"
+            "leave them out, or ask for estimator='windows' (--estimator windows)"
         )
     return name
 
@@ -220,7 +220,8 @@ def _check_names(
     if reference and len(reference) < len(inputs) + len(others):
         raise InputError(
             f"{len(reference)} reference(s) for {len(inputs) + len(others)} active inputs; the "
-            "joint method needs at least as many references as inputs and conditioning inputs"
+            "joint method needs at least as many references (--reference A,B) as inputs and "
+            "conditioning inputs"
         )
     for flight in flights:
         for name in (*names, *reference):
@@ -238,7 +239,7 @@ def _check_band(flights: Sequence[FlightRecord], band: tuple[float, float]) -> N
     if high >= nyquist:
         raise InputError(
             f"the band ends at {high:.4g} rad/s, but samples resolve only {nyquist:.4g} rad/s; "
-            "lower the band's upper edge or record faster"
+            "lower the band's upper edge (--band LO HI) or record faster"
         )
 
 

@@ -185,5 +185,6 @@ def _too_incoherent(
     return (
         f"no response has {_FEWEST} points with a coherence of {USABLE_COHERENCE} in its band "
         f"(frequency response: {frf.frequency[0]:.4g} to {frf.frequency[-1]:.4g} rad/s): "
-        f"{'; '.join(best_by_name)}; widen the band, add sweeps, or raise the sweep's amplitude"
+        f"{'; '.join(best_by_name)}; widen the band (--band LO HI), add sweeps, or raise the "
+        "sweep's amplitude"
     )

@@ -101,7 +101,7 @@ def _pieces(fit: Fit, step: float, length: int) -> _Pieces:
     if not (np.all(np.isfinite(kernel)) and np.all(np.isfinite(free))):
         raise IdentificationError(
             f"the model {fit.structure.name!r} diverges within {length * step:.4g} s; give "
-            "shorter segments"
+            "shorter segments (--segment S)"
         )
     integrates = bool(a.size) and float(np.linalg.cond(a)) > INTEGRATES
     return _Pieces(kernel, free, before, after, integrates)
@@ -172,7 +172,8 @@ def ahead_of_time(fit: Fit, flight: FlightRecord, past_s: float, ahead_s: float)
     if past + ahead > count:
         raise InputError(
             f"the record's {flight.duration:.4g} s don't hold {past_s:.4g} s of past and a "
-            f"prediction {ahead_s:.4g} s ahead; give less of either, or a longer record"
+            f"prediction {ahead_s:.4g} s ahead; give less of either (--segment, --ahead), or a "
+            "longer record"
         )
     pieces = _pieces(fit, step, past + ahead)
     inputs, measured = flight.select(structure.inputs), flight.select(structure.outputs)
@@ -291,6 +292,6 @@ def _refuse_short(fit: Fit, samples: int, numbers: int, step: float) -> None:
         raise InputError(
             f"{samples} samples ({samples * step:.3g} s) are too few to estimate {numbers} of "
             f"the state's numbers from and to tell of the model {fit.structure.name!r}; "
-            f"expected {needed} samples ({needed * step:.3g} s) or more: give longer segments, "
-            "or a record of a higher rate"
+            f"expected {needed} samples ({needed * step:.3g} s) or more: give longer segments "
+            "(--segment S), or a record of a higher rate"
         )

@@ -70,7 +70,8 @@ class Parameter:
         if not low < high or not low <= self.start <= high:
             raise InputError(
                 f"parameter {self.name!r} has bounds {low} to {high} and starts at "
-                f"{self.start}; expected lower < upper with the start between them"
+                f"{self.start}; expected lower < upper with the start between them (--bounds "
+                "NAME=LO:HI, --start NAME=VALUE)"
             )
         if self.scale is not None and not (math.isfinite(self.scale) and self.scale > 0.0):
             raise InputError(f"parameter {self.name!r} has scale {self.scale}, expected > 0")

@@ -187,7 +187,7 @@ def _whole(fit: Fit, flight: FlightRecord) -> Trace:
     if not (np.all(np.isfinite(forced)) and np.all(np.isfinite(free))):
         raise IdentificationError(
             f"the model {structure.name!r} diverges over the record's {flight.duration:.4g} s; "
-            "verify it in segments"
+            "verify it in segments (--segment S)"
         )
     columns = free.reshape(free.shape[0], -1)
     size = np.linalg.norm(columns, axis=1)

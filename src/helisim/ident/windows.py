@@ -96,12 +96,12 @@ def chosen_windows(
     if longest > min(durations):
         raise IdentificationError(
             f"a window of {longest:.4g} s does not fit into a record of {min(durations):.4g} s; "
-            "shorten the window or leave the record out"
+            "shorten the window (--windows S) or leave the record out (--min-duration S)"
         )
     if 2.0 * np.pi / longest > band[0] * (1.0 + 1e-9):
         raise InputError(
             f"the longest window, {longest:.4g} s, resolves frequencies from "
             f"{2.0 * np.pi / longest:.4g} rad/s, but the band starts at {band[0]:.4g} rad/s; "
-            "lengthen the window or raise the band's lower edge"
+            "lengthen the window (--windows S) or raise the band's lower edge (--band LO HI)"
         )
     return tuple(float(length) for length in lengths)
