@@ -41,7 +41,11 @@ TESTS = {
         "tests/vehicle/test_atmosphere.py",
         "tests/verification/test_momentum_theory.py",
     ),
-    "ident": ("tests/ident", "tests/records/test_quality.py"),
+    "ident": (
+        "tests/ident",
+        "tests/records/test_quality.py",
+        "tests/recovery/test_verify_unstable.py",
+    ),
 }
 LIBRARIES = (
     "control",

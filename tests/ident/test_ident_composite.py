@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from helisim.ident import frequency_response
 from helisim.ident.composite import _COHERENCE_WEIGHT, _Aim, _cost, _step, window_lengths
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
 
 
 @pytest.mark.parametrize(
@@ -41,3 +44,25 @@ def test_a_composites_step_is_gauss_and_newtons(seed):
     # central differences of 1e-6 are good to 1e-9 here
     assert _step(z[:, None], aim)[:, 0] == pytest.approx(expected, abs=1e-7)
     assert _cost(z[:, None], aim)[0] == pytest.approx(np.sum(residuals(z) ** 2), rel=1e-12)
+
+
+def test_a_short_window_takes_part_from_six_periods_upwards():
+    """Below, its main lobe, two bins either way, is a third of the frequency itself and more.
+
+    The longest window serves all frequencies, so that none is left without an estimate.
+    """
+    random = np.random.default_rng(4)
+    columns = random.normal(size=(2400, 2))
+    columns[:, 1] += columns[:, 0]
+    record = FlightRecord(0.05 * np.arange(2400), columns, (channel("lat"), channel("p")))
+    windows = (40.0, 20.0, 10.0)
+    band = (2.0 * np.pi / 40.0, 12.0)
+    frf = frequency_response(
+        [record] * 2, inputs="lat", outputs="p", band=band, windows=windows, estimator="windows"
+    )
+    assert frf.scatter is not None
+    for one in frf.scatter.windows:
+        takes_part = one.share[0, 0] > 0.0
+        periods = one.length * frf.frequency / (2.0 * np.pi)
+        expected = (periods >= 6.0) | (one.length == 40.0)
+        assert np.array_equal(takes_part, expected)
