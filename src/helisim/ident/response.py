@@ -72,12 +72,10 @@ class FrequencyResponse(Value, Displayed):
     estimator: str = ""
     windows: tuple[float, ...] = ()
     flags: tuple[str, ...] = ()
-    sources: tuple[str, ...] = field(default=(), repr=False)
-    spans: tuple[FlightSpan, ...] = field(default=(), repr=False)
-    scatter: ErrorModel | None = field(default=None, repr=False, compare=False, metadata=_IN_MEMORY)
-    direct: "FrequencyResponse | None" = field(
-        default=None, repr=False, compare=False, metadata=_IN_MEMORY
-    )
+    sources: tuple[str, ...] = ()
+    spans: tuple[FlightSpan, ...] = ()
+    scatter: ErrorModel | None = field(default=None, compare=False, metadata=_IN_MEMORY)
+    direct: "FrequencyResponse | None" = field(default=None, compare=False, metadata=_IN_MEMORY)
 
     def __post_init__(self) -> None:
         n_out, n_in = len(self.outputs), len(self.inputs)

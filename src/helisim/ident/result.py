@@ -77,8 +77,8 @@ class Fit(Value, Displayed):
     covariance: NDArray[np.float64] | None = None
     misfit: Misfit | None = None
     degenerate: tuple[str, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    versions: Mapping[str, str] = field(default_factory=versions, repr=False)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=versions)
 
     def __post_init__(self) -> None:
         for name in ("correlation", "covariance"):
