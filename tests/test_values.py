@@ -105,6 +105,8 @@ def values(jr700, tmp_path_factory):
         "Fit": fit,
         "FittedParameter": fit["L_b"],
         "Misfit": fit.misfit,
+        "Modes": fit.modes,
+        "Mode": fit.modes.poles[0],
         "Reduction": Reduction(fit, fit, (), (), 0.1),
         "Verification": item.verification,
         "VerificationFigures": item.verification.figures,
@@ -143,7 +145,16 @@ NAMES = [
         "Parameter",
         "Fit",
     ),
-    *("FittedParameter", "Misfit", "Reduction", "Verification", "VerificationFigures", "Trace"),
+    *(
+        "FittedParameter",
+        "Misfit",
+        "Modes",
+        "Mode",
+        "Reduction",
+        "Verification",
+        "VerificationFigures",
+        "Trace",
+    ),
     *("IdentifiedModel", "Results", "Run"),
 ]
 ABSTRACT = {"Excitation"}

@@ -2,6 +2,8 @@
 
 from helisim.ident import Fit as Fit
 from helisim.ident import FrequencyResponse as FrequencyResponse
+from helisim.ident import Mode as Mode
+from helisim.ident import Modes as Modes
 from helisim.ident import Structure as Structure
 from helisim.ident import Verification as Verification
 from helisim.ident import blocks as blocks

@@ -250,6 +250,8 @@ def test_anyones_fit_has_a_report(tmp_path):
     page = Page(path.read_text())
     for name, value in item.fit.values.items():
         assert page.cells[f"parameters.{name}.value"][0] == value
+    pole = item.fit.modes.poles[0].frequency
+    assert page.cells["modes.poles.0.frequency_rad_s"][0] == pytest.approx(pole, rel=ROUNDING)
     assert page.figures == ["correlation_heave", "bode_heave_w_col", "flight_0"]
 
 

@@ -9,6 +9,7 @@ from helisim.ident.fit import identify
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.frf import ClosedLoopWarning, frequency_response
 from helisim.ident.misfit import Misfit
+from helisim.ident.modes import Mode, Modes
 from helisim.ident.record_checks import RecordQualityWarning
 from helisim.ident.reduction import Reduction, reduce
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
@@ -27,6 +28,8 @@ __all__ = [
     "FittedParameter",
     "FrequencyResponse",
     "Misfit",
+    "Mode",
+    "Modes",
     "Parameter",
     "RecordQualityWarning",
     "Reduction",

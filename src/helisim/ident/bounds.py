@@ -45,6 +45,8 @@ class Accuracy:
         insensitivity: (n_free,) I_i.
         covariance: (n_free, n_free) of the parameters' errors, whose diagonal is the squared
             standard errors; infinite there where the data do not see the parameter.
+        carried: (n_free, n_known) by how much a parameter errs for one standard error of each
+            known one that has any.
         correlation: (n_free, n_free), from the Hessian, as CIFER's.
         noise: (2 n_point,) variances of the relative errors, real then imaginary parts, that
             noise leaves after the fit; None where the response's errors are not known.
@@ -54,6 +56,7 @@ class Accuracy:
     cramer_rao: NDArray[np.float64]
     insensitivity: NDArray[np.float64]
     covariance: NDArray[np.float64]
+    carried: NDArray[np.float64]
     correlation: NDArray[np.float64]
     noise: NDArray[np.float64] | None
     ratio: float | None
@@ -97,7 +100,8 @@ def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) 
         covariance = 2.0 * float(residual @ residual) / freedom * inverse
     else:
         covariance = max(1.0, spread.ratio) * spread.covariance
-    covariance = covariance + _carried(cost, x, gain, standardised)
+    carried = _carried(cost, x, gain, standardised)
+    covariance = covariance + carried @ carried.T
     np.fill_diagonal(covariance, np.where(seen, np.maximum(np.diagonal(covariance), 0.0), np.inf))
     with np.errstate(divide="ignore"):
         insensitivity = 1.0 / np.sqrt(np.diagonal(hessian))
@@ -108,6 +112,7 @@ def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) 
         cramer_rao=2.0 * np.sqrt(variance) + np.where(seen, 0.0, np.inf),
         insensitivity=insensitivity,
         covariance=covariance,
+        carried=carried,
         correlation=np.clip(correlation, -1.0, 1.0),
         noise=None if spread is None else spread.noise,
         ratio=None if spread is None else spread.ratio,
@@ -143,13 +148,12 @@ def _spread(
 def _carried(
     cost: Cost, x: NDArray[np.float64], gain: NDArray[np.float64], standardised: bool
 ) -> NDArray[np.float64]:
-    """Return the covariance that the errors of known parameters give the free ones."""
+    """Return what one standard error of each known parameter moves the free ones by."""
     known = [one for one in cost.structure.parameters if one.error > 0.0]
     if not known or not x.size:
-        return np.zeros((x.size, x.size))
+        return np.zeros((x.size, len(known)))
     jacobian = cost.jacobian_by(x, [one.name for one in known], standardised=standardised)
-    moved = -(gain @ jacobian) * [one.error for one in known]
-    return moved @ moved.T
+    return -(gain @ jacobian) * [one.error for one in known]
 
 
 def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from helisim.errors import IdentificationError
 from helisim.ident.fitted import FittedParameter
+from helisim.ident.modes import text_lines
 from helisim.records.files import atomic_write
 
 if TYPE_CHECKING:
@@ -30,6 +33,9 @@ _LATEX_SPECIAL = {
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
 }
+
+_FEW_RESPONSES = 2
+"""Up to so many responses a fit's text has their zeros; `print(fit.modes)` has them all."""
 
 _UNSURE_DIGITS = 4
 """Significant digits of a value whose error is unknown."""
@@ -224,6 +230,7 @@ def fit_text(fit: "Fit", parameters: Collection[FittedParameter]) -> str:
     """
     lines = [f"{fit.structure.name}: {fit.structure.meaning}".rstrip(": "), ""]
     lines += [*text_table(parameters, fit.support), ""]
+    lines += modes_text(fit)
     for name, cost in fit.costs.items():
         low, high = fit.bands[name]
         left = f"; {fit.misfit.words(name)}" if fit.misfit else ""
@@ -232,6 +239,19 @@ def fit_text(fit: "Fit", parameters: Collection[FittedParameter]) -> str:
         lines.append(fit.misfit.summary)
     lines += [f"average J = {fit.cost:.4g}: {fit.judged}", *fit.remarks]
     return "\n".join(lines)
+
+
+def modes_text(fit: "Fit") -> list[str]:
+    """Return the poles as lines of text, with the zeros where there are one or two responses."""
+    try:
+        found = fit.modes
+    except IdentificationError:  # M is singular, so there are none
+        return []
+    if not found.poles:
+        return []
+    if len(fit.costs) > _FEW_RESPONSES:
+        found = replace(found, zeros={}, gains={})
+    return [*text_lines(found), ""]
 
 
 def text_table(parameters: Collection[FittedParameter], support: Callable[[str], str]) -> list[str]:

@@ -141,6 +141,7 @@ def _result(
         parameters={one.name: one for one in fitted},
         correlation=quality.correlation,
         covariance=quality.covariance,
+        carried=quality.carried,
         misfit=misfit(cost, best.x, quality.noise, quality.ratio),
         costs=dict(zip(points.pairs, costs.tolist())),
         bands=dict(zip(points.pairs, points.bands)),

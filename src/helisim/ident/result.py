@@ -13,8 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident.evaluate import matrices, proper_part, response, state_space
 from helisim.ident.export import fit_text, latex_table, write_matlab
-from helisim.ident.fitted import FittedParameter, matrix_from_plain, matrix_to_plain
+from helisim.ident.fit_file import fields_from_plain, fit_to_plain
+from helisim.ident.fitted import FittedParameter
 from helisim.ident.misfit import Misfit
+from helisim.ident.modes import Modes, modes_of
 from helisim.ident.remarks import remarks
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
@@ -28,9 +30,6 @@ if TYPE_CHECKING:
     import control
 
     from helisim.records.display import Axes, Figure
-
-FORMAT = "helisim fit, version 1"
-"""What `Fit.to_dict` writes and `Fit.from_dict` reads."""
 
 CORRELATION_LIMIT = 0.9
 """Two parameters correlated more than this can stand in for each other."""
@@ -59,6 +58,8 @@ class Fit(Value, Displayed):
         covariance: (n_free, n_free) of the free parameters' errors, whose diagonal is the squared
             standard errors; infinite there where the data do not see one. None in a file of
             an earlier version.
+        carried: (n_free, n_known) by how much each errs for one standard error of each known
+            parameter that has any; None in a file of an earlier version.
         misfit: what the structure leaves beyond noise, which no standard error holds, or None.
         degenerate: where the data support less than the structure has: what to do, a line each.
         options: how `identify` was called, as plain data.
@@ -75,13 +76,14 @@ class Fit(Value, Displayed):
     searches_agreeing: int
     data: FrequencyResponse
     covariance: NDArray[np.float64] | None = None
+    carried: NDArray[np.float64] | None = None
     misfit: Misfit | None = None
     degenerate: tuple[str, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=versions)
 
     def __post_init__(self) -> None:
-        for name in ("correlation", "covariance"):
+        for name in ("correlation", "covariance", "carried"):
             if getattr(self, name) is not None:
                 matrix = np.array(getattr(self, name), dtype=np.float64)
                 matrix.flags.writeable = False
@@ -187,6 +189,14 @@ class Fit(Value, Displayed):
         """
         return state_space(self.structure, self.values)
 
+    @cached_property
+    def modes(self) -> Modes:
+        """Poles, and zeros of each fitted response, with their standard errors.
+
+        Raises IdentificationError where M is singular.
+        """
+        return modes_of(self)
+
     @property
     def delays(self) -> dict[str, float]:
         """The delay of every input and output, and what a response has beside them ("p/lat"), s.
@@ -265,30 +275,7 @@ class Fit(Value, Displayed):
 
         What isn't finite becomes None.
         """
-        return {
-            "format": FORMAT,
-            "structure": self.structure.to_dict(),
-            "parameters": [one.to_dict() for one in self.parameters.values()],
-            "correlation": self.correlation.tolist(),
-            **({} if self.covariance is None else {"covariance": matrix_to_plain(self.covariance)}),
-            **({} if self.misfit is None else {"misfit": self.misfit.to_dict()}),
-            "correlated": [list(pair) for pair in self.correlated],
-            "cost": self.cost,
-            "costs": dict(self.costs),
-            "band_rad_s": list(self.band),
-            "bands_rad_s": {name: list(edges) for name, edges in self.bands.items()},
-            "dropped": list(self.dropped),
-            "converged": self.converged,
-            "acceptable": self.acceptable,
-            "searches_agreeing": self.searches_agreeing,
-            "degenerate": list(self.degenerate),
-            "method": self.method,
-            "windows_s": list(self.data.windows),
-            "flags": list(self.data.flags),
-            "delays_s": self.delays,
-            "provenance": self.provenance,
-            "data": self.data.to_dict(),
-        }
+        return fit_to_plain(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Fit":
@@ -297,42 +284,7 @@ class Fit(Value, Displayed):
         Raises:
             InputError: something is missing or of the wrong type.
         """
-        if not isinstance(data, Mapping) or data.get("format") != FORMAT:
-            received = data.get("format") if isinstance(data, Mapping) else type(data).__name__
-            raise InputError(
-                f"this isn't a fit that Fit.to_dict wrote: its format is {received!r}, "
-                f"expected {FORMAT!r}"
-            )
-        try:
-            structure = Structure.from_dict(data["structure"])
-            parameters = [FittedParameter.from_dict(structure, one) for one in data["parameters"]]
-            return cls(
-                structure=structure,
-                parameters={one.name: one for one in parameters},
-                correlation=np.array(data["correlation"], dtype=np.float64).reshape(
-                    len(structure.free), len(structure.free)
-                ),
-                costs={name: float(cost) for name, cost in data["costs"].items()},
-                bands={
-                    name: (float(low), float(high))
-                    for name, (low, high) in data["bands_rad_s"].items()
-                },
-                dropped=tuple(data["dropped"]),
-                converged=bool(data["converged"]),
-                searches_agreeing=int(data["searches_agreeing"]),
-                degenerate=tuple(data.get("degenerate", ())),
-                data=FrequencyResponse.from_dict(data["data"]),
-                covariance=matrix_from_plain(data.get("covariance"), len(structure.free)),
-                misfit=Misfit.from_dict(data["misfit"]) if "misfit" in data else None,
-                options=data["provenance"].get("options", {}),
-                versions=data["provenance"]["versions"],
-            )
-        except KeyError as error:
-            raise InputError(f"the fit lacks {error}") from None
-        except InputError:
-            raise
-        except (TypeError, AttributeError, ValueError) as error:
-            raise InputError(f"the fit holds something of the wrong type: {error}") from None
+        return cls(**fields_from_plain(data))
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the fit as JSON that `load_fit` reads. Raises StorageError."""

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.ident import Fit, FrequencyResponse, Verification
-from helisim.output import html, summaries, tables
+from helisim.ident import Fit, FrequencyResponse, Modes, Verification
+from helisim.output import html, modes, summaries, tables
 from helisim.output.bode_drawing import draw_bode
 from helisim.output.drawings import pair_drawing
 from helisim.output.plots import (
@@ -155,9 +155,16 @@ def _fit_page(fit: Fit) -> tuple[str, ...]:
             f"average cost {fit.cost:.4g}: {fit.judged}."
         ),
         html.table(tables.fitted(fit)),
+        _folded("modes", modes.of_fit(fit)),
         _figures(pair_drawing(item, o, i) for o, i in shown),
         html.bullets(fit.remarks),
     )
+
+
+def _modes_page(found: Modes) -> tuple[str, ...]:
+    stable = "stable" if found.stable else "not stable"
+    lead = f"{len(found.poles)} poles, {stable}; zeros of {', '.join(found.zeros)}."
+    return ("Modes", html.paragraph(lead), html.table(modes.table(found)))
 
 
 def _verification_page(verification: Verification) -> tuple[str, ...]:
@@ -224,6 +231,7 @@ _PAGES: dict[str, Callable[[Any], tuple[str, ...]]] = {
     "FlightRecord": _record_page,
     "FrequencyResponse": _response_page,
     "Fit": _fit_page,
+    "Modes": _modes_page,
     "Verification": _verification_page,
     "Vehicle": _vehicle_page,
     "Linearization": _linearization_page,

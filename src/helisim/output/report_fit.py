@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from helisim.ident import Fit, FittedParameter, Verification
-from helisim.output import html, tables
+from helisim.output import html, modes, tables
 from helisim.output.drawings import bode_drawings, verification_drawings
 from helisim.output.plots import draw_flight
 from helisim.output.report import as_json, fit_quality, left_out
@@ -48,6 +48,7 @@ def write_fit_report(
     )
     sections = [
         ("parameters", "Parameters", html.table(tables.fitted(fit, parameters))),
+        ("modes", "Modes", html.table(modes.of_fit(fit))),
         ("responses", "Responses", fit_quality(fit)),
         ("bode", "Frequency responses", html.figures(bode_drawings(item))),
         ("time", "Verification in the time domain", _verified(item)),
