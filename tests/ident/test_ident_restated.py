@@ -7,6 +7,7 @@ import dataclasses
 import importlib
 import math
 import pkgutil
+import re
 
 import control
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 from scipy.signal import butter, detrend
 
 import helisim.ident
-from helisim.errors import IdentificationError
+from helisim.errors import IdentificationError, InputError
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures, verify
 from helisim.ident.bounds import accuracy
 from helisim.ident.conditioning import random_error
@@ -128,6 +129,13 @@ def test_points_are_the_nearest_to_log_spaced_ones(frf):
         assert points.bands[number] == (frf.frequency[near[0]], frf.frequency[near[-1]])
         assert set(points.output[mine]) == {ROLLPITCH.outputs.index(output)}
         assert set(points.input[mine]) == {ROLLPITCH.inputs.index(input_)}
+
+
+@pytest.mark.parametrize("band", [("a", "b"), (1.0, 2.0, 3.0), 5.0, (1.0, None)])
+def test_a_band_is_two_frequencies(frf, band):
+    """Text, three numbers, one and none are refused with what was received."""
+    with pytest.raises(InputError, match=re.escape(f"band is {band!r}, expected two frequencies")):
+        select(frf, ROLLPITCH, band=band, responses=None, count=20)
 
 
 def vector(names):

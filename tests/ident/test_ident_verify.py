@@ -13,7 +13,7 @@ from helisim.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, identify, structures, verify
 from helisim.ident.evaluate import matrices, response, state_space
 from helisim.ident.simulation import delayed, simulate
-from helisim.ident.verification import overall_theil, theil
+from helisim.ident.verification import Approach, overall_theil, theil
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -183,3 +183,48 @@ def test_what_does_not_move_has_no_theil_coefficient():
     assert list(theil(moving, -moving)) == [0.0, 1.0]
     # of two outputs of which one stands still, the mean squares are halved on both sides
     assert overall_theil(moving, -moving) == pytest.approx(1.0)
+
+
+def wandering(samples, *, moves=True):
+    """Return a record in which the pedal wanders; the yaw rate is noise, or stands still."""
+    random = np.random.default_rng(6)
+    ped = 0.001 * np.cumsum(random.standard_normal(samples))
+    r = random.standard_normal(samples) if moves else np.zeros(samples)
+    channels = (channel("ped"), channel("r"))
+    return FlightRecord(0.02 * np.arange(samples), np.stack([ped, r], axis=1), channels)
+
+
+def test_the_past_that_gives_a_state_is_a_period_of_the_lowest_frequency():
+    """At most half of the longest record; a length that is asked for is taken."""
+    fit = yaw_fit(0.0)  # from 0.3 rad/s
+    period = 2.0 * np.pi / 0.3
+    long, short = wandering(3000), wandering(1001)
+    assert verify(fit, long, ahead=0.2).approach.length_s == pytest.approx(period)
+    assert verify(fit, short, ahead=0.2).approach.length_s == pytest.approx(10.0)
+    assert verify(fit, long, ahead=0.2, segment=7.0).approach.length_s == pytest.approx(7.0)
+
+
+def test_an_output_that_stands_still_is_predicted_in_segments_too():
+    """It has no size to be weighed by; what the model predicts is all error."""
+    found = verify(yaw_fit(0.0), wandering(2000, moves=False), segment=5.0)
+    assert found.j_rms > 0.0
+    assert found.tic == pytest.approx(1.0)
+
+
+def test_what_an_unstable_pole_does_is_its_exponential():
+    """An error doubles in ln 2 / real part, whatever the imaginary part is."""
+    told = {"pole": (0.3, 1.2), "estimated": 4, "samples": 90}
+    parts = Approach(kind="segments", length_s=2.0, **told)
+    ahead = Approach(kind="ahead", length_s=2.0, ahead_s=0.5, **told)
+    assert parts.doubling_s == ahead.doubling_s == pytest.approx(np.log(2.0) / 0.3)
+    assert parts.growth == pytest.approx(np.exp(0.6))
+    assert ahead.growth == pytest.approx(np.exp(0.15))
+    assert "its pole 0.3 +- 1.2j rad/s doubles an error in 2.31 s" in str(parts)
+    assert "segments of 2 s, over which one grows 1.8 times" in str(parts)
+    assert "0.5 s ahead, over which one grows 1.2 times" in str(ahead)
+    assert Approach.from_dict(json.loads(json.dumps(ahead.to_dict()))) == ahead
+    stable = Approach(kind="whole", length_s=9.0, estimated=1, samples=9)
+    assert stable.growth == 1.0
+    assert stable.doubling_s is None
+    assert str(stable).startswith("each record predicted whole, up to 9 s, from one")
+    assert Approach.from_dict(json.loads(json.dumps(stable.to_dict()))) == stable

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from helisim.records.value import Value
 
 _LOBES = 4.0
-"""Half width of the Hann window's transform that is kept, in bins: 0.01 % of its power is
+"""Half width of the Hann window's transform that is kept, in bins: 0.0014 % of its power is
 outside."""
 
 
