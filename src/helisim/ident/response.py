@@ -269,7 +269,9 @@ def _to_plain(item: Any) -> Any:
 def _from_plain(item: Any) -> Any:
     match item:
         case {"real": real, "imag": imag, **rest} if not rest:
-            return np.asarray(real, dtype=np.float64) + 1j * np.asarray(imag, dtype=np.float64)
+            number = np.asarray(real, dtype=np.complex128)
+            number.imag = np.asarray(imag, dtype=np.float64)
+            return number
         case list() if not any(isinstance(one, list | dict) for one in item):
             return tuple(item)
     return item
