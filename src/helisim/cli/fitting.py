@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from helisim.cli.bands import Band, Bands
-from helisim.cli.common import named_numbers, names, wrapped
+from helisim.cli.common import named_numbers, names
 from helisim.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,10 +24,8 @@ def add_fitting(command: argparse.ArgumentParser) -> None:
 def _add_parameters(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group(
         "parameters of the structure",
-        wrapped(
-            "Names, units and starts are in `helisim structures NAME`. Values are in SI. Each "
-            "option may be given again."
-        ),
+        "Names, units and starts are in `helisim structures NAME`. Values are in SI.\n"
+        "Each option may be given again.",
     )
     group.add_argument(
         "--start",

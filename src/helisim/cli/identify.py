@@ -28,7 +28,8 @@ example:
       --responses p/lat,q/lon
 
 The model in --json is what `helisim verify` reads. Exit status 1: the search
-didn't converge, the fit's cost is beyond the guidelines, or the fit is degenerate.
+didn't converge, the fit's cost is beyond the guidelines, or the fit is
+degenerate.
 
 {MAP_HELP}"""
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
+from helisim.ident.estimate import ErrorModel
 from helisim.ident.local_scatter import LineWeights, LocalScatter
 from helisim.ident.scatter import Scatter, WindowWeights
 
@@ -25,9 +26,7 @@ _KINDS: dict[str, Any] = {
 _TYPES = ("<f8", "<f4", "<c16", "<c8", "<i8", "<i4")
 
 
-def scatter_to_plain(
-    scatter: Scatter | LocalScatter, response: NDArray[np.complex128]
-) -> dict[str, Any]:
+def scatter_to_plain(scatter: ErrorModel, response: NDArray[np.complex128]) -> dict[str, Any]:
     """Return an error model as plain data for JSON.
 
     Args:
@@ -38,7 +37,7 @@ def scatter_to_plain(
     return {"digest": _digest(plain, response), "model": plain}
 
 
-def scatter_from_plain(data: Any, response: NDArray[np.complex128]) -> Scatter | LocalScatter:
+def scatter_from_plain(data: Any, response: NDArray[np.complex128]) -> ErrorModel:
     """Return what `scatter_to_plain` wrote.
 
     Args:
