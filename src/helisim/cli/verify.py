@@ -14,7 +14,8 @@ example:
   helisim verify model.json doublet.csv --map heli.toml --resample 100
   helisim verify hover.json flight.csv --map heli.toml --ahead 0.5
 
-An unstable model diverges from any initial state: it is verified in segments, and says so.
+An unstable model diverges from any initial state: it is verified in segments,
+and says so.
 
 Exit status 1: Theil's coefficient is above 0.25.
 
