@@ -63,6 +63,25 @@ def test_eigenvectors_and_inverses_give_the_same(name, monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-10 * scale)
 
 
+@pytest.mark.parametrize("name", list(structures.BUILT_IN))
+def test_modes_serve_where_they_can(name, monkeypatch):
+    """They are what makes fits fast; the inverses are for the structures that have none."""
+    structure = structures.named(name)
+    random = np.random.default_rng(4)
+    values = {
+        one.name: (one.start or 0.3 * one.magnitude) * random.uniform(0.5, 1.5)
+        for one in structure.parameters
+    }
+
+    def refused(*_):
+        raise AssertionError("the slow way was taken")
+
+    monkeypatch.setattr(module, "_by_inverse", refused)
+    assert np.all(np.isfinite(response(structure, values, GRID)))
+    with pytest.raises(AssertionError, match="slow way"):
+        response(jordan(), {"T": 0.1, "K": 2.0}, GRID)
+
+
 def test_a_state_space_of_scipy_has_the_same_response():
     """An outside program's response of the rigid body with flapping."""
     structure = structures.rollpitch
