@@ -82,7 +82,7 @@ def transforms(columns: NDArray[np.float64], step: float) -> Transforms | None:
     inside = (np.arange(frequency.size) >= _LOWEST) & (frequency * step <= _HIGHEST)
     if np.count_nonzero(inside) < _FEWEST:
         return None
-    return Transforms(np.stack(found)[:, inside], frequency[inside])
+    return Transforms(np.stack(found)[:, inside], frequency[inside].astype(np.float64))
 
 
 def likeness(measured: NDArray[np.complex128], predicted: NDArray[np.complex128]) -> Likeness:
