@@ -14,6 +14,7 @@ from helisim.ident import load_fit as load_fit
 from helisim.ident import load_response as load_response
 from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
+from helisim.ident import suspicions as suspicions
 from helisim.ident import verify as verify
 from helisim.output.hand.fly import fly_by_hand as fly_by_hand
 from helisim.physics.gyro import Seen as Seen

@@ -42,6 +42,7 @@ _SHARED = {
     "missions",
     "progress",
     "responses",
+    "suspicions",
     "units",
     "weather",
 }

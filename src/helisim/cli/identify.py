@@ -12,6 +12,7 @@ from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, repor
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
 from helisim.cli.structures import find_structure
+from helisim.cli.suspicions import print_suspicions
 from helisim.cli.units import add_units, chosen_units
 from helisim.errors import InputError
 
@@ -94,6 +95,7 @@ def _run(options: argparse.Namespace) -> int:
         print(wrapped(str(reduction), indent=2))
     shown = fit_in(fit, units) if units else ShownParameters(tuple(fit.parameters.values()), ())
     print(wrapped("\n".join([fit_text(fit, shown.parameters), *shown.notes]), indent=2))
+    print_suspicions(options, fit, estimated.logs)
     _write(options, estimated, fit, reduction, shown.parameters)
     return 0 if fit.converged and fit.acceptable and not fit.degenerate else 1
 

@@ -17,6 +17,7 @@ from helisim.ident.response_file import load_response
 from helisim.ident.result import Fit, load_fit
 from helisim.ident.series import in_series
 from helisim.ident.structure import Parameter, Structure
+from helisim.ident.suspicion import suspicions
 from helisim.ident.verification import Verification
 from helisim.ident.verify import verify
 
@@ -43,5 +44,6 @@ __all__ = [
     "load_response",
     "reduce",
     "structures",
+    "suspicions",
     "verify",
 ]

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from helisim.ident.suspicion import shapes
+
 if TYPE_CHECKING:
     from helisim.ident.result import Fit
 
@@ -27,4 +29,5 @@ def remarks(fit: "Fit") -> list[str]:
     if fit.dropped:
         found.append(f"left out for lack of coherence: {', '.join(fit.dropped)}")
     found.extend(f"{a} and {b} are correlated by {r:.3f}" for a, b, r in fit.correlated)
+    found.extend(one.text for one in shapes(fit))
     return found + list(fit.data.flags)

@@ -49,6 +49,11 @@ class SeenChannel:
     given: bool = False
 
     @property
+    def guessed(self) -> bool:
+        """Whether its unit was guessed by size, so that other channels may know better."""
+        return _sized(self)
+
+    @property
     def moves(self) -> bool:
         """Whether the column isn't constant."""
         return self.high - self.low > _NO_MOVE * max(abs(self.low), abs(self.high))

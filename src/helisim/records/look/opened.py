@@ -16,7 +16,7 @@ from helisim.records.logs.read import is_ours, open_source, read_log
 from helisim.records.logs.report import OURS, Findings, LogFinding
 from helisim.records.logs.source import Source, read_log_bytes
 from helisim.records.logs.units import is_unit
-from helisim.records.look.guess import CONTROLS, SeenChannel, guess
+from helisim.records.look.guess import SeenChannel, guess
 from helisim.records.record import FlightRecord
 
 AS_RECORDED = "as recorded"
@@ -145,7 +145,10 @@ def opened(path: Path, asked: Asked) -> Opened:
     if rate is None and len(used) > 1:
         rate = min(max(one.rate for one in shown), _FASTEST)
     reading = _Reading(
-        path, replace(asked.map, channels=wanted, time=time), asked._replace(resample_hz=rate)
+        path,
+        replace(asked.map, channels=wanted, time=time),
+        asked._replace(resample_hz=rate),
+        frozenset(one.name for one in seen if one.guessed),
     )
     records = reading.records()
     options = (option, *reading.options) if option else tuple(reading.options)
@@ -168,7 +171,7 @@ def opened(path: Path, asked: Asked) -> Opened:
 
 def _ours(path: Path, asked: Asked) -> Opened:
     """Read a helisim record, which says itself what it holds."""
-    reading = _Reading(path, None, asked)
+    reading = _Reading(path, None, asked, frozenset())
     records, findings, options = reading.records(), tuple(reading.said), tuple(reading.options)
     if not records:
         return Opened(OURS, (), (), (), (), findings, options)
@@ -252,11 +255,11 @@ class _Reading:
         time: the clock that they are read by.
     """
 
-    def __init__(self, path: Path, map_: Map | None, asked: Asked) -> None:
+    def __init__(self, path: Path, map_: Map | None, asked: Asked, guessed: frozenset[str]) -> None:
         self.said: list[LogFinding] = []
         self.options: list[str] = []
         self.channels = {} if map_ is None else dict(map_.channels)
-        self._path, self._map, self._asked = path, map_, asked
+        self._path, self._map, self._asked, self._guessed = path, map_, asked, guessed
         self._repairs, self._rate = set(asked.repair), asked.resample_hz
         self.time = None if map_ is None else map_.time
 
@@ -329,9 +332,9 @@ class _Reading:
         name, _, rest = shlex.split(finding.option)[1].partition("=")
         column = self.channels.get(name)
         parts = rest.split(":")
-        if column is None or name in self._asked.map.channels or not is_unit(parts[1]):
+        if column is None or name not in self._guessed or not is_unit(parts[1]):
             return False
-        if name in CONTROLS or column.unit == parts[1]:
+        if column.unit == parts[1]:
             return False
         self.said.append(replace(finding, text=f"{finding.text}: taken so"))
         self.channels[name] = replace(column, unit=parts[1])
