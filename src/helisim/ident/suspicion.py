@@ -94,7 +94,7 @@ class _Left(NamedTuple):
         """The ratio's logarithm, its phase continuous and within half a turn in the middle."""
         phase = np.unwrap(np.angle(self.ratio))
         phase -= 2.0 * np.pi * np.round(np.median(phase) / (2.0 * np.pi))
-        return np.log(np.abs(self.ratio)) + 1j * phase
+        return np.asarray(np.log(np.abs(self.ratio)) + 1j * phase, dtype=np.complex128)
 
 
 def shapes(fit: "Fit") -> tuple[Suspicion, ...]:
@@ -169,8 +169,8 @@ def _delayed(fit: "Fit", left: _Left) -> Suspicion | None:
     weight = left.weight / np.sum(left.weight)
     slope = float(np.sum(weight * left.omega * gone.imag) / np.sum(weight * left.omega**2))
     cost = left.cost(gone)
-    phase = left.cost(1j * gone.imag)
-    rest = left.cost(1j * (gone.imag - slope * left.omega))
+    phase = left.cost(_turned(gone.imag))
+    rest = left.cost(_turned(gone.imag - slope * left.omega))
     explained = 1.0 - np.sum(rest) / np.sum(phase)
     if (
         abs(slope) * left.omega[-1] < _LEAST_PHASE
@@ -188,6 +188,11 @@ def _delayed(fit: "Fit", left: _Left) -> Suspicion | None:
         + (f"; try {option}" if option else ""),
         option,
     )
+
+
+def _turned(phase: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the logarithm of ratios that differ in phase alone, (n_freq,)."""
+    return np.asarray(1j * phase, dtype=np.complex128)
 
 
 def _delay_option(fit: "Fit", response: str, longer: float) -> tuple[str, str]:
