@@ -16,6 +16,8 @@ _GENERIC = {
     "first_order_delay": "b0 e^(-tau s) / (s + a0), of any input and output",
     "second_order_delay": "b0 e^(-tau s) / (s^2 + a1 s + a0), of any input and output",
     "tf:ZEROS/POLES": "transfer function with delay, such as tf:1/2, of any input and output",
+    "tf:FACTORS": "the same in factors, such as 'tf:(a)/[zeta,omega](0)': (a) = s + a, (1/T), "
+    "[zeta,omega] = s^2 + 2 zeta omega s + omega^2, (0) = s; a number in a name's place is a start",
 }
 
 
@@ -38,7 +40,7 @@ def find_structure(
     """Return a structure by its built-in name, as a transfer function, or from a TOML file.
 
     Args:
-        name: such as "rollpitch", "tf:1/2" or "mine.toml".
+        name: such as "rollpitch", "tf:1/2", "tf:(a)/[zeta,omega](0)" or "mine.toml".
         inputs: input of a transfer function.
         outputs: output of a transfer function.
 
@@ -55,9 +57,12 @@ def find_structure(
     match = _TRANSFER.match(name)
     if match is not None:
         orders = (int(match[1]), int(match[2]))
+    in_factors = orders is None and name.startswith("tf:")
+    if (orders is not None or in_factors) and (len(inputs) != 1 or len(outputs) != 1):
+        raise InputError(f"{name} needs one input and one output: --inputs A --outputs B")
+    if in_factors:
+        return structures.factored(name[3:], input=inputs[0], output=outputs[0])
     if orders is not None:
-        if len(inputs) != 1 or len(outputs) != 1:
-            raise InputError(f"{name} needs one input and one output: --inputs A --outputs B")
         return structures.transfer_function(
             zeros=orders[0], poles=orders[1], input=inputs[0], output=outputs[0]
         )

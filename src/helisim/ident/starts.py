@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.ident.cost import Cost
+from helisim.ident.factored import Factors, rational_form
 from helisim.ident.rational import STEP, delay_grid, rational_fits
 from helisim.ident.structure import Structure
-from helisim.ident.transfer import Coefficients, coefficients
+from helisim.ident.transfer import Coefficients
 
 _SPREAD = 0.7
 """Standard deviation of the starts' natural logarithm: a factor of 2 either way."""
@@ -90,7 +91,7 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
     low, high = np.array([parameter.limits for parameter in cost.structure.free]).T
     gains = _gains(cost.structure)
     waits = Waits(cost)
-    form = coefficients(cost.structure)
+    form = rational_form(cost.structure)
     direct = [] if form is None else _rational_starts(cost, form, waits)
     yield from direct[:count]
     taken: list[NDArray[np.float64]] = []
@@ -106,7 +107,7 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
         yield Start(np.clip(best, low, high), best[waits.index])
 
 
-def _rational_starts(cost: Cost, form: Coefficients, waits: Waits) -> list[Start]:
+def _rational_starts(cost: Cost, form: Coefficients | Factors, waits: Waits) -> list[Start]:
     """Return starts from the rational fits of the only response, the best first.
 
     First come the different fits that are nearly as good as the best, then those that ended there
@@ -115,12 +116,13 @@ def _rational_starts(cost: Cost, form: Coefficients, waits: Waits) -> list[Start
     points, structure = cost.points, cost.structure
     parameter = None if form.delay is None else structure.parameter(form.delay)
     fixed = parameter is None or parameter.fixed
+    frequency = points.frequency[points.position]
     fits = rational_fits(
-        points.frequency[points.position],
-        points.measured,
+        frequency,
+        points.measured * (1j * frequency) ** form.power,
         cost.certainty,
-        zeros=len(form.numerator) - 1,
-        poles=len(form.denominator),
+        zeros=form.zeros,
+        poles=form.poles,
         delays=np.array([0.0 if parameter is None else parameter.start])
         if parameter is None or parameter.fixed
         else delay_grid(points.frequency, *parameter.limits),
@@ -135,8 +137,7 @@ def _rational_starts(cost: Cost, form: Coefficients, waits: Waits) -> list[Start
         end = (float(fits.errors[k]), float(fits.delays[k]))
         if end[0] > _NEARLY * fits.errors.min():
             break
-        values = dict(zip(form.numerator, fits.numerators[k].tolist()))
-        values |= dict(zip(form.denominator, fits.denominators[k].tolist()))
+        values = form.values(fits.numerators[k], fits.denominators[k])
         if form.delay is not None:
             values[form.delay] = end[1]
         x = np.array([values[parameter.name] for parameter in structure.free])

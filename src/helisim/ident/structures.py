@@ -5,6 +5,7 @@ several scattered points and solves the input gains from the data first.
 """
 
 from helisim.errors import UnknownNameError
+from helisim.ident.factored import factored
 from helisim.ident.structure import Parameter, Structure
 from helisim.ident.structures_inflow import heave_inflow, with_inflow
 from helisim.ident.transfer import (
@@ -17,6 +18,7 @@ from helisim.units import STANDARD_GRAVITY
 
 __all__ = [
     "BUILT_IN",
+    "factored",
     "first_order_delay",
     "heave",
     "heave_inflow",

@@ -2,6 +2,9 @@
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from helisim.errors import InputError
 from helisim.ident.structure import Parameter, Structure
 
@@ -16,6 +19,30 @@ class Coefficients(NamedTuple):
     numerator: tuple[str, ...]
     denominator: tuple[str, ...]
     delay: str | None
+
+    @property
+    def zeros(self) -> int:
+        """Order of the numerator."""
+        return len(self.numerator) - 1
+
+    @property
+    def poles(self) -> int:
+        """Order of the denominator."""
+        return len(self.denominator)
+
+    @property
+    def power(self) -> int:
+        """The power of s by which the response is to be multiplied first: none."""
+        return 0
+
+    def values(
+        self, numerator: NDArray[np.float64], denominator: NDArray[np.float64]
+    ) -> dict[str, float]:
+        """Return parameters for polynomials, (zeros + 1,) and (poles + 1,) from s^0 up."""
+        return {
+            **dict(zip(self.numerator, numerator.tolist())),
+            **dict(zip(self.denominator, denominator.tolist())),
+        }
 
 
 def transfer_function(
