@@ -116,7 +116,7 @@ class Factors(NamedTuple):
     def values(
         self, numerator: NDArray[np.float64], denominator: NDArray[np.float64]
     ) -> dict[str, float]:
-        """Return parameters for polynomials, (zeros + 1,) and (poles + 1,) from s^0 up.
+        """Return parameters for polynomials, each (n_order,) from s^0 up.
 
         Pairs go to second-order factors, real roots to the others, each the slower the sooner it
         stands; where there are too few of a kind, a near one stands in.

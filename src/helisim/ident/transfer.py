@@ -38,7 +38,7 @@ class Coefficients(NamedTuple):
     def values(
         self, numerator: NDArray[np.float64], denominator: NDArray[np.float64]
     ) -> dict[str, float]:
-        """Return parameters for polynomials, (zeros + 1,) and (poles + 1,) from s^0 up."""
+        """Return parameters for polynomials, each (n_order,) from s^0 up."""
         return {
             **dict(zip(self.numerator, numerator.tolist())),
             **dict(zip(self.denominator, denominator.tolist())),
