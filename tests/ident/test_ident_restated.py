@@ -239,8 +239,10 @@ def test_the_accuracy_is_its_formulas(frf, standardised):
     covariance = scale[:, None] * stacked * scale
     gain = np.linalg.solve(jacobian.T @ jacobian, jacobian.T)
     left = np.eye(residual.size) - jacobian @ gain
-    noise = max(1.0, residual @ residual / np.trace(left @ covariance @ left.T))
-    errors = np.sqrt(noise * np.diag(gain @ covariance @ gain.T))
+    noise = np.diag(left @ covariance @ left.T)
+    assert found.ratio == pytest.approx(residual @ residual / noise.sum(), rel=1e-6)
+    assert found.noise == pytest.approx(noise / scale**2, rel=1e-6)
+    errors = np.sqrt(np.diag(gain @ covariance @ gain.T))
     assert found.standard_error == pytest.approx(errors, rel=1e-6)
 
 

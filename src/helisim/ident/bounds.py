@@ -12,12 +12,15 @@ Standard errors are stated from the errors of the response. With A = (J^T J)^-1 
 residuals that the fit minimised, and S the covariance that the response's errors give those
 residuals (`scatter`), the parameters' covariance is
 
-    s^2 A S A^T ,   s^2 = max(1, r^T r / E[r^T r]) .
+    A S A^T .
 
-So neighbouring frequencies that share windows do not count twice. s^2 is the residual scaling:
-what the fit left over, relative to what noise would leave; it grows where the structure
-does not fit. Where S is not known, residuals are taken as independent with the variance that
-the fit left over.
+So neighbouring frequencies that share windows do not count twice. What a structure can't follow
+is not in it: that is the same in every record, so a fit says it apart (`misfit`), by the ratio
+
+    s^2 = r^T r / E[r^T r]
+
+of what was left to what noise leaves. Where S is not known, residuals are taken as independent
+with the variance that the fit left over.
 
 Known parameters that have an error, such as a servo's from a bench, add what it makes of the
 others: a change dk of a known one moves the minimum by -A J_k dk, with J_k the residuals'
@@ -99,7 +102,7 @@ def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) 
         freedom = max(residual.size - x.size, 1)
         covariance = 2.0 * float(residual @ residual) / freedom * inverse
     else:
-        covariance = max(1.0, spread.ratio) * spread.covariance
+        covariance = spread.covariance
     carried = _carried(cost, x, gain, standardised)
     covariance = covariance + carried @ carried.T
     np.fill_diagonal(covariance, np.where(seen, np.maximum(np.diagonal(covariance), 0.0), np.inf))

@@ -8,11 +8,13 @@ from helisim.sim.rigs.finding import Finding, RigTest
 from helisim.sim.rigs.gains import LoopGains, loop_gains
 from helisim.sim.rigs.hold import (
     PedalSteps,
+    StickSweep,
     TableSweep,
     hang,
     hold,
     step_pedals,
     suspension_points,
+    sweep_stick,
     turn,
 )
 from helisim.sim.rigs.plumb import PlumbLine, centre_of_gravity, plumb_line
@@ -25,6 +27,7 @@ __all__ = [
     "PedalSteps",
     "PlumbLine",
     "RigTest",
+    "StickSweep",
     "TableSweep",
     "attitude_sensitivity",
     "bench_test",
@@ -37,6 +40,7 @@ __all__ = [
     "step_pedals",
     "suspension_points",
     "suspension_test",
+    "sweep_stick",
     "turn",
     "turntable_test",
 ]

@@ -23,6 +23,9 @@ from helisim.vehicle.assembly import assemble
 _ENVELOPE = replace(FlightEnvelope.off(), tilt=FlightEnvelope().tilt, rate=FlightEnvelope().rate)
 """Of what is held: a gyro that can't turn its helicopter may well saturate, near the ground."""
 
+_STILL = 1.0
+"""s, before and after a sweep of a stick."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PedalSteps:
@@ -97,6 +100,35 @@ class TableSweep:
         return self.amplitude * np.gradient(np.array(angle), time)
 
 
+@dataclass(frozen=True, kw_only=True)
+class StickSweep:
+    """A sweep of one stick on the bench.
+
+    Attributes:
+        amplitude: of the stick, unitised. The gyro makes several times it of the servo's command,
+            which stays within its range and its speed.
+        band: (w_min, w_max) rad/s: to near a servo's natural frequency.
+        duration: s, of the whole test, a second of rest before and after.
+    """
+
+    amplitude: float = 0.018
+    band: tuple[float, float] = (8.0, 200.0)
+    duration: float = 60.0
+
+    def __post_init__(self) -> None:
+        _check_positive(self)
+        if not 0.0 < self.band[0] < self.band[1]:
+            raise InputError(f"band must be 0 < w_min < w_max in rad/s, got {self.band}")
+        if self.duration <= 2.0 * _STILL:
+            raise InputError(f"duration must leave time to sweep, got {self.duration} s")
+
+    def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the stick at times in s; (n_time,) each."""
+        length = self.duration - 2.0 * _STILL
+        sweep = [pilot.sweep(t - _STILL, length, *self.band, 1.0, 0.0, 0) for t in time]
+        return self.amplitude * np.array(sweep)
+
+
 def hold(vehicle: Vehicle, rig: str) -> Vehicle:
     """Return the vehicle in a rig: same parameters, a model that the rig holds.
 
@@ -135,6 +167,19 @@ def turn(
     sweep = sweep or TableSweep()
     # the table's drive is positive to the left
     return _driven(held, "turntable", "drive", sweep, lambda t: -sweep.rates(t), seed, recorder)
+
+
+def sweep_stick(
+    held: Vehicle,
+    sweep: StickSweep | None = None,
+    stick: str = "PED",
+    *,
+    seed: int = 0,
+    recorder: Recorder | None = None,
+) -> FlightRecord:
+    """Sweep one stick of a helicopter on the bench, rotor off, and return the record."""
+    sweep = sweep or StickSweep()
+    return _driven(held, "bench", stick, sweep, sweep.sticks, seed, recorder)
 
 
 def hang(
@@ -176,7 +221,7 @@ def _driven(
     held: Vehicle,
     rig: str,
     actuator: str,
-    test: PedalSteps | TableSweep,
+    test: PedalSteps | TableSweep | StickSweep,
     law: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     seed: int,
     recorder: Recorder | None,
@@ -235,7 +280,7 @@ def _run(model: mujoco.MjModel, key: str, control: NDArray[np.float64]) -> NDArr
     return sensordata
 
 
-def _check_positive(settings: PedalSteps | TableSweep) -> None:
+def _check_positive(settings: PedalSteps | TableSweep | StickSweep) -> None:
     for name, value in asdict(settings).items():
         if not np.all(np.isfinite(value)) or np.min(value) <= 0.0:
             raise InputError(f"{name} must be positive, got {value}")
