@@ -200,7 +200,8 @@ def scatter(seed):
     for k in range(4):
         length = 3 + k
         value = random.normal(size=(2, 2, 2, length)) + 1j * random.normal(size=(2, 2, 2, length))
-        first = np.array([1 + 2 * k, 2 + k], dtype=np.intp)
+        # any two frequencies share lines, of one flight or of both
+        first = np.array([[1, 2], [9, 3], [5, 4], [2, 6]][k], dtype=np.intp)
         weights.append(LineWeights(first, value.astype(np.complex64)))
     return LocalScatter(
         frequency=frequency,
