@@ -31,7 +31,7 @@ from scipy.optimize import linear_sum_assignment
 
 from helisim.ident import Fit, FrequencyResponse, Structure, identify, structures
 from helisim.ident.cost import Cost
-from helisim.ident.evaluate import response, state_space
+from helisim.ident.evaluate import matrices, response
 from helisim.ident.points import select
 from helisim.ident.search import Start, descend
 
@@ -85,8 +85,9 @@ class Case:
 
     def told(self, values: dict[str, float]) -> NDArray[np.complex128]:
         """Return the delays and the poles that go with parameters."""
+        numbers = matrices(self.structure, values)
         waits = [values[name] for name in self.delays]
-        return np.array([*waits, *state_space(self.structure, values).poles()], dtype=np.complex128)
+        return np.array([*waits, *np.linalg.eigvals(np.linalg.solve(numbers.M, numbers.F))])
 
     def sizes(self) -> NDArray[np.float64]:
         """Return what an error of the delays and of the poles is measured by."""

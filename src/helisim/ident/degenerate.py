@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigvals
 from scipy.special import fdtri
 
-from helisim.errors import IdentificationError
 from helisim.ident.cost import Cost
-from helisim.ident.evaluate import state_space
+from helisim.ident.evaluate import matrices
 from helisim.ident.search import Minimum
 from helisim.ident.transfer import Coefficients, coefficients, transfer_function
 
@@ -146,11 +146,11 @@ def _far_poles(cost: Cost, x: NDArray[np.float64], unknown: NDArray[np.bool_]) -
     free = [parameter.name for parameter in structure.free]
 
     def fastest(at: dict[str, float]) -> float:
-        try:
-            poles = state_space(structure, at).poles()
-        except (IdentificationError, np.linalg.LinAlgError):
+        numbers = matrices(structure, at)
+        if not (np.all(np.isfinite(numbers.M)) and np.all(np.isfinite(numbers.F))):
             return np.nan
-        return float(np.max(np.abs(poles))) if len(poles) else 0.0
+        poles = np.abs(eigvals(numbers.F, numbers.M)) if numbers.F.size else np.zeros(1)
+        return float(np.max(poles))
 
     worst = fastest(values)
     if not worst > _FAR * top:

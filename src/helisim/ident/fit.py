@@ -23,6 +23,8 @@ from helisim.records.provenance import plain
 _AT_BOUND = 1e-6
 """A parameter is at a bound when it is this fraction of the interval away from it."""
 
+_OF_LOWER_ORDER = 3
+"""Starts of a transfer function of lower order: those that its rational fits give."""
 
 Weighting = Literal["error", "coherence"]
 """How the points of a fit are weighed."""
@@ -77,18 +79,18 @@ def identify(
     deviation = points.deviation
     standardised = weighting == "error" and deviation is not None and bool(np.any(deviation > 0.0))
 
-    def fitted(of: Cost) -> tuple[Minimum, int]:
-        best, agreeing = search(of, searches, seed, on_progress or (lambda _: None))
+    def fitted(of: Cost, starts: int) -> tuple[Minimum, int]:
+        best, agreeing = search(of, starts, seed, on_progress or (lambda _: None))
         return (refine(of, best) if standardised and of.structure.free else best), agreeing
 
-    best, agreeing = fitted(cost)
+    best, agreeing = fitted(cost, searches)
     quality = accuracy(cost, best.x, standardised=standardised)
     collapsed = degenerate(
         cost,
         best,
         quality.cramer_rao,
         lambda of, end: float(np.sum(of.standardised(end.x) ** 2)) if standardised else end.cost,
-        lambda of: fitted(of)[0],
+        lambda of: fitted(of, min(searches, _OF_LOWER_ORDER))[0],
     )
     options = plain(
         {

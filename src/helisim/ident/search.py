@@ -9,14 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, OptimizeResult, least_squares
 
+from helisim.ident.approach import approach, inside
 from helisim.ident.cost import Cost
-from helisim.ident.starts import Start, Waits, starting_points
+from helisim.ident.starts import Start, starting_points
+from helisim.ident.waits import Waits
 
 _APPROACH_STEPS = 60
 """Evaluations of the search through relative errors, which only has to find the valley."""
 
 _GOOD_ENOUGH = 100.0
 """Average cost (the guideline's limit) from which a minimum that two starts share is believed."""
+
+_NOISE = 2.0
+"""Squared standardised residuals, as a multiple of the expected, up to which noise explains them:
+half of it would be 1 if the points' errors were known exactly."""
+
+_NO_NOISE = 1e-2
+"""Average cost that is none where nothing is known of the noise: 0.02 dB everywhere."""
 
 _SAME_COST = 1e-4
 """Two searches found the same minimum when their costs agree to this fraction."""
@@ -36,7 +45,8 @@ def search(
 ) -> tuple[Minimum, int]:
     """Search from several starts until two of them end in the same good minimum.
 
-    Where the structure has delays, only starts at different delays count.
+    Where the structure has delays, only starts at different delays count. Where more is left than
+    noise, one of the starts must have been chosen from many.
 
     Returns:
         The best minimum, and how many starts agree on it.
@@ -51,9 +61,19 @@ def search(
         found.append(descend(cost, start))
         on_progress(cost.structure.name)
         best, agreeing = agreed(found, waits)
-        if agreeing >= 2 and best.cost <= enough:
+        chosen = any(minimum.start.chosen for minimum in found)
+        if agreeing >= 2 and best.cost <= enough and (chosen or _only_noise(cost, best)):
             break
     return agreed(found, waits)
+
+
+def _only_noise(cost: Cost, best: Minimum) -> bool:
+    """Return whether a minimum leaves no more than the points' errors."""
+    deviation = cost.points.deviation
+    if deviation is None or not np.any(deviation > 0.0):
+        return best.cost <= _NO_NOISE * len(cost.points.pairs)
+    left = float(np.sum(cost.standardised(best.x) ** 2))
+    return left <= _NOISE * max(2 * deviation.size - best.x.size, 1)
 
 
 def agreed(found: list[Minimum], waits: Waits) -> tuple[Minimum, int]:
@@ -72,19 +92,10 @@ def agreed(found: list[Minimum], waits: Waits) -> tuple[Minimum, int]:
 def descend(cost: Cost, start: Start) -> Minimum:
     """Go from a start to a minimum of J: first by relative errors, then by J itself."""
     limits = np.array([parameter.limits for parameter in cost.structure.free]).T
-    near = least_squares(
-        cost.relative,
-        _inside(start.x, limits),
-        jac=cost.relative_jacobian,  # pyright: ignore[reportArgumentType]
-        bounds=Bounds(*limits),
-        x_scale="jac",
-        ftol=1e-4,
-        xtol=1e-4,
-        max_nfev=_APPROACH_STEPS,
-    )
+    near = approach(cost, start.x, _APPROACH_STEPS)
     best: Minimum | None = None
     for unwrap in (True, False):
-        origin = near.x if best is None else best.x
+        origin = near if best is None else best.x
         end = _minimum(partial(cost.log, unwrap=unwrap), cost.log_jacobian, origin, limits)
         wrapped = float(np.sum(cost.log(end.x, unwrap=False) ** 2))
         if best is None or wrapped < best.cost:
@@ -116,7 +127,7 @@ def _minimum(
     """Go from a point near a minimum to the minimum itself."""
     return least_squares(
         residual,
-        _inside(origin, limits),
+        inside(origin, limits),
         jac=jacobian,  # pyright: ignore[reportArgumentType]
         bounds=Bounds(*limits),
         x_scale="jac",
@@ -125,10 +136,3 @@ def _minimum(
         gtol=1e-10,
         max_nfev=300,
     )
-
-
-def _inside(x: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return x strictly within the limits, as the trust region needs it."""
-    low, high = limits
-    margin = np.where(np.isfinite(high - low), 1e-9 * (high - low), 0.0)
-    return np.clip(x, low + margin, high - margin)

@@ -11,17 +11,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.ident.approach import approach
 from helisim.ident.cost import Cost
 from helisim.ident.factored import Factors, rational_form
 from helisim.ident.rational import STEP, delay_grid, rational_fits
 from helisim.ident.structure import Structure
 from helisim.ident.transfer import Coefficients
+from helisim.ident.waits import Waits
 
 _SPREAD = 0.7
 """Standard deviation of the starts' natural logarithm: a factor of 2 either way."""
 
 _HANDFUL = 8
 """Scattered starts of which the best one is searched from: each costs as much as one step."""
+
+_CROWD = 16
+"""Scattered starts that race each other, from the third start on."""
+
+_LAP = 6
+"""Steps of a race after which the slower half drops out."""
+
+_FLIPPED = 0.2
+"""Share of the unbounded parameters that a race tries with the other sign."""
 
 _VALLEYS = 4
 """Different rational fits that are searched from."""
@@ -36,53 +47,13 @@ class Start(NamedTuple):
     Attributes:
         x: (n_free,) the free parameters.
         delays: (n_delay,) s, from which x was found.
+        chosen: from so many others that it needs no further one beside it: by a race, or from the
+            rational fits of all delays.
     """
 
     x: NDArray[np.float64]
     delays: NDArray[np.float64]
-
-
-class Waits:
-    """The free delays of a structure, as a vector of free parameters has them.
-
-    Attributes:
-        index: (n_delay,) where they are among the free parameters.
-        grids: the values to look at of each, s.
-        apart: (n_delay,) s, by which two must differ to be different starts: what turns the top
-            of the band by half a radian, or half of what the bounds leave.
-    """
-
-    def __init__(self, cost: Cost) -> None:
-        structure, points = cost.structure, cost.points
-        names = [parameter.name for parameter in structure.free]
-        known = {**structure.constants, **structure.starts}
-        slope = np.zeros((len(names), len(structure.outputs), len(structure.inputs)))
-        for matrix, row, column, expression in structure.entries:
-            if not matrix.endswith("delays"):
-                continue
-            place: tuple[object, object] = (row, column)
-            if matrix == "input_delays":
-                place = (slice(None), column)
-            elif matrix == "output_delays":
-                place = (row + column, slice(None))
-            for name, derivative in expression.evaluate(known)[1].items():
-                if name in names:
-                    slope[names.index(name), *place] += derivative
-        self.index = np.flatnonzero(np.any(slope != 0.0, axis=(1, 2)))
-        self.grids = [delay_grid(points.frequency, *structure.free[k].limits) for k in self.index]
-        step = STEP / float(np.max(points.frequency))
-        self.apart = np.array([min(step, 0.5 * np.ptp(grid)) for grid in self.grids])
-        # rad by which a second of each delay turns each point
-        at = points.frequency[points.position]
-        self._turn = at * slope[self.index][:, points.output, points.input]
-
-    def differ(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-        """Return whether two vectors of delays, each (n_delay,) s, are a step apart."""
-        return bool(np.any(np.abs(one - other) >= 0.99 * self.apart))
-
-    def turned(self, waits: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return by what longer delays, (n_some, n_delay) s, multiply points, (n_some, n_point)."""
-        return np.exp(-1j * (waits @ self._turn))
+    chosen: bool = False
 
 
 def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
@@ -95,16 +66,35 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
     direct = [] if form is None else _rational_starts(cost, form, waits)
     yield from direct[:count]
     taken: list[NDArray[np.float64]] = []
+
+    def solved(x: NDArray[np.float64]) -> Start:
+        x = _solved(cost, np.clip(x, low, high), gains, waits, taken[-1:])
+        return Start(np.clip(x, low, high), x[waits.index])
+
+    own = np.array([parameter.start for parameter in cost.structure.free])
     for number in range(count - len(direct)):
-        own = (np.array([parameter.start for parameter in cost.structure.free]),)
-        scattered = (_scatter(cost.structure, random) for _ in range(_HANDFUL if number else 0))
-        candidates = [
-            _solve(cost, np.clip(x, low, high), gains, waits, taken)
-            for x in (scattered if number else own)
-        ]
-        best = min(candidates, key=lambda x: float(np.sum(cost.relative(x) ** 2)))
-        taken.append(best)
-        yield Start(np.clip(best, low, high), best[waits.index])
+        if number == 0:
+            best = solved(own)
+        elif number == 1:
+            crowd = [solved(_scatter(cost.structure, random, 0.0)) for _ in range(_HANDFUL)]
+            best = min(crowd, key=lambda start: _distance(cost, start))
+        else:
+            crowd = [solved(_scatter(cost.structure, random, _FLIPPED)) for _ in range(_CROWD)]
+            best = _leader(cost, crowd)
+        taken.append(best.delays)
+        yield best
+
+
+def _leader(cost: Cost, crowd: list[Start]) -> Start:
+    """Return the one that leads after a race in which the slower half drops out at each lap."""
+    while len(crowd) > 1:
+        crowd = [Start(approach(cost, one.x, _LAP), one.delays) for one in crowd]
+        crowd = sorted(crowd, key=lambda start: _distance(cost, start))[: len(crowd) // 2]
+    return crowd[0]._replace(chosen=True)
+
+
+def _distance(cost: Cost, start: Start) -> float:
+    return float(np.sum(cost.relative(start.x) ** 2))
 
 
 def _rational_starts(cost: Cost, form: Coefficients | Factors, waits: Waits) -> list[Start]:
@@ -147,11 +137,11 @@ def _rational_starts(cost: Cost, form: Coefficients | Factors, waits: Waits) -> 
             for error, delay in ends
         )
         ends.append(end)
-        (again if known else first).append(Start(np.clip(x, low, high), begun))
+        (again if known else first).append(Start(np.clip(x, low, high), begun, chosen=True))
     return [*first[:_VALLEYS], *again[:_VALLEYS]]
 
 
-def _solve(
+def _solved(
     cost: Cost,
     x: NDArray[np.float64],
     gains: NDArray[np.intp],
@@ -163,72 +153,21 @@ def _solve(
     Delays within a step of those of an earlier start are left out.
     """
     if waits.index.size:
-        x = _scan(cost, x, gains, waits, taken)
+        x = waits.scan(cost, x, gains, taken)
     return _solve_gains(cost, x, gains)
 
 
-def _scan(
-    cost: Cost,
-    x: NDArray[np.float64],
-    gains: NDArray[np.intp],
-    waits: Waits,
-    taken: Sequence[NDArray[np.float64]],
+def _scatter(
+    structure: Structure, random: np.random.Generator, flipped: float
 ) -> NDArray[np.float64]:
-    """Return x with the best delays: all alike first, then one at a time.
-
-    A delay turns the response that is known at x, so no other response is evaluated.
-    """
-    z, slope = cost.ratio(x)
-    if not (np.all(np.isfinite(z)) and np.all(np.isfinite(slope))):
-        return x
-    root = np.sqrt(cost.certainty)
-    table = np.concatenate([slope[gains], z[None, :], -np.ones((1, z.size))]) * root
-    here = x[waits.index]
-
-    def misfits(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the relative error at each vector of delays, gains solved, (n_candidate,)."""
-        turn = waits.turned(candidates - here)[:, None, :]
-        rows = np.concatenate(
-            [
-                table[None, :-1] * turn,
-                np.broadcast_to(table[None, -1:], (len(candidates), 1, z.size)),
-            ],
-            axis=1,
-        )
-        # relative error g s + z - 1 where z - 1 is the right-hand side
-        rows = np.concatenate([rows[:, :-2], rows[:, -2:-1] + rows[:, -1:]], axis=1)
-        real = np.concatenate([rows.real, rows.imag], axis=2).transpose(0, 2, 1)
-        return np.abs(np.asarray(np.linalg.qr(real, mode="r"))[:, -1, -1])
-
-    def free(candidates: NDArray[np.float64]) -> NDArray[np.bool_]:
-        return np.array(
-            [all(waits.differ(c, earlier[waits.index]) for earlier in taken) for c in candidates]
-        )
-
-    grids = waits.grids
-    longest = max(grids, key=len)
-    limits = np.array([(grid[0], grid[-1]) for grid in grids])
-    candidates = np.clip(np.repeat(longest[:, None], len(grids), axis=1), *limits.T)
-    if (allowed := free(candidates)).any():
-        candidates = candidates[allowed]
-    best = candidates[np.argmin(misfits(candidates))]
-    for k, grid in [*enumerate(grids)] * 2 if len(grids) > 1 else []:
-        candidates = np.repeat(best[None, :], grid.size, axis=0)
-        candidates[:, k] = grid
-        if (allowed := free(candidates)).any():
-            candidates = candidates[allowed]
-            best = candidates[np.argmin(misfits(candidates))]
-    found = x.copy()
-    found[waits.index] = best
-    return found
-
-
-def _scatter(structure: Structure, random: np.random.Generator) -> NDArray[np.float64]:
+    """Return scattered parameters, a share of them of the other sign."""
     own = np.array([parameter.start for parameter in structure.free])
     size = np.array([parameter.magnitude for parameter in structure.free])
     factor = np.exp(_SPREAD * random.standard_normal(own.size))
     shift = size * random.standard_normal(own.size)
-    return np.where(own != 0.0, own * factor, shift)
+    free = np.array([parameter.bounds is None for parameter in structure.free])
+    sign = np.where(free & (random.random(own.size) < flipped), -1.0, 1.0)
+    return np.where(own != 0.0, own * factor * sign, shift)
 
 
 def _gains(structure: Structure) -> NDArray[np.intp]:
