@@ -55,11 +55,15 @@ def test_nothing_is_said_of_what_hardly_moves():
 
 
 def test_rates_in_degrees_are_told():
-    """By their size, or where they are small by their angles; in three dimensions."""
+    """By their size, by what they would swing, or where they are small by their angles."""
     fast = flight() | {name: flight()[name] / RAD_PER_DEG for name in "pqr"}
     expected = {f"--channel {name}={name}_raw:deg/s" for name in "pqr"}
     assert options(fast) == expected
-    slow = flight(size=0.2) | {name: flight(size=0.2)[name] / RAD_PER_DEG for name in "pqr"}
+    alone = {"p": flight(size=0.2)["p"] / RAD_PER_DEG}
+    (swing,) = found(alone)
+    assert swing.option == "--channel p=p_raw:deg/s"
+    assert "would swing the vehicle to and fro" in swing.text
+    slow = flight(size=0.05) | {name: flight(size=0.05)[name] / RAD_PER_DEG for name in "pqr"}
     assert options(slow) == expected
     (one, *_) = found(slow)
     assert "times d(phi)/dt (coherence 1.00)" in one.text

@@ -1,8 +1,10 @@
 """A first look at logs of which nothing is known: of ArduPilot, of PX4, and of anyone."""
 
 import json
+import re
 import shlex
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ import autopilot_logs
 from helisim.cli import main
 from helisim.errors import InputError, StorageError
 from helisim.ident import load_fit
-from helisim.records.examples import examples
+from helisim.records.examples import copy_examples, examples
 from helisim.records.logs import Clock, Column
 from helisim.records.look import look
 from helisim.units import RAD_PER_DEG
@@ -278,3 +280,14 @@ def test_a_look_is_a_value(tmp_path):
     assert repr(found) == "Look(sweep_lat.parquet: sweep lat sweep LAT)"
     assert str(found).endswith(found.command)
     assert json.loads(json.dumps(found.to_dict()))["logs"][0]["format"] == "helisim record"
+
+
+def test_the_guide_shows_what_is_printed(tmp_path, monkeypatch, capsys):
+    """The output in the guide on logs is the command's own."""
+    page = Path(__file__).parents[3] / "docs" / "tutorials" / "logs.md"
+    found = re.search(r"<!-- printed by: (.*?) -->\n```text\n(.*?)```", page.read_text(), re.S)
+    assert found is not None
+    copy_examples(tmp_path / "logs")
+    monkeypatch.chdir(tmp_path)
+    assert main(shlex.split(found[1])[1:]) == 0
+    assert capsys.readouterr().out == found[2]

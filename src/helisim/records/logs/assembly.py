@@ -112,6 +112,7 @@ def _from_source(
     samples, origins = _samples(source, mapped, map_, options, findings)
     groups = [list(columns) for columns in mapped.by_clock.values()]
     if not samples:
+        source.stamps(source.clock(source.names[0]), map_.time)  # says what is wrong with time, too
         findings.check()
 
     def each(

@@ -27,6 +27,10 @@ _SCALE = 0.25
 """By which a rate may be off its angle's without a word, in the logarithm."""
 _FASTEST = 40.0
 """rad/s: no gyro that flies measures more (2000 deg/s are 35)."""
+_SLOWEST, _WIDE = 1.0, 2.0
+"""rad/s and rad rms: what swings faster by more turns over and back each time, and is in deg/s."""
+_LONG = 256
+"""Samples that show a swing."""
 _PITCH_MOST = 1.02 * math.pi / 2.0
 _ROLL_MOST = 1.02 * math.pi
 """rad: Euler's angles, with some rounding."""
@@ -97,6 +101,8 @@ def implausible(channels: Channels) -> list[LogFinding]:
     """Return what can't be as it is declared."""
     with np.errstate(all="ignore"):
         found = [*_controls(channels), *_limits(channels), *_gravity(channels)]
+        beyond = {finding.option for finding in found}
+        found += [finding for finding in _swings(channels) if finding.option not in beyond]
         known = {finding.option for finding in found}
         rates = _rates(channels)
         if any(finding.kind == "unit of time" for finding in rates):
@@ -164,6 +170,27 @@ def _limits(channels: Channels) -> list[LogFinding]:
 
 
 _FAST = tuple((name, _FASTEST) for name in "pqr")
+
+
+def _swings(channels: Channels) -> list[LogFinding]:
+    """Return rates that would swing the vehicle through whole turns, to and fro."""
+    found = []
+    for name in "pqr":
+        declared = channels.declared.get(name)
+        if declared is None or declared.factor != 1.0 or channels.columns[name].size < _LONG:
+            continue
+        rate = channels.columns[name]
+        omega = 2.0 * math.pi * np.fft.rfftfreq(rate.size, channels.step)
+        angle = np.fft.rfft(rate - np.mean(rate))[omega > _SLOWEST] / omega[omega > _SLOWEST]
+        swing = float(np.sqrt(2.0 * np.sum(np.abs(angle) ** 2)) / rate.size)
+        if not math.isfinite(swing) or swing <= _WIDE or RAD_PER_DEG * swing > _WIDE:
+            continue
+        text = (
+            f"{name} in {declared.unit} would swing the vehicle to and fro by {swing:.3g} rad rms, "
+            f"faster than {_SLOWEST:g} rad/s: column {declared.column!r} is in deg/s"
+        )
+        found.append(_finding("unit", text, declared.option(name, unit="deg/s")))
+    return found
 
 
 def _gravity(channels: Channels) -> list[LogFinding]:

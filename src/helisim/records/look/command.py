@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from shlex import join, quote
 from typing import NamedTuple
@@ -29,7 +30,7 @@ _MARGIN = 2.0
 """s, before and after what is used of a log."""
 _SHORT = 0.3
 """Of the longest part of a log: shorter ones, which would raise the lowest frequency, stay out."""
-_WORTH_CUTTING = 0.75
+_WORTH_CUTTING = 0.5
 """Of a log, that an excitation fills at most where the rest is left out."""
 
 
@@ -65,6 +66,24 @@ def main_excitations(found: Sequence[FoundExcitation]) -> tuple[FoundExcitation,
     # what moves at the actuators of other axes is a controller's doing
     driven = sticks | {actuator for actuator, stick in zip(IN1, IN2) if stick in sticks}
     return tuple(one for one in kept if one.channel in driven)
+
+
+def by_axis(found: Sequence[FoundExcitation]) -> tuple[FoundExcitation, ...]:
+    """Return excitations with the times and the range that stick and actuator have together."""
+    axis = {**{name: name for name in IN1}, **dict(zip(IN2, IN1))}
+    wide = []
+    for one in found:
+        mine = [other for other in found if axis[other.channel] == axis[one.channel]]
+        wide.append(
+            replace(
+                one,
+                start=min(other.start for other in mine),
+                stop=max(other.stop for other in mine),
+                low=min(other.low for other in mine),
+                high=max(other.high for other in mine),
+            )
+        )
+    return tuple(wide)
 
 
 def command(looked: Sequence[Looked]) -> str:
@@ -140,7 +159,7 @@ def _reading(one: Looked, inputs: Sequence[str], outputs: Sequence[str]) -> list
     """Return the options that a log is read with: repairs, clock, and what is cut off."""
     options = list(one.log.options)
     span = max(record.time[-1] for record in one.log.records) - one.log.records[0].time[0]
-    mine = [e for e in one.excited if e.channel in inputs]
+    mine = [e for e in by_axis(one.excited) if e.channel in inputs]
     start, stop = min(e.start for e in mine), max(e.stop for e in mine)
     if len(one.log.records) == 1 and stop - start < _WORTH_CUTTING * span:
         options.append(f"--from {max(start - _MARGIN, 0.0):.4g} --to {stop + _MARGIN:.4g}")

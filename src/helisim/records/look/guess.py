@@ -222,13 +222,17 @@ def _same_family(seen: tuple[SeenChannel, ...]) -> tuple[SeenChannel, ...]:
             az = next((one for one in seen if one.name == "az"), None)
             if az is not None:
                 unit_of |= dict.fromkeys(family[1:], az.column.unit)
-    return tuple(
-        replace(one, column=replace(one.column, unit=unit_of[one.name]))
-        if one.name in unit_of and _sized(one)
-        else one
-        for one in seen
-    )
+    return tuple(_like_others(one, unit_of.get(one.name)) for one in seen)
+
+
+def _like_others(one: SeenChannel, unit: str | None) -> SeenChannel:
+    """Return a channel in the unit of its family, where its own was guessed by size."""
+    if unit is None or not _sized(one) or unit == one.column.unit:
+        return one
+    name = one.why.rpartition(";")[0]
+    why = f"{name}; {unit} like the others, by their size"
+    return replace(one, column=replace(one.column, unit=unit), why=why)
 
 
 def _sized(one: SeenChannel) -> bool:
-    return "by its size" in one.why or "for lack of" in one.why
+    return any(text in one.why for text in ("by its size", "by their size", "for lack of"))

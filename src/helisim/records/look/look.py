@@ -10,7 +10,7 @@ from helisim.records.channels import CHANNELS
 from helisim.records.logs.mapping import Clock, Column, Map
 from helisim.records.logs.report import LogFinding
 from helisim.records.look.answers import FoundAnswer, answers, loops
-from helisim.records.look.command import Looked, command, main_excitations
+from helisim.records.look.command import Looked, by_axis, command, main_excitations
 from helisim.records.look.excitation import FoundExcitation, excitation
 from helisim.records.look.guess import CONTROLS, SeenChannel
 from helisim.records.look.opened import AS_RECORDED, Asked, Opened, SeenClock, opened
@@ -66,7 +66,7 @@ class LogLook:
         parts = f" in {self.parts} parts" if self.parts > 1 else ""
         lines = [f"{self.path}: {self.format}, {self.duration:.4g} s{parts} can be used"]
         for clock in self.clocks:
-            gaps = f", {clock.gaps} gaps" if clock.gaps else ""
+            gaps = f", {clock.gaps} gap{'s' * (clock.gaps > 1)}" if clock.gaps else ""
             even = (
                 f"jitter {1e3 * clock.jitter:.2g} ms rms, at most {1e3 * clock.largest:.2g} ms"
                 if clock.even != "uniform"
@@ -93,7 +93,10 @@ class LogLook:
             lines.append(f"  and {len(self.answers) - _SHOWN} less coherent answers")
         if self.excitations and not self.answers:
             lines.append("  nothing answers coherently: sweep longer, larger, or in calmer air")
-        lines += [f"  {'!' if one.option else 'note'}: {one.text}" for one in self.findings]
+        lines += [
+            f"  {'!' if one.option and not one.repaired else 'note'}: {one.text}"
+            for one in self.findings
+        ]
         return "\n".join(lines)
 
 
@@ -193,7 +196,7 @@ def _looked(path: Path, asked: Asked) -> Looked:
         if found is not None
     ]
     excited = main_excitations(moved)
-    answering = answers(record, excited, rates)
+    answering = answers(record, by_axis(excited), rates)
     return Looked(path, log, excited, answering, tuple(loops(record, answering, rates)))
 
 
