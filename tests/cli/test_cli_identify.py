@@ -46,6 +46,27 @@ def test_a_model_is_verified_on_another_log(tmp_path, sweep_csv, capsys):
     assert main(["verify", str(model), str(wrong)]) == 1
 
 
+def test_a_model_is_verified_in_segments_and_ahead(tmp_path, sweep_csv, capsys):
+    """--segment and --ahead are the library's, and the output says what was done."""
+    model, figures = tmp_path / "model.json", tmp_path / "figures.json"
+    path = sweep_csv(name="sweep.csv")
+    assert main(["identify", str(path), "--structure", "heave", "--json", str(model)]) == 0
+    time, inputs, outputs = flown(structures.heave, HEAVE, "col", 9, duration=20.0, noise=0.01)
+    other = tmp_path / "other.csv"
+    write_foreign(other, ["t [s]", "col [1]", "w [m/s]"], time, [*inputs.T, *outputs.T])
+    for options, kind, says in (
+        (["--segment", "5"], "segments", "predicted in segments of 5 s"),
+        (["--ahead", "0.5", "--segment", "4"], "ahead", "predicted 0.5 s ahead"),
+    ):
+        capsys.readouterr()
+        assert main(["verify", str(model), str(other), *options, "--json", str(figures)]) == 0
+        assert says in " ".join(capsys.readouterr().out.split())
+        approach = json.loads(figures.read_text())["approach"]
+        assert approach["kind"] == kind
+        assert approach["pole"] is None
+    assert "must be a positive time in s" in fails(capsys, "verify", model, other, "--ahead=0")
+
+
 def test_a_part_of_a_log_is_used_and_known_again(tmp_path, sweep_csv, capsys):
     """--from and --to cut a log; what a fit has seen can't verify it, wherever it is cut."""
     path, model = sweep_csv(name="sweep.csv"), tmp_path / "model.json"

@@ -196,17 +196,21 @@ def test_the_direct_estimate_leaves_its_bounds():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "span"), [("boeing_747", 60.0), ("blade_360", 3.0), ("lynx", 12.0)]
+    ("name", "start", "stop"),
+    [("boeing_747", 200.0, 260.0), ("blade_360", 0.0, 90.0), ("lynx", 0.0, 300.0)],
 )
-def test_the_model_predicts_an_unseen_flight(name, span):
+def test_the_model_predicts_an_unseen_flight(name, start, stop):
     """A calm flight that the fit has not seen is predicted to the noise and 5 % of the motion.
 
     The noise leaves 1.5 times its rms at most, the parameters' errors of a few percent their
-    share of the motion. Unstable models are followed for three or four time constants.
+    share of the motion: of the 747's, whose Dutch roll keeps what errs, over ten of its periods,
+    above it. The unstable ones are followed over their whole flights, in segments of three
+    doublings.
     """
     one = flown(name)
-    middle = 0.5 * one.unseen.duration
-    result = verify(one.fit, one.unseen.slice(middle, middle + span))
+    result = verify(one.fit, one.unseen.slice(start, stop))
+    assert result.acceptable
+    assert (result.approach.pole is not None) == (name in UNSTABLE)
     motion = np.std(result.traces[0].measured, axis=0)
     for output, size in zip(result.outputs, motion):
         allowed = np.hypot(1.5 * one.rig.noise[output], 0.05 * size)

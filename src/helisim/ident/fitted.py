@@ -76,19 +76,24 @@ class FittedParameter(Value):
 
     @property
     def poorly_identified(self) -> bool:
-        """Whether the bound exceeds 20 % or the insensitivity 10 % of the value."""
+        """Whether CR or 2 standard errors exceed 20 %, or the insensitivity 10 %, of the value."""
         return not self.fixed and (
             self.degenerate
-            or _percent(self.bound, self.value) > CRAMER_RAO_LIMIT
+            or _percent(self._spread, self.value) > CRAMER_RAO_LIMIT
             or self.insensitivity_percent > INSENSITIVITY_LIMIT
         )
+
+    @property
+    def _spread(self) -> float:
+        """What support is judged by: CR is twice a deviation too, of noise as J supposes it."""
+        return max(self.cramer_rao, 2.0 * self.standard_error)
 
     @property
     def support(self) -> Support:
         """What the data say of it, in a word; `helisim.ident.verdicts.SUPPORT` has the meanings."""
         return support(
             self.value,
-            self.bound,
+            self._spread,
             self.insensitivity,
             fixed=self.fixed,
             at_bound=self.at_bound,

@@ -11,7 +11,11 @@ from types import MappingProxyType
 from typing import Literal
 
 CRAMER_RAO_LIMIT = 20.0
-"""Percent of the value above which a Cramér-Rao bound says "poor" (Tischler and Remple)."""
+"""Percent of the value above which a Cramér-Rao bound says "poor" (Tischler and Remple).
+
+It holds a factor of 2, so two standard errors are held to it as well: they can be the larger, of
+an estimate whose noise is more than the cost supposes.
+"""
 
 INSENSITIVITY_LIMIT = 10.0
 """Percent of the value above which an insensitivity says "poor" (Tischler and Remple)."""
@@ -21,8 +25,9 @@ Support = Literal["good", "poor", "not seen", "at bound", "degenerate", "fixed"]
 SUPPORT: Mapping[Support, str] = MappingProxyType(
     {
         "good": (
-            f"the data fix it: its bound is at most {CRAMER_RAO_LIMIT:g} % of the value, its "
-            f"insensitivity at most {INSENSITIVITY_LIMIT:g} %"
+            "the data fix it: its Cramér-Rao bound and two standard errors are at most "
+            f"{CRAMER_RAO_LIMIT:g} % of the value, its insensitivity at most "
+            f"{INSENSITIVITY_LIMIT:g} %"
         ),
         "poor": "the data see it, but not that well",
         "not seen": "the data do not change with it at all",
@@ -32,6 +37,11 @@ SUPPORT: Mapping[Support, str] = MappingProxyType(
     }
 )
 """Word -> what it says of a parameter."""
+
+
+def meanings() -> str:
+    """Return what each word says, a line each."""
+    return "\n".join(f"{word}: {meaning}" for word, meaning in SUPPORT.items())
 
 
 def support(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.ident import USABLE_COHERENCE, Fit
+from helisim.ident.verdicts import meanings
 from helisim.output import html, tables
 from helisim.output.correlation import correlation_map
 from helisim.output.drawings import run_drawings
@@ -186,7 +187,7 @@ def _results_tables(run: Run) -> str:
         "and 10 % the data's support of a parameter is good. Agreement says whether the value is "
         "within its tolerance of truth and paper: neither follows from the other.",
         "note",
-    )
+    ) + html.folded("what the words of support say", meanings())
     blocks = []
     for one in sorted(known, key=lambda table: order.index(table.name)):
         name = _IN_PAPER.get(one.name, ("",))[0]

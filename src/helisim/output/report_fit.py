@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from helisim.ident import Fit, FittedParameter, Verification
+from helisim.ident.verdicts import meanings
 from helisim.output import html, modes, tables
 from helisim.output.drawings import bode_drawings, verification_drawings
 from helisim.output.plots import draw_flight
@@ -47,7 +48,12 @@ def write_fit_report(
         f"{low:.3g} to {high:.3g} rad/s, {fit.method} method; average cost {fit.cost:.3g}."
     )
     sections = [
-        ("parameters", "Parameters", html.table(tables.fitted(fit, parameters))),
+        (
+            "parameters",
+            "Parameters",
+            html.table(tables.fitted(fit, parameters))
+            + html.folded("what the words of support say", meanings()),
+        ),
         ("modes", "Modes", html.table(modes.of_fit(fit))),
         ("responses", "Responses", fit_quality(fit)),
         ("bode", "Frequency responses", html.figures(bode_drawings(item))),

@@ -148,7 +148,8 @@ def _numbers(
 def _markdown(run: Run) -> str:
     parts = []
     for table in map(tables.comparison, run.results.tables):
-        parts += [f"## {table.title}", f"{table.lead}.", "", as_markdown(table), ""]
+        notes = [f"{label}: {text}." if label else f"{text}." for label, text in table.notes]
+        parts += [f"## {table.title}", f"{table.lead}.", "", as_markdown(table), "", *notes, ""]
     return "\n".join(parts)
 
 
