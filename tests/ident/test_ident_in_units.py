@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from helisim.errors import InputError
-from helisim.ident import FrequencyResponse, identify, structures
+from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
 from helisim.ident.dimensions import dimensions
 from helisim.ident.evaluate import response
 from helisim.ident.in_units import fit_in, response_in
@@ -116,6 +116,19 @@ def test_what_a_structure_does_not_tell_stays_and_is_told():
     assert by_name["N_ped"].value == fit["N_ped"].value
     assert by_name["N_ped"].unit == "1/s^2"
     assert "N_ped" in shown.notes[0]
+    assert list(by_name) == list(structure.names)
+    bare = response_in(fit.data, ALL)
+    assert np.array_equal(bare.response, fit.data.response)
+    assert bare.output_units == ("",)
+
+
+def test_a_root_tells_no_unit():
+    """What stands under a root, or beside one, doesn't follow; the rest of the model does."""
+    known = Parameter("k", "1", 1.0), Parameter("j", "1", 1.0), Parameter("n", "1/s", -1.0)
+    structure = Structure(
+        "root", known, ("r",), ("ped",), ("r",), F=(("n",),), G=(("sqrt(k) * j",),)
+    )
+    assert dimensions(structure, {"ped": "1", "r": "rad/s"}) == {"n": {"s": -1}}
 
 
 def test_a_response_is_shown_in_units_and_means_the_same():

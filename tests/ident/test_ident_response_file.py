@@ -7,6 +7,8 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import helisim as hs
 from helisim.errors import InputError, StorageError
@@ -108,6 +110,14 @@ def test_what_a_file_lacks_is_told_with_what_is_assumed(tmp_path):
     assert "magnitude in dB" in told
     assert "no coherence of p/lat: it is taken as 1" in told
     assert "no random error of p/lat" in told
+    with_coherence = written(
+        tmp_path / "some.csv",
+        "f [rad/s],mag [dB],phase [deg],coherence",
+        (OMEGA[:2], DB[:2], DEG[:2], np.array([0.5, 0.8])),
+    )
+    # Bendat and Piersol: sqrt((1 - g2) / (2 g2 n)), of n = 1 average
+    implied = load_response(with_coherence, unnamed="p/lat").random_error[0, 0]
+    assert implied == pytest.approx([0.70710678, 0.35355339])
     full = written(
         tmp_path / "full.csv",
         "f [rad/s],mag [dB],phase [deg],coherence,random error [%]",
@@ -144,6 +154,27 @@ def test_responses_of_several_files_are_one(tmp_path):
     assert not np.any(usable[0, 1])
     assert found.response[1, 1, some] == pytest.approx(EXACT[some], rel=1e-9)
     assert "not measured at 20 of the 40" in " ".join(found.flags)
+
+
+@pytest.mark.slow
+@given(st.lists(st.tuples(st.integers(0, 10**6), st.binary(max_size=6)), min_size=1, max_size=6))
+@settings(max_examples=60, deadline=None)
+def test_any_damage_is_a_response_or_a_refusal(tmp_path_factory, heave, damage):
+    """Whatever a disk or an editor did to a file, it ends in a message that names it."""
+    folder = tmp_path_factory.mktemp("damage")
+    for end in (".json", ".csv"):
+        path = folder / f"heave{end}"
+        heave.save(path)
+        data = bytearray(path.read_bytes())
+        for place, bytes_ in damage:
+            data[place % len(data) : place % len(data) + len(bytes_)] = bytes_
+        path.write_bytes(data)
+        message = ""
+        try:
+            load_response(path)
+        except (InputError, StorageError) as error:
+            message = str(error)
+        assert not message or str(path) in message
 
 
 @pytest.mark.parametrize(
@@ -195,5 +226,7 @@ def test_a_log_is_no_response(tmp_path):
     """A log's headings have no magnitude and phase beside a frequency."""
     path = written(tmp_path / "log.csv", "t [s],w [m/s],phase [deg]", (OMEGA, DB, DEG))
     assert not is_response(path)
+    assert not is_response(tmp_path / "none.txt")
+    assert not is_response("no\0name.txt")
     assert hs.load_response is load_response
     assert isinstance(heave_response(), FrequencyResponse)

@@ -84,7 +84,7 @@ def _value(item: Any) -> Any:
     if item["type"] not in _TYPES:
         raise InputError(f"an array has the type {item['type']!r}, expected {', '.join(_TYPES)}")
     try:
-        data = base64.b64decode(item["base64"], validate=True)
+        data = base64.b64decode(item["base64"])
     except binascii.Error as error:
         raise InputError(f"an array isn't base64: {error}") from None
     array = np.frombuffer(data, dtype=np.dtype(item["type"])).reshape(item["shape"])
