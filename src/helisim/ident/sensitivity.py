@@ -226,17 +226,18 @@ def _by_modes(
     dual: NDArray,
 ) -> tuple[Complex, Sides]:
     """With R = V (s - Lambda)^-1 W, where M^-1 F V = V Lambda and W M V = 1."""
-    observed = (filled["H0"] @ vector).T[:, where.output]
+    observed = (filled["H0"] @ vector).T.take(where.output, axis=1)
     rates = filled["H1"] @ vector
     if np.any(rates):
-        observed = observed + where.s * rates.T[:, where.output]
-    seen = observed / (where.s - value[:, None])
-    driven = (dual @ filled["G"])[:, where.input]
+        observed = observed + where.s * rates.T.take(where.output, axis=1)
+    resolved = (1.0 / (1j * where.grid - value[:, None])).take(where.position, axis=1)
+    seen = observed * resolved
+    driven = (dual @ filled["G"]).take(where.input, axis=1)
 
     def sides() -> tuple[Complex, Complex]:
-        return dual.T @ seen, vector @ (driven / (where.s - value[:, None]))
+        return dual.T @ seen, vector @ (driven * resolved)
 
-    return np.sum(seen * driven, axis=0), sides
+    return np.einsum("ij,ij->j", seen, driven), sides
 
 
 def _by_inverse(
