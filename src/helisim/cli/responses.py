@@ -52,13 +52,21 @@ def add_responses(command: argparse.ArgumentParser, *, required: bool) -> None:
     default = "" if required else " (default: the structure's)"
     group = command.add_argument_group("how frequency responses are estimated")
     group.add_argument(
-        "--inputs", required=required, metavar="A,B", help=f"channels that act{default}"
+        "--inputs",
+        required=required,
+        metavar="A,B",
+        help=f"channels that drive the vehicle{default}",
     )
     group.add_argument(
-        "--outputs", required=required, metavar="P,Q", help=f"channels that answer{default}"
+        "--outputs",
+        required=required,
+        metavar="P,Q",
+        help=f"channels that answer, such as rates{default}",
     )
     group.add_argument(
-        "--conditioning", metavar="C,D", help="further inputs whose effect is removed"
+        "--conditioning",
+        metavar="C,D",
+        help="further inputs that moved too: their effect is taken out",
     )
     group.add_argument(
         "--reference",
