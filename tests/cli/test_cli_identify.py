@@ -273,11 +273,11 @@ def test_a_first_order_model_takes_no_slow_imports(tmp_path, sweep_csv):
     (record,) = read_log(log, channels=("col", "w"), resample_hz=50.0).records
     parquet = str(write_record(record, tmp_path / "sweep.parquet"))
     options = ["--structure", "tf:0/1", "--inputs", "col", "--outputs", "w", "--quiet"]
-    for path in (log, parquet):
+    for logs in ([log], [parquet], [log, "--resample", "40"]):
         run = [
             "import sys",
             "from helisim.cli import main",
-            f"assert main({['identify', path, *options]!r}) == 0",
+            f"assert main({['identify', *logs, *options]!r}) == 0",
             f"assert not {SLOW!r} & set(sys.modules), {SLOW!r} & set(sys.modules)",
         ]
         subprocess.run([sys.executable, "-c", "\n".join(run)], check=True)
