@@ -15,6 +15,17 @@ from helisim.ident.sensitivity import Sensitivity
 GRID = np.geomspace(0.5, 20.0, 15)
 
 
+TWO = Structure(
+    name="two",
+    parameters=(Parameter("K", "1", 2.0),),
+    states=("x", "y"),
+    inputs=("u",),
+    outputs=("y",),
+    F=(("-1", "0"), ("1", "-3")),
+    G=(("K",), ("0",)),
+)
+
+
 def jordan():
     """Two equal lags in a row: no two independent eigenvectors."""
     return Structure(
@@ -29,8 +40,10 @@ def jordan():
     )
 
 
-def test_equal_lags_are_their_transfer_function():
+@pytest.mark.parametrize("few", [0, 1e9])
+def test_equal_lags_are_their_transfer_function(few, monkeypatch):
     """K / (T s + 1)^2 and its slopes by hand, where eigenvectors can't be used."""
+    monkeypatch.setattr(module, "_FEW", few)
     s, t, k = 1j * GRID, 0.1, 2.0
     found, slope = response_and_slope(jordan(), {"T": t, "K": k}, GRID)
     np.testing.assert_allclose(found[0, 0], k / (t * s + 1) ** 2, rtol=1e-13)
@@ -38,8 +51,10 @@ def test_equal_lags_are_their_transfer_function():
     np.testing.assert_allclose(slope[1, 0, 0], 1 / (t * s + 1) ** 2, rtol=1e-13)
 
 
-def test_a_state_without_inertia_is_an_equation():
+@pytest.mark.parametrize("few", [0, 1e9])
+def test_a_state_without_inertia_is_an_equation(few, monkeypatch):
     """With T = 0, M is singular and y = K u; by T, the slope of the lags is -2 K s."""
+    monkeypatch.setattr(module, "_FEW", few)
     found, slope = response_and_slope(jordan(), {"T": 0.0, "K": 2.0}, GRID)
     np.testing.assert_allclose(found[0, 0], 2.0, rtol=1e-13)
     np.testing.assert_allclose(slope[0, 0, 0], -4j * GRID, rtol=1e-13)
@@ -55,6 +70,7 @@ def test_eigenvectors_and_inverses_give_the_same(name, monkeypatch):
         for one in structure.parameters
     }
     ways = []
+    monkeypatch.setattr(module, "_FEW", 0)
     for independent in (1e5, 0.0):
         monkeypatch.setattr(module, "_INDEPENDENT", independent)
         ways.append(response_and_slope(structure, values, GRID))
@@ -65,7 +81,8 @@ def test_eigenvectors_and_inverses_give_the_same(name, monkeypatch):
 
 @pytest.mark.parametrize("name", list(structures.BUILT_IN))
 def test_modes_serve_where_they_can(name, monkeypatch):
-    """They are what makes fits fast; the inverses are for the structures that have none."""
+    """They are what makes large fits fast; inverses serve small ones, and those that have none."""
+    monkeypatch.setattr(module, "_FEW", 0)
     structure = structures.named(name)
     random = np.random.default_rng(4)
     values = {
@@ -80,10 +97,17 @@ def test_modes_serve_where_they_can(name, monkeypatch):
     assert np.all(np.isfinite(response(structure, values, GRID)))
     with pytest.raises(AssertionError, match="slow way"):
         response(jordan(), {"T": 0.1, "K": 2.0}, GRID)
+    monkeypatch.setattr(module, "_FEW", 2**2 * GRID.size)
+    with pytest.raises(AssertionError, match="slow way"):
+        response(TWO, {"K": 2.0}, GRID)
+    monkeypatch.setattr(module, "_FEW", 2**2 * GRID.size - 1)
+    assert np.all(np.isfinite(response(TWO, {"K": 2.0}, GRID)))
 
 
-def test_a_state_space_of_scipy_has_the_same_response():
+@pytest.mark.parametrize("few", [0, 1e9])
+def test_a_state_space_of_scipy_has_the_same_response(few, monkeypatch):
     """An outside program's response of the rigid body with flapping."""
+    monkeypatch.setattr(module, "_FEW", few)
     structure = structures.rollpitch
     values = {p.name: p.start or 0.2 * p.magnitude for p in structure.parameters}
     numbers = matrices(structure, values)
@@ -96,8 +120,10 @@ def test_a_state_space_of_scipy_has_the_same_response():
             np.testing.assert_allclose(found[o, i], expected, rtol=1e-9)
 
 
-def test_points_are_those_of_the_whole_response():
+@pytest.mark.parametrize("few", [0, 1e9])
+def test_points_are_those_of_the_whole_response(few, monkeypatch):
     """In any order, any pair, any frequency twice; a scale multiplies each point's slopes."""
+    monkeypatch.setattr(module, "_FEW", few)
     structure = structures.hover
     values = {p.name: p.start or 0.2 * p.magnitude for p in structure.parameters}
     total, slope = response_and_slope(structure, values, GRID)
@@ -125,8 +151,10 @@ def test_a_parameter_that_stands_nowhere_has_no_slope():
     np.testing.assert_array_equal(slope[:, 0, 0], [np.zeros(GRID.size), np.ones(GRID.size)])
 
 
-def test_what_is_undefined_is_not_finite():
+@pytest.mark.parametrize("few", [0, 1e9])
+def test_what_is_undefined_is_not_finite(few, monkeypatch):
     """A division by zero in F or in G, and a pencil that is singular at every frequency."""
+    monkeypatch.setattr(module, "_FEW", few)
     plain = jordan()
     for change in ({"F": (("1/K", "0"), ("1", "-1"))}, {"G": (("1/K",), ("0",))}):
         broken = Structure.from_dict({**plain.to_dict(), **change})

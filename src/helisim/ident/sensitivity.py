@@ -9,7 +9,7 @@ that entry, from dR = -R d(s M - F) R: by F_rc it is (e_o (H0 + s H1) R)_r (R G 
 
 R is taken at all frequencies from the eigenvectors of M^-1 F at once. Where that is not accurate,
 as of two equal lags, whose eigenvectors are one, of a nearly singular M, or of a pole very much
-faster than the others, it is inverted frequency by frequency.
+faster than the others, or where the model is small, it is inverted frequency by frequency.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,6 +26,9 @@ _ACCURATE = 1e-12
 _INDEPENDENT = 300.0
 """Condition of the eigenvectors, whatever the states' units, up to which they are used. Those of
 the structures here have 1 to 30, and 1e8 where speeds and attitudes are nearly integrators."""
+
+_FEW = 2500
+"""Frequencies times states squared, up to which inverses take no longer than eigenvectors."""
 
 _ROUNDING = 1e-15
 """Part of the largest terms that is nothing in any equation."""
@@ -178,7 +181,7 @@ def _solved(where: Sensitivity, filled: dict[str, NDArray[np.float64]]) -> tuple
     if not np.all(np.isfinite(m)) or not np.all(np.isfinite(f)):
         undefined = np.full((f.shape[0], where.s.size), np.nan, dtype=np.complex128)
         return np.full_like(where.s, np.nan), lambda: (undefined.copy(), undefined.copy())
-    if f.shape[0]:
+    if where.grid.size * f.shape[0] ** 2 > _FEW:
         try:
             value, vector = np.linalg.eig(np.linalg.solve(m, f))
             dual = np.linalg.inv(m @ vector)
