@@ -202,7 +202,7 @@ def scatter(seed):
         value = random.normal(size=(2, 2, 2, length)) + 1j * random.normal(size=(2, 2, 2, length))
         # any two frequencies share lines, of one flight or of both
         first = np.array([[1, 2], [9, 3], [5, 4], [2, 6]][k], dtype=np.intp)
-        weights.append(LineWeights(first, value.astype(np.complex64)))
+        weights.append(LineWeights(np.arange(len(value)), first, value.astype(np.complex64)))
     return LocalScatter(
         frequency=frequency,
         weights=tuple(weights),

@@ -14,7 +14,7 @@ RESPONSE = np.ones((1, 1, 2), dtype=complex)
 MODEL = LocalScatter(
     frequency=np.array([1.0, 2.0]),
     weights=tuple(
-        LineWeights(np.array([k]), np.full((1, 1, 1, 3), 1j * k, dtype=np.complex64))
+        LineWeights(np.array([0]), np.array([k]), np.full((1, 1, 1, 3), 1j * k, dtype=np.complex64))
         for k in (1, 2)
     ),
     share=np.ones((1, 1, 1, 2)),

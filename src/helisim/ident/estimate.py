@@ -7,6 +7,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+_REACH = 0.25
+"""Two biases are related if their frequencies differ by less than about this, as a fraction."""
+
 
 class ErrorModel(Protocol):
     """The errors of a response at all its points, and how they belong together.
@@ -73,3 +76,28 @@ class Estimator(Protocol):
     ) -> Estimate:
         """Return the responses of outputs to inputs; without a reference, the direct ones."""
         ...
+
+
+def bias_covariance(
+    bias: NDArray[np.float64],
+    frequency: NDArray[np.float64],
+    output: NDArray[np.intp],
+    input_: NDArray[np.intp],
+    position: NDArray[np.intp],
+) -> NDArray[np.float64]:
+    """Return what a bias adds to the covariance between points, (n_point, n_point).
+
+    Its size is known, its sign isn't: neighbours of one response share it, others have their own.
+
+    Args:
+        bias: (n_out, n_in, n_freq) its size.
+        frequency: (n_freq,) rad/s.
+        output: (n_point,) which output the points are of.
+        input_: (n_point,) which input.
+        position: (n_point,) index of the frequency.
+    """
+    at = np.log(frequency[position])
+    apart = np.subtract.outer(at, at) / _REACH
+    same = (output[:, None] == output) & (input_[:, None] == input_)
+    size = bias[output, input_, position]
+    return np.where(same, np.outer(size, size) * np.exp(-0.5 * apart**2), 0.0)

@@ -31,6 +31,12 @@ _COMPARED = 8
 _LEAST_COHERENCE = 0.2
 """Below it the joint estimate is too wild for a comparison."""
 
+_FEWEST_APART = 2
+"""Feedback's bias is smooth: one frequency of those compared is chance."""
+
+_LEAST_GAP = 0.005
+"""A smaller gap, as a fraction of the response, is of no weight: no fit trusts a point more."""
+
 _CHANCE = 12.0
 """A squared gap over its variance that chance exceeds once in 160 000 comparisons."""
 
@@ -65,9 +71,10 @@ def frequency_response(
         reference: signals outside the loop (sticks, the sweep), at least as many as active
             inputs. Given, the joint input-output method is used, which feedback and gusts do
             not bias.
-        estimator: "windows", CIFER's composite of Hann windows, or "local", the local
-            polynomial method, which windows don't smear and which transients don't bias.
-        windows: one window length or several, s; by default five by the published rules.
+        estimator: "local", the local polynomial and rational method, which windows don't smear
+            and transients don't bias; or "windows", CIFER's composite of Hann windows. The
+            default is local, unless window lengths are given.
+        windows: one window length or several, s; five by the published rules if none is given.
         overlap: share of a window that the next one covers at least.
         use_ended: True takes records of flights that were terminated early
             (`FlightRecord.ended`) too.
@@ -138,7 +145,8 @@ def disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> tuple[
     """Compare the joint and the direct estimate; return the warnings that were raised.
 
     They differ where the gap is larger than both errors together, and larger than chance
-    explains: both see the same disturbance, so the gap's own error is the smaller one.
+    explains, half a percent at least: both see the same disturbance, so the gap's own error is
+    the smaller one.
     """
     flags = []
     if joint.scatter is None or direct.scatter is None:
@@ -150,12 +158,14 @@ def disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> tuple[
     each = (joint.scatter, direct.scatter, joint.scatter.minus(direct.scatter))
     own, other, between = (one.variance(*at) for one in each)
     gap = np.abs(joint.response[at] - direct.response[at]) ** 2
-    found = (gap > np.maximum(own + other, _CHANCE * between)) & joint.usable(_LEAST_COHERENCE)[at]
+    least = np.square(_LEAST_GAP * np.abs(joint.response[at]))
+    chance = np.maximum(own + other, _CHANCE * between)
+    found = (gap > np.maximum(least, chance)) & joint.usable(_LEAST_COHERENCE)[at]
     relative = np.where(found, np.sqrt(gap) / np.abs(joint.response[at]), 0.0).reshape(shape)
     for o, output in enumerate(joint.outputs):
         for i, input_ in enumerate(joint.inputs):
             worst = int(np.argmax(relative[o, i]))
-            if relative[o, i, worst] == 0.0:
+            if np.count_nonzero(relative[o, i]) < min(_FEWEST_APART, index.size):
                 continue
             flags.append(
                 f"direct and joint estimates of {output}/{input_} disagree beyond their errors at "
@@ -179,7 +189,7 @@ def as_names(names: str | Sequence[str] | None) -> tuple[str, ...]:
 
 
 def _estimator_name(estimator: str | None, windows: float | Sequence[float] | None) -> str:
-    name = estimator or "windows"
+    name = estimator or ("local" if windows is None else "windows")
     if name not in ESTIMATORS:
         raise InputError(f"estimator is {name!r}, expected one of: {', '.join(ESTIMATORS)}")
     if name != "windows" and windows is not None:

@@ -81,6 +81,8 @@ class Local:
     ) -> Estimate:
         """Return the responses, averaged over the widths of the band, with their errors."""
         active, frequency = (*inputs, *others), self._frequency
+        if tuple(reference) == active:
+            reference = ()
         task = Task(
             lines=self._lines,
             drive=self._lines.places(reference or active),
@@ -100,8 +102,8 @@ class Local:
             frequency,
         )
         response = np.sum(choice.share * bands.gain, axis=0)
-        weights, share = bands.packed(choice.share)
-        scatter = LocalScatter(frequency, weights, share, noise, choice.bias)
+        weights = bands.packed(choice.share)
+        scatter = LocalScatter(frequency, weights, choice.share, noise, choice.bias)
         o, i, w = np.indices(response.shape).reshape(3, -1)
         variance = scatter.variance(o, i, w).reshape(response.shape)
         relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)

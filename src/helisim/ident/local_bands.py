@@ -1,6 +1,7 @@
 """Local fits by several widths of the band, brought to responses of outputs to inputs."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +11,13 @@ from helisim.ident.local_fit import ORDER, TRANSIENT, BandFit, fit_band
 from helisim.ident.local_lines import Lines
 from helisim.ident.local_scatter import LineWeights
 
-WIDTHS: NDArray[np.float64] = 0.06 * 1.75 ** np.arange(7, dtype=np.float64)
+WIDTHS: NDArray[np.float64] = 0.06 * 2.0 ** np.arange(6, dtype=np.float64)
 """Half widths of the band over its middle: 0.06 to 1.7."""
 
 _WIDEST = 1.0
 """Beyond it a band is only used where the lines allow none narrower."""
 
-_MOST = 5
+_MOST = 4
 """Widths that are compared at a frequency."""
 
 _SPARE = 1.5
@@ -31,8 +32,15 @@ _TRANSIENT_RATIO = 1.5
 _TRANSIENT_STEP = 4
 """At every so many frequencies it is looked for transients."""
 
-_CHUNK = 1_000_000
+_CHUNK = 100_000
 """Numbers of a design that are worked on at once."""
+
+
+class _Weights(NamedTuple):
+    """Weights of one width at a frequency: (n_in, n_flight, n_line), and the first lines."""
+
+    first: NDArray[np.intp]
+    value: NDArray[np.complex64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +85,7 @@ class Bands:
     freedom: NDArray[np.float64]
     full_gain: NDArray[np.complex128]
     active_gain: NDArray[np.complex128]
-    weights: tuple[dict[int, LineWeights], ...]
+    weights: tuple[dict[int, _Weights], ...]
 
     def shared(self) -> NDArray[np.float64]:
         """Return the covariance between widths for a unit disturbance, (n_width, n_width, ...).
@@ -88,33 +96,23 @@ class Bands:
         shared = np.zeros((n_width, n_width, n_in, n_freq))
         for f in range(n_freq):
             widths = sorted(self.weights[f])
-            value = _laid_out([self.weights[f][width] for width in widths]).value
+            value = _laid_out([self.weights[f][width] for width in widths], widths).value
             flat = value.reshape(len(widths), n_in, -1).swapaxes(0, 1)
             product = np.real(flat @ flat.conj().swapaxes(1, 2))
             shared[np.ix_(widths, widths, range(n_in), [f])] = product.transpose(1, 2, 0)[..., None]
         return shared
 
-    def packed(
-        self, share: NDArray[np.float64]
-    ) -> tuple[tuple[LineWeights, ...], NDArray[np.float64]]:
-        """Return the weights of widths with a share, and (n_part, n_out, n_in, n_freq) shares.
+    def packed(self, share: NDArray[np.float64]) -> tuple[LineWeights, ...]:
+        """Return the weights of the widths that have a share at each frequency.
 
         Args:
             share: (n_width, n_out, n_in, n_freq).
         """
-        used = [
-            [width for width in sorted(self.weights[f]) if np.any(share[width, ..., f])]
-            for f in range(share.shape[3])
-        ]
-        n_part = max(map(len, used))
-        parts = np.zeros((n_part, *share.shape[1:]))
-        weights = []
-        for f, widths in enumerate(used):
-            parts[: len(widths), ..., f] = share[widths, ..., f]
-            one = _laid_out([self.weights[f][width] for width in widths])
-            missing = ((0, n_part - len(widths)), (0, 0), (0, 0), (0, 0))
-            weights.append(LineWeights(one.first, np.pad(one.value, missing)))
-        return tuple(weights), parts
+        packed = []
+        for f in range(share.shape[3]):
+            used = [width for width in sorted(self.weights[f]) if np.any(share[width, ..., f])]
+            packed.append(_laid_out([self.weights[f][width] for width in used], used))
+        return tuple(packed)
 
 
 def estimate_bands(task: Task) -> Bands:
@@ -129,7 +127,7 @@ def estimate_bands(task: Task) -> Bands:
     freedom = np.zeros((n_width, n_freq))
     full = np.zeros((n_freq, n_out, n_active), dtype=np.complex128)
     active = np.zeros((n_freq, n_active, n_drive), dtype=np.complex128)
-    weights: tuple[dict[int, LineWeights], ...] = tuple({} for _ in range(n_freq))
+    weights: tuple[dict[int, _Weights], ...] = tuple({} for _ in range(n_freq))
     for width in range(n_width)[::-1]:
         for chosen, with_transient in _chunks(task, valid[width], transient, WIDTHS[width]):
             fit = _fit(task, chosen, width, transient=with_transient)
@@ -142,7 +140,7 @@ def estimate_bands(task: Task) -> Bands:
             freedom[width, k] = fit.freedom[ok]
             full[k], active[k] = response.gain[ok], response.into[ok]
             for f, at in zip(np.flatnonzero(ok), k):
-                weights[at][width] = LineWeights(fit.first[f], response.weight[f, : task.n_in])
+                weights[at][width] = _Weights(fit.first[f], response.weight[f, : task.n_in])
     return Bands(gain, valid, residual, freedom, full, active, weights)
 
 
@@ -175,7 +173,9 @@ class _Response:
         return cls(gain, into, weight, left @ fit.residual @ left.conj().swapaxes(1, 2))
 
 
-def _fit(task: Task, chosen: NDArray[np.intp], width: int, *, transient: bool) -> BandFit:
+def _fit(
+    task: Task, chosen: NDArray[np.intp], width: int, *, transient: bool, poles: bool = True
+) -> BandFit:
     frequency = task.frequency[chosen]
     return fit_band(
         task.lines,
@@ -184,6 +184,7 @@ def _fit(task: Task, chosen: NDArray[np.intp], width: int, *, transient: bool) -
         frequency,
         WIDTHS[width] * frequency,
         transient=transient,
+        poles=poles,
     )
 
 
@@ -236,8 +237,8 @@ def _transients(task: Task) -> NDArray[np.bool_]:
         looked = np.zeros(task.frequency.size, dtype=np.bool_)
         looked[::_TRANSIENT_STEP] = narrowest[::_TRANSIENT_STEP] == width
         for chosen, _ in _chunks(task, looked, all_on, WIDTHS[width]):
-            whole = _fit(task, chosen, width, transient=False)
-            less = _fit(task, chosen, width, transient=True)
+            whole = _fit(task, chosen, width, transient=False, poles=False)
+            less = _fit(task, chosen, width, transient=True, poles=False)
             more, power = (
                 np.real(np.diagonal(fit.residual, axis1=1, axis2=2)) * fit.freedom[:, None]
                 for fit in (whole, less)
@@ -256,7 +257,7 @@ def _transients(task: Task) -> NDArray[np.bool_]:
     return np.where(known, mean, overall) > _TRANSIENT_RATIO
 
 
-def _laid_out(parts: list[LineWeights]) -> LineWeights:
+def _laid_out(parts: list[_Weights], numbers: list[int]) -> LineWeights:
     """Return the weights of several widths side by side, as parts of one."""
     first = np.min([one.first for one in parts], axis=0)
     last = np.max([one.first + one.value.shape[2] for one in parts], axis=0)
@@ -265,4 +266,4 @@ def _laid_out(parts: list[LineWeights]) -> LineWeights:
     for row, one in zip(wide, parts):
         for flight, shift in enumerate(one.first - first):
             row[:, flight, shift : shift + one.value.shape[2]] = one.value[:, flight]
-    return LineWeights(first, wide)
+    return LineWeights(np.array(numbers, dtype=np.intp), first, wide)

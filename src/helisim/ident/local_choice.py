@@ -79,7 +79,9 @@ def choose(
     share /= np.sum(share, axis=0)
     share = np.where(share < _LEAST, 0.0, share)
     share /= np.sum(share, axis=0)
-    return Choice(share, np.sqrt(np.sum(share * squared, axis=0)))
+    mean = np.sum(share * gain, axis=0)
+    spread = np.sum(share * np.abs(gain - mean) ** 2, axis=0)
+    return Choice(share, np.sqrt(np.sum(share * squared, axis=0) + spread))
 
 
 def smoothed(

@@ -65,6 +65,7 @@ def fit_band(
     half: NDArray[np.float64],
     *,
     transient: bool,
+    poles: bool = True,
 ) -> BandFit:
     """Fit the lines within `half` of each frequency.
 
@@ -75,16 +76,19 @@ def fit_band(
         frequency: (n_freq,) rad/s.
         half: (n_freq,) half widths of the bands, rad/s.
         transient: estimate a transient for each flight.
+        poles: give the responses a common pole where the lines ask for one.
     """
     band = _gather(lines, drive, response, frequency, half)
     least = _NEAREST * lines.spacing.min() / half
     solved = _solve(band, None, transient=transient)
     fit = _band_fit(band, solved)
-    at = np.flatnonzero((_pole_worth(band, solved) > _WORTH) & fit.fits)
+    if not poles:
+        return fit
+    pole, worth = _linear_pole(band, solved)
+    at = np.flatnonzero((worth > _WORTH) & fit.fits)
     if not at.size:
         return fit
-    part = band.only(at)
-    pole = _kept_off(_first_pole(part, solved.only(at)), least[at])
+    part, pole = band.only(at), _kept_off(pole[at], least[at])
     for iteration in range(_ITERATIONS + 1):
         solved = _solve(part, pole, transient=transient)
         if iteration < _ITERATIONS:
@@ -145,12 +149,6 @@ class _Solved:
     def freedom(self) -> NDArray[np.float64]:
         """Equivalent number of lines that the remainder averages, (n_freq,)."""
         return np.sum(self.loose, axis=1)
-
-    def only(self, index: NDArray[np.intp]) -> "_Solved":
-        """Return the solution at some of the frequencies."""
-        fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        fields["basis"] = None if self.basis is None else self.basis[index]
-        return _Solved(**{k: v if k == "basis" else v[index] for k, v in fields.items()})
 
     def cleared(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return (n_freq, n_row, n) values without what the fit could explain of them."""
@@ -249,22 +247,14 @@ def _orthonormal(
     return np.stack(terms, axis=-1)
 
 
-def _pole_worth(band: _Band, solved: _Solved) -> NDArray[np.float64]:
-    """Return by how much a pole would take chi^2 down, (n_freq,), for each responding signal."""
-    fitted, size = _fitted(band, solved)
-    slope = solved.cleared(fitted * band.offset.reshape(*solved.over.shape, 1)) / size
-    pull = np.sum(slope.conj() * solved.remainder / size, axis=(1, 2))
-    stiff = np.sum(np.abs(slope) ** 2, axis=(1, 2))
-    gain = np.abs(pull) ** 2 / np.maximum(stiff, 1e-300)
-    whole = solved.freedom * fitted.shape[2]
-    return gain / np.maximum(1.0 - gain / whole, 1e-6) / fitted.shape[2]
-
-
-def _first_pole(band: _Band, solved: _Solved) -> NDArray[np.complex128]:
-    """Return the pole of a linear fit, (n_freq,) in half widths from the middle.
+def _linear_pole(
+    band: _Band, solved: _Solved
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Return the pole of a linear fit, (n_freq,) in half widths from the middle, and its worth.
 
     Of A Y = B U + T + E, with A = a + b d, the equation error is least relative to what the
-    disturbance gives to it, so that the disturbance doesn't bias the pole.
+    disturbance gives to it, so that the disturbance doesn't bias the pole. Its worth is by how
+    much it takes chi^2 down, mean over the responding signals.
     """
     fitted, size = _fitted(band, solved)
     offset = band.offset.reshape(*solved.over.shape, 1)
@@ -278,9 +268,14 @@ def _first_pole(band: _Band, solved: _Solved) -> NDArray[np.complex128]:
     # L with L L^T the chance's matrix; the smallest vector in its metric
     inverse = np.zeros(power.shape)
     inverse[:, 0, 0], inverse[:, 1, 0], inverse[:, 1, 1] = 1.0, -chance[1] / root, 1.0 / root
-    _, vector = np.linalg.eigh(inverse @ power @ inverse.swapaxes(1, 2))
+    power = inverse @ power @ inverse.swapaxes(1, 2)
+    _, vector = np.linalg.eigh(power)
     a, b = np.moveaxis(np.einsum("fji,fj->fi", inverse, vector[:, :, 0]), 1, 0)
-    return -a / np.where(np.abs(b) < 1e-9, 1e-9, b)
+    before, second = np.real(power[:, 0, 0]), np.real(power[:, 1, 1])
+    gain = np.abs(power[:, 0, 1]) ** 2 / np.maximum(second, 1e-300)
+    after = np.maximum(before - gain, 1e-9 * before + 1e-300)
+    worth = gain / after * solved.freedom
+    return -a / np.where(np.abs(b) < 1e-9, 1e-9, b), worth
 
 
 def _pole_step(

@@ -18,10 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.ident.estimate import bias_covariance
 from helisim.records.value import Value
-
-_REACH = 0.25
-"""Two biases are related if their frequencies differ by less than about this, as a fraction."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,10 +27,12 @@ class LineWeights(Value):
     """By what a response at one frequency takes the lines of each flight.
 
     Attributes:
+        part: (n_part,) which widths of the band have a share.
         first: (n_flight,) the line that `value` begins with.
-        value: (n_part, n_in, n_flight, n_line) weights; a part is one width of the band.
+        value: (n_part, n_in, n_flight, n_line) weights.
     """
 
+    part: NDArray[np.intp]
     first: NDArray[np.intp]
     value: NDArray[np.complex64]
 
@@ -44,7 +44,7 @@ class LocalScatter(Value):
     Attributes:
         frequency: (n_freq,) rad/s.
         weights: for each frequency.
-        share: (n_part, n_out, n_in, n_freq) each part's share in the response.
+        share: (n_width, n_out, n_in, n_freq) each width's share in the response.
         noise: (n_freq, n_out, n_out) one-sided spectra between the outputs' disturbances.
         bias: (n_out, n_in, n_freq) size of the systematic error that is left.
     """
@@ -83,10 +83,7 @@ class LocalScatter(Value):
                 total[np.ix_(mine[a], mine[b])] = block
                 total[np.ix_(mine[b], mine[a])] = block.conj().T
         total *= root @ root.conj().T
-        apart = np.subtract.outer(np.log(self.frequency[w]), np.log(self.frequency[w])) / _REACH
-        same = (o[:, None] == o) & (i[:, None] == i)
-        left = self.bias[o, i, w]
-        return total + np.where(same, np.outer(left, left) * np.exp(-0.5 * apart**2), 0.0)
+        return total + bias_covariance(self.bias, self.frequency, o, i, w)
 
     def variance(
         self,
@@ -104,7 +101,7 @@ class LocalScatter(Value):
                 flat := value.reshape(*value.shape[:2], -1).swapaxes(0, 1),
                 flat.conj().swapaxes(1, 2),
             )
-            share = self.share[:, o[k], i[k], at].T
+            share = self.share[self.weights[at].part][:, o[k], i[k], at].T
             power = np.real(np.einsum("kc,kcd,kd->k", share, own[i[k]], share))
             total[k] = power * np.real(self.noise[at, o[k], o[k]])
         return total + self.bias[o, i, w] ** 2
@@ -113,7 +110,10 @@ class LocalScatter(Value):
         """Return the scatter of the difference of two estimates from the same records."""
         return replace(
             self,
-            weights=tuple(map(_beside, self.weights, other.weights)),
+            weights=tuple(
+                _beside(one, another, self.share.shape[0])
+                for one, another in zip(self.weights, other.weights)
+            ),
             share=np.concatenate([self.share, -other.share]),
             bias=np.hypot(self.bias, other.bias),
         )
@@ -122,9 +122,10 @@ class LocalScatter(Value):
         self, output: NDArray[np.intp], input_: NDArray[np.intp], position: int
     ) -> NDArray[np.float64]:
         """Return how points at a frequency take its parts and inputs, (n_point, n_part n_in)."""
-        n_part, _, n_in, _ = self.share.shape
-        mixing = np.zeros((output.size, n_part, n_in))
-        mixing[np.arange(output.size), :, input_] = self.share[:, output, input_, position].T
+        part = self.weights[position].part
+        mixing = np.zeros((output.size, part.size, self.share.shape[2]))
+        share = self.share[part][:, output, input_, position]
+        mixing[np.arange(output.size), :, input_] = share.T
         return mixing.reshape(output.size, -1)
 
     def _noise_root(self) -> NDArray[np.complex128]:
@@ -154,8 +155,8 @@ def _product(one: LineWeights, other: LineWeights) -> NDArray[np.complex128] | N
     return total if found else None
 
 
-def _beside(one: LineWeights, other: LineWeights) -> LineWeights:
-    """Return the weights of two estimates at a frequency as parts of one."""
+def _beside(one: LineWeights, other: LineWeights, n_width: int) -> LineWeights:
+    """Return the weights of two estimates at a frequency as parts of one, numbered onwards."""
     first = np.minimum(one.first, other.first)
     last = np.maximum(one.first + one.value.shape[3], other.first + other.value.shape[3])
     parts = []
@@ -165,4 +166,5 @@ def _beside(one: LineWeights, other: LineWeights) -> LineWeights:
             length = each.value.shape[3]
             wide[:, :, flight, shift : shift + length] = each.value[:, :, flight]
         parts.append(wide)
-    return LineWeights(first, np.concatenate(parts))
+    part = np.concatenate([one.part, other.part + n_width])
+    return LineWeights(part, first, np.concatenate(parts))

@@ -15,8 +15,9 @@ together. All of that is known: in terms of the disturbance's own spectrum, S(v)
 
 So a sweep that passes a frequency once, in three of forty windows, has the error of three.
 What is assumed: the disturbance is stationary and independent of the reference. S comes from
-the residuals, smoothed by the windows. With the direct method the second assumption fails
-under feedback, and this error doesn't know of the bias.
+the residuals, smoothed by the windows. What the windows smear is added as a bias.
+With the direct method the second assumption fails under feedback, and this error doesn't know of
+the bias.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.ident.estimate import bias_covariance
 from helisim.records.value import Value
 
 _LOBES = 4.0
@@ -60,12 +62,14 @@ class Scatter(Value):
         windows: what the windows of each length contribute.
         durations: of the flights, s.
         noise: (n_freq, n_out, n_out) one-sided spectra between the outputs' disturbances.
+        bias: (n_out, n_in, n_freq) size of the windows' systematic error; none by default.
     """
 
     frequency: NDArray[np.float64]
     windows: tuple[WindowWeights, ...]
     durations: tuple[float, ...]
     noise: NDArray[np.complex128]
+    bias: NDArray[np.float64] | None = None
 
     def covariance(
         self,
@@ -89,7 +93,10 @@ class Scatter(Value):
                 for b in np.unique(o):
                     block = (kernel[o == a] * self._spectrum(a, b, grid)) @ kernel[o == b].conj().T
                     total[np.ix_(o == a, o == b)] += block * (spacing / (4.0 * np.pi))
-        return 0.5 * (total + total.conj().T)
+        total = 0.5 * (total + total.conj().T)
+        if self.bias is None:
+            return total
+        return total + bias_covariance(self.bias, self.frequency, o, i, w)
 
     def variance(
         self,
@@ -103,12 +110,14 @@ class Scatter(Value):
         for kernel, grid, spacing in self._kernels(o, i, w):
             power = np.stack([np.real(self._spectrum(a, a, grid)) for a in o])
             total += np.sum(np.abs(kernel) ** 2 * power, axis=1) * (spacing / (4.0 * np.pi))
-        return total
+        return total if self.bias is None else total + self.bias[o, i, w] ** 2
 
     def minus(self, other: "Scatter") -> "Scatter":
         """Return the scatter of the difference of two estimates from the same records."""
         taken = tuple(replace(one, share=-one.share) for one in other.windows)
-        return replace(self, windows=self.windows + taken)
+        known = [one for one in (self.bias, other.bias) if one is not None]
+        bias = np.sqrt(sum(one**2 for one in known)) if known else None
+        return replace(self, windows=self.windows + taken, bias=bias)
 
     def _kernels(
         self, o: NDArray[np.intp], i: NDArray[np.intp], w: NDArray[np.intp]

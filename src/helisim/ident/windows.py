@@ -2,17 +2,26 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError, InputError
-from helisim.ident.composite import compose, composite_noise, window_lengths
+from helisim.ident.composite import Composite, compose, composite_noise, window_lengths
 from helisim.ident.conditioning import condition, cross_control
 from helisim.ident.estimate import Estimate
+from helisim.ident.local import Local
+from helisim.ident.local_choice import smoothed
 from helisim.ident.scatter import Scatter, WindowWeights
 from helisim.ident.spectra import cross_spectra
 from helisim.records.record import FlightRecord
+
+_NEIGHBOURS = 0.15
+"""Over which share of the frequency the windows' systematic error is averaged."""
+
+_FLOOR = 0.005**2
+"""Squared relative differences with a smaller variance are equally well known."""
 
 
 class Windows:
@@ -38,6 +47,7 @@ class Windows:
         self.windows = windows
         self._durations = tuple(record.duration for record in records)
         self._frequency = frequency
+        self._local = Local(records, names, frequency)
         self._spectra = cross_spectra(records, names, frequency, windows=windows, overlap=overlap)
 
     def cross_control(self, names: Sequence[str]) -> NDArray[np.float64]:
@@ -54,7 +64,10 @@ class Windows:
         others: Sequence[str],
         reference: Sequence[str],
     ) -> Estimate:
-        """Return the composite response, and how its errors hang together."""
+        """Return the composite response, and how its errors hang together.
+
+        What windows smear is what the composite differs from the local estimate by, beyond chance.
+        """
         each = [condition(one, inputs, outputs, others, reference or None) for one in self._spectra]
         composite = compose(each)
         scatter = Scatter(
@@ -66,13 +79,25 @@ class Windows:
             durations=self._durations,
             noise=composite_noise(each),
         )
+        local = self._local.estimate(inputs, outputs, others, reference)
+        bias = self._leakage(composite, local)
+        relative = bias / np.maximum(np.abs(composite.response), 1e-300)
         return Estimate(
             response=composite.response,
             coherence=composite.coherence,
             multiple=composite.multiple,
-            random_error=composite.random_error,
-            scatter=scatter,
+            random_error=np.sqrt(composite.random_error**2 + 0.5 * relative**2),
+            scatter=replace(scatter, bias=bias),
         )
+
+    def _leakage(self, composite: Composite, local: Estimate) -> NDArray[np.float64]:
+        """Return the size of the windows' systematic error, (n_out, n_in, n_freq)."""
+        size = np.maximum(np.abs(composite.response), 1e-300)
+        gap = (np.abs(composite.response - local.response) / size) ** 2
+        chance = 2.0 * np.maximum(composite.random_error, local.random_error) ** 2
+        counted = 1.0 / (chance + _FLOOR) ** 2
+        excess = smoothed(gap - chance, self._frequency, counted, _NEIGHBOURS)
+        return np.sqrt(np.maximum(excess, 0.0)) * size
 
 
 def chosen_windows(
