@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import StateSpace, freqresp
 
+from helisim.errors import UnknownNameError
 from helisim.ident import Parameter, Structure, structures
 from helisim.ident import sensitivity as module
 from helisim.ident.evaluate import matrices, response, response_and_slope
@@ -197,3 +198,9 @@ def test_expressions_are_pythons_and_their_derivatives_its_differences(text, at)
         )
         if np.isfinite(slope) and abs(slope) < 1e8:
             assert gradient[name] == pytest.approx(slope, rel=1e-9, abs=1e-9)
+
+
+def test_a_parameter_without_a_value_is_named():
+    """With those that there are."""
+    with pytest.raises(UnknownNameError, match=r"unknown parameter 'K'.* available: T"):
+        response(jordan(), {"T": 0.1}, GRID)
