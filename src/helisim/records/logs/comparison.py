@@ -101,6 +101,8 @@ def likeness(measured: NDArray[np.complex128], predicted: NDArray[np.complex128]
     each_own, each_other = np.sum(own[:, keep], axis=1), np.sum(other[:, keep], axis=1)
     strong = each_other > _STRONG * np.median(each_other)
     ratio = float(np.sqrt(np.median(each_own[strong] / each_other[strong])))
+    if not 0.0 < ratio < np.inf:
+        return NONE
     total = np.sum(cross[keep] / np.abs(cross[keep]) * weight)
     return Likeness(
         float(np.sum(coherence[keep] * weight) / np.sum(weight)),

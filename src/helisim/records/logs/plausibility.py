@@ -118,6 +118,8 @@ def _finding(kind: str, text: str, option: str) -> LogFinding:
 
 def _unit_of(declared: Declared, factor: float) -> str | None:
     """Return the unit of the same kind with a factor, SI per unit; None if there is none."""
+    if not 0.0 < factor < math.inf:
+        return None
     si = UNITS[declared.unit].si if declared.unit in UNITS else None
     near = [
         (abs(math.log(one.factor / factor)), name)
@@ -210,7 +212,7 @@ def _gravity(channels: Channels) -> list[LogFinding]:
         swapped = channels.declared[other]
         flip = middle[other] > 0.0
         return [_finding("axes", text, swapped.option("az", flip=flip))]
-    if abs(az) < 0.5 * size:
+    if abs(az) < 0.5 * size or not 0.0 < abs(az) < math.inf:
         return []
     unit = (
         None
@@ -397,5 +399,5 @@ def _time_unit(channels: Channels, alike: Mapping[tuple[str, str], Likeness]) ->
                 f"rates are {own[0].ratio:.3g} times their angles' derivatives (coherence "
                 f"{own[0].coherence:.2f}): the unit of time is wrong by that"
             )
-            return [_finding("unit of time", text, f"--time {channels.clock}:{unit}")]
+            return [_finding("unit of time", text, "--time " + quote(f"{channels.clock}:{unit}"))]
     return []

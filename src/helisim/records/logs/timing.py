@@ -4,6 +4,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,15 +120,18 @@ def check_unit_of_time(samples: Samples, findings: Findings) -> None:
     step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
     if samples.time.size < _FEW or _SHORTEST_STEP <= step <= _LONGEST_STEP or step == 0.0:
         return
-    wrong, right = ("s", "ms") if step < 2e3 else ("s", "us")
+    if step > _LONGEST:
+        return  # no times at all, which is said of the first one
+    wrong, right = ("s", "ms") if step < 2e3 else ("s", "us") if step < 2e6 else ("s", "ns")
     if step < _SHORTEST_STEP:
         wrong, right = "ms or us", "s"
+    option = f"--time {quote(f'{samples.clock}:{right}')}"
     findings.refuse(
         "unit of time",
         f"{samples.path}, column {samples.clock!r}: its steps are {step:.4g} s, the median, so "
         f"{samples.time.size} samples would last {samples.time[-1] - samples.time[0]:.4g} s: no "
-        f"flight log has such; {right} declared as {wrong}? Try --time {samples.clock}:{right}",
-        option=f"--time {samples.clock}:{right}",
+        f"flight log has such; {right} declared as {wrong}? Try {option}",
+        option=option,
     )
 
 

@@ -101,7 +101,10 @@ def command(looked: Sequence[Looked]) -> str:
     reference = _reference(used, inputs)
     sticks = reference[0].split(" ")[1].split(",") if reference else []
     parts = [join(words), *_channels(used, (*inputs, *outputs, *sticks)), *reference]
-    parts += dict.fromkeys(option for one in used for option in _reading(one, inputs, outputs))
+    said = dict.fromkeys(option for one in used for option in _reading(one, inputs, outputs))
+    parts += said
+    if not any(option.startswith("--resample") for option in said):
+        parts += _resampling(used, (*inputs, *outputs, *sticks))
     low, high = _band(used, inputs, outputs)
     parts.append(f"--band {low:.2g} {high:.2g}")
     return " ".join(parts)
@@ -167,6 +170,20 @@ def _reading(one: Looked, inputs: Sequence[str], outputs: Sequence[str]) -> list
     if len(durations) < len(one.log.records):
         options.append(f"--min-duration {_SHORT * max(durations):.2g}")
     return options
+
+
+def _resampling(used: Sequence[Looked], names: Sequence[str]) -> list[str]:
+    """Return the option that an irregular clock of the channels needs."""
+    clocks = [
+        clock
+        for one in used
+        for mine in [{seen.clock for seen in one.log.seen if seen.name in names}]
+        for clock in one.log.clocks
+        if clock.name in mine
+    ]
+    if all(clock.even != "irregular" for clock in clocks):
+        return []
+    return [f"--resample {min(clock.rate for clock in clocks):.3g}"]
 
 
 def _durations(one: Looked) -> list[float]:

@@ -38,6 +38,7 @@ class SeenChannel:
         low: smallest number in the column.
         high: largest number in the column.
         given: whether the map says so, which is then no guess.
+        clock: that it was sampled by.
     """
 
     name: str
@@ -47,6 +48,7 @@ class SeenChannel:
     low: float
     high: float
     given: bool = False
+    clock: str = ""
 
     @property
     def guessed(self) -> bool:
@@ -73,6 +75,7 @@ class SeenChannel:
             "low": self.low,
             "high": self.high,
             "given": self.given,
+            "clock": self.clock,
         }
 
 

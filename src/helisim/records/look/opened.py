@@ -162,6 +162,7 @@ def opened(path: Path, asked: Asked) -> Opened:
             one,
             column=reading.channels.get(one.name, one.column),
             rate=clocks[source.clock(one.column.column)].rate,
+            clock=clocks[source.clock(one.column.column)].name,
         )
         for one in seen
     )
@@ -241,7 +242,7 @@ def _clock(source: Source, time: Clock | None) -> tuple[Clock | None, str]:
         if step <= 0.0 or np.max(steps) > 1e6 * step:
             continue
         unit = "s" if step < 1.0 else "ms" if step < 1e3 else "us" if step < 1e6 else "ns"
-        return Clock(name, unit), f"--time {name}:{unit}"
+        return Clock(name, unit), "--time " + shlex.quote(f"{name}:{unit}")
     return time, ""
 
 
@@ -305,7 +306,7 @@ class _Reading:
 
     def _take(self, finding: LogFinding) -> bool:
         """Take what a refusal says mends it; return whether there is such a thing."""
-        words = finding.option.split()
+        words = shlex.split(finding.option)
         taken = False
         for option, value in zip(words[::2], words[1::2]):
             if option == "--repair" and value in REPAIRS and value not in self._repairs:
@@ -318,7 +319,7 @@ class _Reading:
             else:
                 continue
             taken = True
-            self.options.append(f"{option} {value}")
+            self.options.append(f"{option} {shlex.quote(value)}")
         if not finding.option:
             left = {k: c for k, c in self.channels.items() if repr(c.column) not in finding.text}
             taken = bool(left) and len(left) < len(self.channels)
