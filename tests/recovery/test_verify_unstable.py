@@ -18,6 +18,7 @@ from held import held
 from helisim.errors import InputError
 from helisim.ident import Structure, verify
 from helisim.ident.verification import ACCEPTABLE_TIC, theil
+from helisim.output.plots import draw_verification
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 from helisim.study.identified import IdentifiedModel
@@ -79,6 +80,7 @@ def test_a_wrong_model_of_an_unstable_aircraft_is_not_acceptable(changes):
     """However free the segments' initial states are; the Blade's delay is 40 ms."""
     found = verified("blade_360", **changes)
     assert not found.acceptable
+    assert "above 0.25" in str(found)
     assert found.j_rms > 3.0 * verified("blade_360").j_rms
 
 
@@ -196,6 +198,19 @@ def test_what_was_done_is_in_text_and_json(tmp_path):
     again = IdentifiedModel.from_dict(json.loads(json.dumps(stored))).verification
     assert again == found
     assert str(again) == text
+
+
+def test_a_figure_shows_where_segments_begin():
+    """A dot at each initial state; title and caption say how it was predicted."""
+    found = verify(roll(), rolled(1500))
+    drawing = draw_verification("", found, 0, "record")
+    assert drawing.title == "record: p predicted in segments of 2.5 s"
+    assert "doubles an error in 0.866 s" in drawing.caption
+    (dots,) = (mark for mark in drawing.panels[1].marks if mark.kind == "dots")
+    assert dots.x.tolist() == found.traces[0].starts.tolist()
+    ahead = draw_verification("", verify(roll(), rolled(1500), ahead=0.5), 0, "record")
+    assert ahead.title == "record: p predicted 0.5 s ahead"
+    assert all(mark.kind == "line" for mark in ahead.panels[1].marks)
 
 
 def test_a_slow_divergence_is_predicted_whole_and_told():

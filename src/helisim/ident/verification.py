@@ -53,6 +53,15 @@ class Approach:
         span = self.ahead_s if self.kind == "ahead" else self.length_s
         return 1.0 if self.pole is None else float(np.exp(self.pole[0] * span))
 
+    @property
+    def in_brief(self) -> str:
+        """How, in a few words behind "predicted"; nothing where each record is whole."""
+        return {
+            "whole": "",
+            "segments": f"in segments of {self.length_s:.3g} s",
+            "ahead": f"{self.ahead_s:.3g} s ahead",
+        }[self.kind]
+
     def __str__(self) -> str:
         told = ""
         if self.pole is not None:
@@ -365,7 +374,7 @@ class Verification(Value, Displayed):
         for name, unit in zip(self.outputs, self.units):
             lines.append(
                 f"{name:<8}  {unit:<6}  {self.j_rms_by_output[name]:10.4g}  "
-                f"{self.tic_by_output[name]:6.3f}{'  hardly moved' * (name in self.quiet)}"
+                f"{self.tic_by_output[name]:6.3f}{self._mark(name)}"
             )
         lines.append(
             f"all       {'':<6}  {self.j_rms:10.4g}  {self.tic:6.3f}  "
@@ -374,3 +383,9 @@ class Verification(Value, Displayed):
         if self.approach is not None:
             lines += [textwrap.fill(part, _WIDTH) for part in str(self.approach).split("; ")]
         return "\n".join(lines)
+
+    def _mark(self, name: str) -> str:
+        """Return what is to be said of an output beside its coefficient."""
+        if name in self.quiet:
+            return "  hardly moved"
+        return f"  above {ACCEPTABLE_TIC}" if self.tic_by_output[name] > ACCEPTABLE_TIC else ""

@@ -73,16 +73,20 @@ def draw_verification(name: str, verification: Verification, trace: int, flight:
     for k, (output, unit) in enumerate(zip(verification.outputs, verification.units)):
         measured, seen = _for_people(output, shown.measured[:, k], unit)
         predicted, _ = _for_people(output, shown.predicted[:, k], unit)
+        begun = np.isin(shown.time, shown.starts)
         marks = (
             Mark("line", "data", shown.time, measured, label="flight", width=2.6),
             Mark("line", "identified", shown.time, predicted, label="identified model"),
+            *[Mark("dots", "identified", shown.time[begun], predicted[begun])] * any(begun),
         )
         left = Mark("line", "grey", shown.time, less(measured, predicted))
         panels.append(Panel(_labelled(output, seen), marks, 96.0))
         panels.append(Panel(_labelled(f"{output}, flight less model", seen), (left,), 42.0))
     tics = ", ".join(f"{output} {tic:.3g}" for output, tic in zip(verification.outputs, shown.tic))
-    title = f"{flight}: {', '.join(verification.outputs)} predicted"
-    how = f"; {verification.approach}" if verification.approach else ""
+    approach = verification.approach
+    brief = approach.in_brief if approach else ""
+    title = f"{flight}: {', '.join(verification.outputs)} predicted {brief}".rstrip()
+    how = f"; {approach}" if approach else ""
     return Drawing(name, title, f"{flight}: TIC {tics}{how}", tuple(panels), "time, s")
 
 
