@@ -339,8 +339,8 @@ def value_objects():
 
 
 BY_NAME = ("Approach", "VerifiedOutput", "VerifiedRecord", "VerificationFigures")
-PLAIN = ("Step", "Parameter", *BY_NAME)
-"""Values without arrays; the first four are rows of tables."""
+PLAIN = ("Step", "Parameter", "Mode", "Suspicion", *BY_NAME)
+"""Values without arrays, rows of tables among them."""
 
 
 @pytest.mark.parametrize("kind", list(value_objects()), ids=lambda kind: kind.__name__)
