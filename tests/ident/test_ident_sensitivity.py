@@ -105,6 +105,7 @@ def test_modes_serve_where_they_can(name, monkeypatch):
     assert np.all(np.isfinite(response(TWO, {"K": 2.0}, GRID)))
 
 
+@pytest.mark.filterwarnings("ignore:Badly conditioned filter")  # of scipy's polynomials
 @pytest.mark.parametrize("few", [0, 1e9])
 def test_a_state_space_of_scipy_has_the_same_response(few, monkeypatch):
     """An outside program's response of the rigid body with flapping."""

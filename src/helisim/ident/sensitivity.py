@@ -23,7 +23,7 @@ from helisim.ident.program import Dependence, Program
 _ACCURATE = 1e-12
 """Part of their terms by which the states' equations may be missed: rounding leaves 1e-15."""
 
-_INDEPENDENT = 300.0
+_INDEPENDENT = 1e5
 """Condition of the eigenvectors, whatever the states' units, up to which they are used. Those of
 the structures here have 1 to 30, and 1e8 where speeds and attitudes are nearly integrators."""
 
