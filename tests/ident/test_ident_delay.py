@@ -55,6 +55,16 @@ def test_a_rational_fit_needs_no_start(tau):
     np.testing.assert_allclose(fits.denominators[best], den[::-1], rtol=1e-6)
 
 
+@pytest.mark.parametrize("given", [{"b1": 0.0}, {"a0": 0.0}, {"b1": 0.0, "a0": 0.0}, {"tau": 0.4}])
+def test_what_is_given_of_a_transfer_function_stays(given):
+    """With coefficients or the delay fixed, the rest is found without a start likewise."""
+    truth = {"b1": 3.0, "b0": -2.0, "a1": 1.5, "a0": 4.0, "tau": 0.4} | given
+    structure = structures.transfer_function(zeros=1, poles=2, input="u", output="y")
+    num, den = (truth["b1"], truth["b0"]), (1.0, truth["a1"], truth["a0"])
+    fit = identify(measured(curve(num, den, truth["tau"])), structure.with_fixed(given), searches=1)
+    assert fit.values == pytest.approx(truth, rel=1e-6)
+
+
 def test_the_grid_of_delays_follows_the_band_and_the_bounds():
     """Half a radian at the top apart, from a lead of 0.3 s to 0.5 s or two cycles of the top."""
     for top, last in ((40.0, 0.5), (10.0, 0.4 * np.pi), (2.0, 2.0 * np.pi)):

@@ -82,6 +82,7 @@ def rational_fits(
     poles: int,
     delays: NDArray[np.float64],
     fixed: bool = False,
+    known: NDArray[np.float64] | None = None,
 ) -> Rationals:
     """Fit a response from each delay.
 
@@ -93,16 +94,22 @@ def rational_fits(
         poles: order of the denominator.
         delays: (n_delay,) s, increasing.
         fixed: keep the delays where they begin.
+        known: (zeros + 1 + poles,) coefficients that are given, the numerator's first, from s^0
+            up; nan where they are sought. By default all are.
     """
     unit = float(np.sqrt(np.min(frequency) * np.max(frequency)))
     scaled = (1j * frequency / unit).astype(np.complex128)
     powers = scaled[:, None] ** np.arange(max(zeros, poles, 1) + 1)
     root = np.sqrt(weight / np.sum(weight))
-    top, bottom = _sanathanan_koerner(powers, measured, root, zeros, poles, unit * delays)
-    top, bottom, ended, errors = _descend(
-        powers, measured, root, top, bottom, unit * delays, fixed=fixed
-    )
     scale = unit ** (poles - np.arange(max(zeros, poles) + 1.0))
+    given = np.full(zeros + 1 + poles, np.nan)
+    if known is not None:
+        given = known / np.concatenate([scale[: zeros + 1], scale[:poles]])
+    top, bottom = _sanathanan_koerner(powers, measured, root, (zeros, poles), unit * delays, given)
+    sought = np.append(np.isnan(given), not fixed)
+    top, bottom, ended, errors = _descend(
+        powers, measured, root, top, bottom, unit * delays, sought
+    )
     return Rationals(
         begun=delays,
         delays=ended / unit,
@@ -116,11 +123,13 @@ def _sanathanan_koerner(
     powers: NDArray[np.complex128],
     measured: NDArray[np.complex128],
     root: NDArray[np.float64],
-    zeros: int,
-    poles: int,
+    orders: tuple[int, int],
     delays: NDArray[np.float64],
+    given: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the best numerator and denominator at each delay, frequencies scaled."""
+    zeros, poles = orders
+    sought = np.isnan(given)
     target = measured * np.exp(powers[:, 1] * delays[:, None])
     # The denominator of the first step has its poles in the middle of the band, well damped.
     previous = np.ones((delays.size, 1)) * np.atleast_1d(np.poly(-np.ones(poles)))
@@ -129,15 +138,14 @@ def _sanathanan_koerner(
     denominators = previous.copy()
     for _ in range(_STEPS):
         share = (root / np.abs(previous @ powers[:, : poles + 1].T))[..., None]
-        rows = np.concatenate(
-            [
-                share / target[..., None] * powers[:, : zeros + 1],
-                -share * powers[:, :poles],
-                share * powers[:, poles, None],
-            ],
+        columns = np.concatenate(
+            [share / target[..., None] * powers[:, : zeros + 1], -share * powers[:, :poles]],
             axis=-1,
         )
-        found = _least_squares(np.concatenate([rows.real, rows.imag], axis=1))
+        side = share * powers[:, poles, None] - columns[..., ~sought] @ given[~sought, None]
+        rows = np.concatenate([columns[..., sought], side], axis=-1)
+        found = np.tile(given, (delays.size, 1))
+        found[:, sought] = _least_squares(np.concatenate([rows.real, rows.imag], axis=1))
         top = found[:, : zeros + 1]
         bottom: NDArray[np.float64] = np.ones((delays.size, poles + 1))
         bottom[:, :poles] = found[:, zeros + 1 :]
@@ -159,8 +167,7 @@ def _descend(
     top: NDArray[np.float64],
     bottom: NDArray[np.float64],
     delays: NDArray[np.float64],
-    *,
-    fixed: bool,
+    sought: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], ...]:
     """Go from each start to a smallest relative error, by Levenberg and Marquardt, all at once.
 
@@ -168,7 +175,6 @@ def _descend(
         Numerators, denominators, delays and errors.
     """
     zeros, poles = top.shape[1] - 1, bottom.shape[1] - 1
-    free = zeros + 1 + poles + (not fixed)
     now = np.concatenate([top, bottom[:, :poles], delays[:, None]], axis=1)
 
     def compare(x: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
@@ -194,10 +200,10 @@ def _descend(
                 -model * powers[:, 1, None],
             ],
             axis=-1,
-        )[..., :free]
+        )[..., sought]
         rows = np.concatenate([slope, -residual[..., None]], axis=-1)[running]
         step = np.zeros_like(now)
-        step[running, :free] = _least_squares(
+        step[np.ix_(running, sought)] = _least_squares(
             np.concatenate([rows.real, rows.imag], axis=1), damping[running]
         )
         tried = compare(now + step)

@@ -117,6 +117,7 @@ def _rational_starts(cost: Cost, form: Coefficients | Factors, waits: Waits) -> 
         if parameter is None or parameter.fixed
         else delay_grid(points.frequency, *parameter.limits),
         fixed=fixed,
+        known=_known(structure, form),
     )
     low, high = np.array([parameter.limits for parameter in structure.free]).T
     first: list[Start] = []
@@ -139,6 +140,19 @@ def _rational_starts(cost: Cost, form: Coefficients | Factors, waits: Waits) -> 
         ends.append(end)
         (again if known else first).append(Start(np.clip(x, low, high), begun, chosen=True))
     return [*first[:_VALLEYS], *again[:_VALLEYS]]
+
+
+def _known(structure: Structure, form: Coefficients | Factors) -> NDArray[np.float64] | None:
+    """Return the coefficients of a transfer function that are given, nan for the others."""
+    if isinstance(form, Factors):
+        return None
+    sought = {parameter.name for parameter in structure.free}
+    return np.array(
+        [
+            np.nan if name in sought else structure.parameter(name).start
+            for name in (*form.numerator, *form.denominator)
+        ]
+    )
 
 
 def _solved(
