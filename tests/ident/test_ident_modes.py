@@ -256,6 +256,13 @@ def test_a_model_without_inertia_in_a_state_has_none(fit):
     assert "pole" not in str(none)
 
 
+def test_a_model_that_is_undefined_has_none():
+    """A division by zero in any entry."""
+    data = structures.heave.to_dict() | {"G": [["1/Z_col"]]}
+    with pytest.raises(IdentificationError, match="undefined"):
+        modes(Structure.from_dict(data), {"Z_w": -1.0, "Z_col": 0.0, "tau_col": 0.0}, ())
+
+
 def test_the_error_of_a_known_servo_is_in_the_modes():
     """Of the servo's own pole all of it; of the plant's what the fit made of it."""
     plain = structures.transfer_function(zeros=0, poles=1, input="lat", output="p", delay=None)

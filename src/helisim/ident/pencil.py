@@ -91,11 +91,16 @@ def pole_pencil(structure: Structure, values: Mapping[str, float]) -> Pencil:
     """Return the pencil F - s M, whose roots are the model's poles.
 
     Raises:
-        IdentificationError: M is singular.
+        IdentificationError: M is singular, or an entry undefined.
     """
     filled = structure.program.fill(structure.program.ordered(values))
     m, f = filled["M"], filled["F"]
     n = f.shape[0]
+    if not all(np.all(np.isfinite(matrix)) for matrix in filled.values()):
+        raise IdentificationError(
+            f"a matrix entry of {structure.name!r} is undefined for these parameters, so the model "
+            "has no modes"
+        )
     if n and np.linalg.cond(m) > _SINGULAR:
         raise IdentificationError(
             f"the matrix M of {structure.name!r} is singular for these parameters, so not every "
