@@ -127,6 +127,19 @@ def test_a_bad_file_is_one_line_and_status_2(
     assert says in fails(capsys, "identify", *arguments, "--structure", "heave")
 
 
+@pytest.mark.parametrize("command", ["look", "frf", "verify"])
+def test_json_is_no_log(tmp_path, sweep_csv, capsys, command):
+    """What reads logs says where a response in JSON belongs."""
+    response, model = tmp_path / "frf.json", tmp_path / "model.json"
+    signals = ["--inputs", "col", "--outputs", "w"]
+    main(["frf", str(sweep_csv()), *signals, "--json", str(response)])
+    model_of(tmp_path, sweep_csv(), "--structure", "heave")
+    capsys.readouterr()
+    more = {"look": [], "frf": signals, "verify": []}[command]
+    files = [model, response] if command == "verify" else [response]
+    assert "helisim identify takes" in fails(capsys, command, *files, *more)
+
+
 def test_the_help_says_what_a_file_may_be(capsys):
     """A newcomer finds that responses are taken too."""
     with pytest.raises(SystemExit):

@@ -217,6 +217,11 @@ def _open(path: Path, data: bytes, map_: Map, cut_tail: bool) -> Source:
         return read_ulog(path, data)
     if data.startswith((DATAFLASH_MAGIC, DATAFLASH_TEXT)):
         return read_dataflash(path, data)
+    if data.lstrip().startswith(b"{"):
+        raise StorageError(
+            f"{path}: JSON, which no log is in; helisim identify takes frequency responses that "
+            "helisim frf wrote, in place of logs"
+        )
     return TextLog(path, data, map_.layout, cut_tail=cut_tail)
 
 
