@@ -339,17 +339,17 @@ def value_objects():
 
 
 BY_NAME = ("Approach", "VerifiedOutput", "VerifiedRecord", "VerificationFigures")
-PLAIN = ("Step", "Parameter", "Mode", "Suspicion", *BY_NAME)
-"""Values without arrays, rows of tables among them."""
+"""Rows of tables: many fields of one type, which no order of arguments tells apart."""
 
 
 @pytest.mark.parametrize("kind", list(value_objects()), ids=lambda kind: kind.__name__)
 def test_value_objects_are_frozen(kind):
     """A result that was handed out can't be changed by whom it was handed to.
 
-    Those with arrays aren't compared field by field: numpy answers == with an array. Rows of
-    tables have many fields of one type, which no order of arguments tells apart.
+    Those with arrays aren't compared field by field: numpy answers == with an array.
     """
     assert kind.__dataclass_params__.frozen
-    assert kind.__dataclass_params__.eq == (kind.__name__ in PLAIN)
-    assert all(one.kw_only for one in dataclasses.fields(kind)) == (kind.__name__ in BY_NAME)
+    if any("ndarray" in str(one.type) for one in dataclasses.fields(kind)):
+        assert not kind.__dataclass_params__.eq
+    if kind.__name__ in BY_NAME:
+        assert all(one.kw_only for one in dataclasses.fields(kind))
