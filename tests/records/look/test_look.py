@@ -208,8 +208,8 @@ def test_a_wrong_unit_of_time_is_mended_and_said(tmp_path):
         (["sweep_lat", "sweep_lon"], "rollpitch"),
         (["sweep_col"], "heave"),
         (["sweep_ped"], "yaw_base"),
-        (["sweep_lat"], "tf:0/1"),
-        (["logger"], "tf:0/1"),
+        (["sweep_lat"], "tf:0/2"),
+        (["logger"], "tf:0/2"),
     ],
 )
 def test_the_command_for_example_logs_works(names, structure, tmp_path, capsys):

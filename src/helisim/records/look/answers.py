@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
 from helisim.records.logs.report import LogFinding
 from helisim.records.look.excitation import FoundExcitation
+from helisim.records.look.order import simplest
 from helisim.records.record import FlightRecord
 from helisim.records.trend import without_trend
 
@@ -29,6 +30,8 @@ _FEEDBACK = 0.5
 """Partial coherence of control and motion, sticks apart, from which a loop is closed."""
 _OWN = 0.05
 """Share of a control's power that its stick doesn't explain, from which something else drives."""
+_OF_OTHERS = {**dict.fromkeys(ATTITUDES, "tf:0/2"), **dict.fromkeys(ACCELERATIONS, "tf:1/1")}
+"""A lag with one more integral for an angle, one less for an acceleration."""
 _ANSWERS = (*RATES, *ATTITUDES, *VELOCITIES, *ACCELERATIONS)
 
 
@@ -42,6 +45,7 @@ class FoundAnswer:
         low: of the usable band, rad/s.
         high: of the usable band, rad/s.
         coherence: mean in the band.
+        structure: of a transfer function that follows it, to begin with.
     """
 
     input: str
@@ -49,6 +53,7 @@ class FoundAnswer:
     low: float
     high: float
     coherence: float
+    structure: str
 
     def to_dict(self) -> dict[str, object]:
         """Return plain data for JSON."""
@@ -58,6 +63,7 @@ class FoundAnswer:
             "low_rad_s": self.low,
             "high_rad_s": self.high,
             "coherence": self.coherence,
+            "structure": self.structure,
         }
 
 
@@ -107,7 +113,9 @@ def _band(
     if high < _NARROWEST * low:
         return None
     mean = float(np.mean(coherence[a:b]))
-    return FoundAnswer(excited.channel, output, float(low), float(high), mean)
+    response = cross[a:b, 1, 0] / cross[a:b, 0, 0]
+    order = _OF_OTHERS.get(output) or simplest(omega[a:b], response)
+    return FoundAnswer(excited.channel, output, float(low), float(high), mean, order)
 
 
 def cross_spectra(

@@ -7,7 +7,7 @@ from pathlib import Path
 from shlex import join, quote
 from typing import NamedTuple
 
-from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2
+from helisim.records.channels import IN1, IN2
 from helisim.records.logs.mapping import Column
 from helisim.records.logs.report import OURS, LogFinding
 from helisim.records.look.answers import FoundAnswer
@@ -20,10 +20,6 @@ _STRUCTURES = (
     ("yaw_base", ("ped",), ("r",)),
 )
 """Built-in structures of helicopters by inputs and outputs, the largest first."""
-_GENERAL = {**dict.fromkeys(ATTITUDES, "tf:0/2"), **dict.fromkeys(ACCELERATIONS, "tf:1/1")}
-_SIMPLEST = "tf:0/1"
-"""Of any aircraft: a lag with delay, one more integral for an angle, one less for an acceleration.
-Whether the data see more, `helisim identify` says."""
 _MAIN = 0.35
 """Of the largest excitation among controls of a kind, from which another counts."""
 _MARGIN = 2.0
@@ -126,7 +122,7 @@ def _choice(usable: Sequence[Looked]) -> tuple[str, tuple[str, ...], tuple[str, 
         (a for one in usable for a in one.answers),
         key=lambda a: (a.output in ("p", "q", "r"), rank[a.input] < len(IN1), a.coherence),
     )
-    return _GENERAL.get(best.output, _SIMPLEST), (best.input,), (best.output,)
+    return best.structure, (best.input,), (best.output,)
 
 
 def _rotors(log: Opened) -> bool:

@@ -1,0 +1,27 @@
+"""The order of a transfer function to begin with, told from a response."""
+
+import numpy as np
+import pytest
+
+from helisim.records.look.order import simplest
+
+OMEGA = np.geomspace(1.0, 25.0, 60)
+S = 1j * OMEGA
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.1])
+@pytest.mark.parametrize(
+    ("response", "order"),
+    [
+        (90.0 / (S + 6.0) * np.exp(-0.04 * S), "tf:0/1"),
+        (90.0 / (S + 6.0) / (S / 200.0 + 1.0), "tf:0/1"),  # a servo far above the band
+        (400.0 / (S**2 + 12.0 * S + 144.0) * np.exp(-0.1 * S), "tf:0/2"),
+        ((-20.0 * S - 40.0) / (S**2 + 6.0 * S + 25.0) * np.exp(-0.03 * S), "tf:1/2"),
+        ((0.4 * S + 0.1) / (S**2 + 0.9 * S + 4.0) * np.exp(-0.2 * S), "tf:1/2"),
+    ],
+)
+def test_the_simplest_order_that_follows_is_chosen(response, order, noise):
+    """A lag, an oscillation without and with a zero, each with a delay and up to 10 % of noise."""
+    random = np.random.default_rng(0)
+    spoiled = 1.0 + noise * (random.standard_normal(60) + 1j * random.standard_normal(60))
+    assert simplest(OMEGA, response * spoiled) == order
