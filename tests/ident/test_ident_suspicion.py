@@ -81,6 +81,7 @@ def test_a_wrong_sign_is_told():
     assert found[0] == ("sign", "--channel lat=COLUMN:UNIT:sign=-1")
 
 
+@pytest.mark.slow
 def test_swapped_columns_are_told():
     """The angle where the rate should be, with the cost that it would have."""
     fit = identify(data(swapped=True), roll())
@@ -124,3 +125,13 @@ def test_low_coherence_is_told():
     fit = identify(replace(frf, response=wild), roll())
     kinds = {one.kind for one in suspicions(fit)}
     assert kinds == {"coherence"}
+
+
+def test_a_transfer_function_that_is_too_small_is_told():
+    """An oscillation with a zero, fitted by a lag: the order that would follow it."""
+    s = 1j * OMEGA
+    response = (-20.0 * s - 40.0) / (s**2 + 2.0 * s + 25.0) * np.exp(-0.03 * s)
+    frf = FrequencyResponse.exact(OMEGA, response[None, None], inputs=("lon",), outputs=("q",))
+    fit = identify(frf, transfer_function(input="lon", output="q", zeros=0, poles=1))
+    found = suspicions(fit)
+    assert (found[0].kind, found[0].option) == ("order", "--structure tf:1/2")

@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 from helisim.errors import HelisimError
 from helisim.ident.points import PHASE_WEIGHT
 from helisim.ident.response import FrequencyResponse
+from helisim.ident.structure import Structure
+from helisim.ident.transfer import coefficients, transfer_function
 from helisim.units import DB_PER_NEPER
 
 if TYPE_CHECKING:
     from helisim.ident.result import Fit
 
-Kind = Literal["delay", "sign", "band", "coherence", "unit", "columns"]
+Kind = Literal["delay", "sign", "band", "coherence", "unit", "columns", "order"]
 
 _HIGH = 50.0
 """Cost of a response, from which what it leaves is looked at: below, it is excellent."""
@@ -42,7 +44,7 @@ _BETTER = 0.3
 _TOLD, _CLOSE = 3, 3.0
 """Trials that are told: those that leave no more than three times as much as the best."""
 _TRIALS = 24
-_LARGEST = 16
+_LARGEST = 12
 """Trials, and free parameters of a structure that is tried: so that it takes seconds at most."""
 _SEARCHES = 3
 _MORE_DELAY = (0.025, 0.05, 0.1, 0.2)
@@ -55,7 +57,7 @@ class Suspicion:
     """A likely cause of a fit that fails.
 
     Attributes:
-        kind: "delay", "sign", "band", "coherence", "unit" or "columns".
+        kind: "delay", "sign", "band", "coherence", "unit", "columns" or "order".
         text: what the data show, how clearly, and what to try.
         option: of the command line, to try.
     """
@@ -265,6 +267,7 @@ class _Trial(NamedTuple):
     data: FrequencyResponse
     text: str
     option: str
+    structure: Structure | None = None
 
 
 def _tried(fit: "Fit") -> tuple[Suspicion, ...]:
@@ -274,8 +277,8 @@ def _tried(fit: "Fit") -> tuple[Suspicion, ...]:
     plain = replace(fit.data, scatter=None, direct=None)
     base = _cost(fit, plain)
     better = []
-    for trial in [*_delays(fit, plain), *_trials(fit, plain)][:_TRIALS]:
-        cost = _cost(fit, trial.data)
+    for trial in [*_orders(fit, plain), *_delays(fit, plain), *_trials(fit, plain)][:_TRIALS]:
+        cost = _cost(fit, trial.data, trial.structure)
         if cost < _BETTER * base:
             text = f"{trial.text}: J would be {cost:.3g}, not {base:.3g}"
             text += f"; try {trial.option}" if trial.option else ""
@@ -284,8 +287,11 @@ def _tried(fit: "Fit") -> tuple[Suspicion, ...]:
     return tuple(one for cost, one in better[:_TOLD] if cost < _CLOSE * better[0][0] + 1.0)
 
 
-def _cost(fit: "Fit", data: FrequencyResponse) -> float:
-    """Return the cost of the fit's structure on other data, infinite where it can't be fitted."""
+def _cost(fit: "Fit", data: FrequencyResponse, structure: Structure | None = None) -> float:
+    """Return the cost of the fit's structure, or another one, on other data.
+
+    Infinite where it can't be fitted.
+    """
     from helisim.ident.fit import identify
 
     options: Any = {
@@ -295,7 +301,7 @@ def _cost(fit: "Fit", data: FrequencyResponse) -> float:
     try:
         return identify(
             data,
-            fit.structure.with_starts({}),
+            structure or fit.structure,
             band=fit.band,
             searches=_SEARCHES,
             weighting="coherence",
@@ -330,6 +336,22 @@ def _trials(fit: "Fit", data: FrequencyResponse) -> list[_Trial]:
             text = f"with {name}'s column in {said}, not {was}"
             found.append(_Trial("unit", _scaled(data, 0, name, factor), text, option))
     return found
+
+
+def _orders(fit: "Fit", data: FrequencyResponse) -> Iterator[_Trial]:
+    """Yield larger transfer functions than the one that was fitted."""
+    form = coefficients(fit.structure)
+    if form is None or any(one.fixed for one in fit.structure.parameters):
+        return
+    for zeros, poles in ((form.zeros, form.poles + 1), (form.zeros + 1, form.poles + 1)):
+        larger = transfer_function(
+            input=fit.structure.inputs[0],
+            output=fit.structure.outputs[0],
+            zeros=zeros,
+            poles=poles,
+        )
+        option = f"--structure tf:{zeros}/{poles}"
+        yield _Trial("order", data, f"with {zeros} zeros and {poles} poles", option, larger)
 
 
 def _delays(fit: "Fit", data: FrequencyResponse) -> Iterator[_Trial]:

@@ -47,7 +47,7 @@ def _tried(
 ) -> _Tried:
     """Return the error, rms and relative, and the poles of the best delay."""
     scale = float(np.sqrt(omega[0] * omega[-1]))
-    s = 1j * omega / scale
+    s = np.asarray(1j * omega / scale, dtype=np.complex128)
     fits = [
         _with_delay(s, response * np.exp(1j * omega * delay), zeros, poles) for delay in _DELAYS
     ]
@@ -61,7 +61,7 @@ def _with_delay(
     """Solve the coefficients linearly, the denominator's highest being 1."""
     powers = np.stack([s**k for k in range(max(zeros, poles) + 1)])
     weight = np.abs(response)
-    below = np.ones_like(response)
+    below, x = np.ones_like(response), np.zeros(zeros + 1 + poles)
     for _ in range(_ROUNDS):
         columns = np.vstack([powers[: zeros + 1], -response * powers[:poles]])
         rows = (columns / (weight * np.abs(below))).T
