@@ -186,9 +186,10 @@ def test_a_biased_width_is_left_out_and_its_bias_is_known():
     assert choice.share[:2, 0, 0, 20] == pytest.approx([0.2, 0.8])
     choice = choose(*widths_of([0.0, 0.3, 0.3], [4e-4, 2e-4, 1e-4]))
     assert choice.share[0, 0, 0, 20] == 1.0
-    # gap^2 - (var_1 - var_2) of the second width, times (0.1 / 0.2)^(2 (2 + 2)): both biases grow
-    # with the width to the power 4
-    assert choice.bias[0, 0, 20] ** 2 == pytest.approx((0.09 - 2e-4) / 2.0**8, rel=1e-9)
+    # gap^2 - 1.5 (var_1 - var_2) of the first two: by half the chance it must be sure. Biases grow
+    # with the width to the power 4, so the gap is b (1 - 2^-4), and the narrowest's b / 2^4
+    surely = (0.09 - 1.5 * 2e-4) / (1.0 - 2.0**-4) ** 2
+    assert choice.bias[0, 0, 20] ** 2 == pytest.approx(surely / 2.0**8, rel=1e-9)
 
 
 def scatter(seed):

@@ -1,5 +1,7 @@
 """The errors of a response and how they hang together, against many flights."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter
@@ -32,19 +34,22 @@ def swept(seed):
     return FlightRecord(time, columns, tuple(map(channel, ("lat", "p", "q"))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("windows", "overlap"),
+    ("estimator", "windows", "overlap"),
     [
-        pytest.param(12.0, 0.5, marks=pytest.mark.slow),
-        (12.0, 0.75),
-        pytest.param(None, 0.8, marks=pytest.mark.slow),
+        ("windows", 12.0, 0.5),
+        ("windows", 12.0, 0.75),
+        ("windows", None, 0.8),
+        ("local", None, 0.75),
     ],
 )
-def test_stated_covariance_is_that_of_many_flights(windows, overlap):
+def test_stated_covariance_is_that_of_many_flights(estimator, windows, overlap):
     """Variances and correlations of a sweep's response are as stated, composite included.
 
     The sweep passes each frequency once, so averages over its windows say nothing of its error;
-    the outputs share a disturbance, and neighbouring frequencies share windows.
+    the outputs share a disturbance, and neighbouring frequencies share windows or lines. Of the
+    random part, that is: what scatters between flights; a bias does not.
     """
     found, stated = [], []
     for seed in range(REPLICATES):
@@ -53,6 +58,7 @@ def test_stated_covariance_is_that_of_many_flights(windows, overlap):
             inputs="lat",
             outputs=("p", "q"),
             band=BAND,
+            estimator=estimator,
             windows=windows,
             overlap=overlap,
         )
@@ -61,8 +67,16 @@ def test_stated_covariance_is_that_of_many_flights(windows, overlap):
         if seed < 20:
             outputs = np.repeat([0, 1], index.size)
             at = (outputs, np.zeros_like(outputs), np.tile(index, 2))
-            stated.append(frf.scatter.covariance(*at))
-            np.testing.assert_allclose(frf.scatter.variance(*at), np.diagonal(stated[-1]).real)
+            none = {"bias": np.zeros(frf.response.shape)}
+            if estimator == "local":
+                none["spread"] = none["bias"]
+            random = replace(frf.scatter, **none)
+            stated.append(random.covariance(*at))
+            # local weights are kept in single precision
+            np.testing.assert_allclose(
+                random.variance(*at), np.diagonal(stated[-1]).real, rtol=1e-5
+            )
+            assert np.all(frf.scatter.variance(*at) >= random.variance(*at))
     expected, measured = np.mean(stated, axis=0), np.cov(np.array(found).T)
     size = np.sqrt(np.diagonal(measured).real)
     ratio = np.sqrt(np.diagonal(expected).real) / size

@@ -15,7 +15,7 @@ feedback those responses are damped, and so smooth, even where the vehicle is un
 
 How wide the band is, the data choose. From the narrowest that the lines allow upwards, widths
 grow by a factor; each has its random error, known from its weights, and a bias, seen as what its
-difference from the narrowest has in excess of that difference's own random error. The widths
+difference from the next narrower one has in excess of that difference's own random error. The widths
 are averaged by their mean-square errors, and the bias that is left is stated with the errors.
 """
 
@@ -103,7 +103,7 @@ class Local:
         )
         response = np.sum(choice.share * bands.gain, axis=0)
         weights = bands.packed(choice.share)
-        scatter = LocalScatter(frequency, weights, choice.share, noise, choice.bias)
+        scatter = LocalScatter(frequency, weights, choice.share, noise, choice.bias, choice.spread)
         o, i, w = np.indices(response.shape).reshape(3, -1)
         variance = scatter.variance(o, i, w).reshape(response.shape)
         relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)

@@ -1,9 +1,9 @@
 """Chooses between widths of the band by their mean-square errors, and says what bias is left.
 
-The narrowest width is the least biased. A wider one's squared bias is how far it is from the
-narrowest, squared, less the variance of that difference, averaged over neighbouring
-frequencies; it doesn't fall where the band gets wider. The narrowest's own is what the next
-one's becomes by the law of a polynomial's bias, the width to the power ORDER + 2.
+A polynomial's bias grows with the width of its band to the power ORDER + 2, so each width's bias
+follows from how far it is from the next narrower one: squared, less the variance of that
+difference, averaged over neighbouring frequencies. It doesn't fall where the band gets wider. The
+narrowest's own follows from the next one's by the same law.
 """
 
 from dataclasses import dataclass
@@ -20,19 +20,25 @@ _LEAST = 0.05
 """A width with a smaller share is left out."""
 
 
+_DOUBT = 0.5
+"""Shares of a difference's variance that its square must exceed it by to be stated as a bias: the
+mean over neighbours is of two or three independent ones."""
+
 _FLOOR = 0.005**2
 """Squared relative differences with a smaller variance are equally well known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Shares of the widths in the estimate, (n_width, n_out, n_in, n_freq), and its bias.
+    """Shares of the widths in the estimate, (n_width, n_out, n_in, n_freq).
 
-    `bias` is (n_out, n_in, n_freq).
+    `bias` and `spread`, (n_out, n_in, n_freq) each, are the systematic error that is left, and
+    the standard deviation of the widths' responses around their mean.
     """
 
     share: NDArray[np.float64]
     bias: NDArray[np.float64]
+    spread: NDArray[np.float64]
 
 
 def choose(
@@ -59,20 +65,24 @@ def choose(
     size = np.abs(gain[narrowest, :, :, at].transpose(1, 2, 0))
     size = np.maximum(size, 1e-300)
     own = np.einsum("ccif->cif", shared)
-    base = own[narrowest, :, at].T
-    squared = np.zeros(gain.shape)
+    squared, sure = np.zeros(gain.shape), np.zeros(gain.shape)
     for width in range(n_width):
-        gap = np.abs(gain[width] - gain[narrowest, :, :, at].transpose(1, 2, 0)) ** 2
-        between = own[width] + base - 2.0 * shared[width, narrowest, :, at].T
+        before = _before(valid, width)
+        gap = np.abs(gain[width] - gain[before, :, :, at].transpose(1, 2, 0)) ** 2
+        between = own[width] + own[before, :, at].T - 2.0 * shared[width, before, :, at].T
         chance = np.maximum(between, 0.0) * power[:, None, :] / size**2
         counted = valid[width] & (narrowest < width)
         known = np.where(counted, 1.0 / (chance + _FLOOR) ** 2, 0.0)
         mean = smoothed(gap / size**2 - chance, frequency, known, 0.5 * widths[width])
-        squared[width] = np.where(counted, np.maximum(mean, 0.0), 0.0) * size**2
-    squared = np.maximum.accumulate(squared, axis=0)
+        law = np.where(counted, 1.0 - (widths[before] / widths[width]) ** (ORDER + 2), 1.0)
+        doubt = _DOUBT * smoothed(chance, frequency, known, 0.5 * widths[width])
+        for found, value in ((squared, mean), (sure, mean - doubt)):
+            found[width] = np.where(counted, np.maximum(value, 0.0) / law**2, 0.0) * size**2
     following = np.minimum(narrowest + 1, n_width - 1)
     law = (widths[narrowest] / widths[following]) ** (2 * (ORDER + 2))
-    squared += law * squared[following, :, :, at].transpose(1, 2, 0)
+    for found in (squared, sure):
+        np.maximum.accumulate(found, axis=0, out=found)
+        found += law * found[following, :, :, at].transpose(1, 2, 0)
     error = own[:, None] * power[:, None, :] + squared
     error = np.where(valid[:, None, None, :], np.maximum(error, 1e-300), np.inf)
     share = (np.min(error, axis=0) / error) ** _SHARPNESS
@@ -81,7 +91,14 @@ def choose(
     share /= np.sum(share, axis=0)
     mean = np.sum(share * gain, axis=0)
     spread = np.sum(share * np.abs(gain - mean) ** 2, axis=0)
-    return Choice(share, np.sqrt(np.sum(share * squared, axis=0) + spread))
+    return Choice(share, np.sqrt(np.sum(share * sure, axis=0)), np.sqrt(spread))
+
+
+def _before(valid: NDArray[np.bool_], width: int) -> NDArray[np.intp]:
+    """Return the next narrower width that is valid, (n_freq,); the width itself if none is."""
+    numbers = np.where(valid[:width], np.arange(width)[:, None], -1)
+    found = np.max(numbers, axis=0, initial=-1)
+    return np.where(found < 0, width, found)
 
 
 def smoothed(

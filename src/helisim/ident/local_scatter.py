@@ -9,7 +9,9 @@ and lines of a record without a window are nearly independent, so
     cov[dH(w), dH(w')] = sum over the lines that both use of  q(w) q(w')* S ,
 
 with S the disturbance's spectrum, which is smooth where q is not: it stands before the sum.
-The bias that is left is added: the same for neighbours, unrelated further away.
+The bias that is left is added: the same for neighbours, unrelated further away. So is what the
+widths of the band differ by around their average, each point for itself: which of them are used
+is chosen by the data, which the sum above doesn't know.
 """
 
 from collections.abc import Sequence
@@ -47,6 +49,8 @@ class LocalScatter(Value):
         share: (n_width, n_out, n_in, n_freq) each width's share in the response.
         noise: (n_freq, n_out, n_out) one-sided spectra between the outputs' disturbances.
         bias: (n_out, n_in, n_freq) size of the systematic error that is left.
+        spread: (n_out, n_in, n_freq) what the choice of widths adds at each point for itself;
+            none by default.
     """
 
     frequency: NDArray[np.float64]
@@ -54,6 +58,7 @@ class LocalScatter(Value):
     share: NDArray[np.float64]
     noise: NDArray[np.complex128]
     bias: NDArray[np.float64]
+    spread: NDArray[np.float64] | None = None
 
     def covariance(
         self,
@@ -83,7 +88,11 @@ class LocalScatter(Value):
                 total[np.ix_(mine[a], mine[b])] = block
                 total[np.ix_(mine[b], mine[a])] = block.conj().T
         total *= root @ root.conj().T
-        return total + bias_covariance(self.bias, self.frequency, o, i, w)
+        total += bias_covariance(self.bias, self.frequency, o, i, w)
+        if self.spread is not None:
+            same = (o[:, None] == o) & (i[:, None] == i) & (w[:, None] == w)
+            total += np.where(same, self.spread[o, i, w] ** 2, 0.0)
+        return total
 
     def variance(
         self,
@@ -104,7 +113,8 @@ class LocalScatter(Value):
             share = self.share[self.weights[at].part][:, o[k], i[k], at].T
             power = np.real(np.einsum("kc,kcd,kd->k", share, own[i[k]], share))
             total[k] = power * np.real(self.noise[at, o[k], o[k]])
-        return total + self.bias[o, i, w] ** 2
+        total += self.bias[o, i, w] ** 2
+        return total if self.spread is None else total + self.spread[o, i, w] ** 2
 
     def minus(self, other: "LocalScatter") -> "LocalScatter":
         """Return the scatter of the difference of two estimates from the same records."""
@@ -116,6 +126,7 @@ class LocalScatter(Value):
             ),
             share=np.concatenate([self.share, -other.share]),
             bias=np.hypot(self.bias, other.bias),
+            spread=_together(self.spread, other.spread),
         )
 
     def _mixing(
@@ -153,6 +164,14 @@ def _product(one: LineWeights, other: LineWeights) -> NDArray[np.complex128] | N
         right = other.value[:, :, flights, cut[1] : cut[1] + cut[2]].reshape(columns, -1)
         total += left @ right.conj().T
     return total if found else None
+
+
+def _together(
+    one: NDArray[np.float64] | None, other: NDArray[np.float64] | None
+) -> NDArray[np.float64] | None:
+    """Return two independent deviations' sum; None where neither is known."""
+    known = [each for each in (one, other) if each is not None]
+    return np.sqrt(sum(each**2 for each in known)) if known else None
 
 
 def _beside(one: LineWeights, other: LineWeights, n_width: int) -> LineWeights:
