@@ -17,17 +17,27 @@ misses, whatever the noise does.
     python scripts/proof/delay_study.py                  every case of the list below, three seeds
     python scripts/proof/delay_study.py --case 1/2 --delay 0.28 --seed 7 --verbose
     python scripts/proof/delay_study.py --case rollpitch --delay 0.5
+    python scripts/proof/delay_study.py --case hover --delay 0.5 --flipped 0.2
+
+`rollpitch` is Wu and Chen's model, its starts the built-in structure's; aircraft of
+tests/recovery are the published ones and one of 38 parameters, their starts powers of ten of
+the right sign. `--flipped` gives a share of those starts the wrong sign.
 """
 
 import argparse
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import count, islice
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "recovery"))
+from fleet import FLEET
 
 from helisim.ident import Fit, FrequencyResponse, Structure, identify, structures
 from helisim.ident.cost import Cost
@@ -57,6 +67,7 @@ CASES = (
     ("4/6", 0.5),
     ("rollpitch", 0.28),
     ("rollpitch", 0.5),
+    *((name, 0.5) for name in FLEET),
 )
 ROLLPITCH = {
     "tau_f": 0.04456,
@@ -159,6 +170,33 @@ def rotor_case(delay: float, seed: int) -> Case:
     return Case(structure, truth, delays, measured(random, structure, frequency, exact))
 
 
+def aircraft_case(name: str, delay: float, seed: int, flipped: float) -> Case:
+    """Return an aircraft of tests/recovery, parameters scattered by 15 %, delays drawn."""
+    random = np.random.default_rng([98, seed, *name.encode()])
+    aircraft = FLEET[name]()
+    structure = aircraft.structure
+    delays = tuple(
+        parameter.name
+        for parameter in structure.free
+        if parameter.name.startswith("tau") and parameter.limits[0] < 0.0
+    )
+    structure = structure.with_bounds(dict.fromkeys(delays, (-0.3, 5.0)))
+    free = [parameter.name for parameter in structure.free]
+    drawn = {n: aircraft.truth[n] * np.exp(0.15 * random.normal()) for n in free}
+    drawn |= {n: random.uniform(0.0, delay) for n in delays}
+    wrong = [p for p in structure.free if p.bounds is None and random.random() < flipped]
+    structure = structure.with_starts({p.name: -p.start for p in wrong})
+    band = (
+        2.0 * min(sweep.band[0] for sweep in aircraft.sweeps),
+        max(sweep.band[1] for sweep in aircraft.sweeps) / 1.5,
+    )
+    frequency = np.geomspace(*band, POINTS)
+    exact = response(structure, {**aircraft.truth, **drawn}, frequency)
+    size = np.max(np.abs(exact), axis=2, keepdims=True)
+    exact[np.broadcast_to(size < 1e-9 * np.max(size), exact.shape)] = 0.0
+    return Case(structure, drawn, delays, measured(random, structure, frequency, exact))
+
+
 def measured(
     random: np.random.Generator, structure: Structure, frequency: NDArray, exact: NDArray
 ) -> FrequencyResponse:
@@ -213,10 +251,14 @@ def above(case: Case, fit: Fit) -> bool:
     return fit.cost * len(fit.costs) > 1.001 * near.cost + 1e-6
 
 
-def drawn(name: str, delay: float, seed: int, *, keep_all: bool) -> Iterator[Case]:
+def drawn(
+    name: str, delay: float, seed: int, *, keep_all: bool, flipped: float = 0.0
+) -> Iterator[Case]:
     """Yield random cases without end."""
     make: Callable[[int], Case]
-    if name == "rollpitch":
+    if name in FLEET:
+        make = lambda number: aircraft_case(name, delay, number, flipped)  # noqa: E731
+    elif name == "rollpitch":
         make = lambda number: rotor_case(delay, number)  # noqa: E731
     else:
         zeros, poles = map(int, name.split("/"))
@@ -234,12 +276,15 @@ def study(
     number: int,
     *,
     keep_all: bool = False,
+    flipped: float = 0.0,
     verbose: bool = False,
 ) -> int:
     """Fit random cases, print how many are found, and return it."""
     hits = high = unwarned = 0
     used = 0.0
-    for k, case in enumerate(islice(drawn(name, delay, seed, keep_all=keep_all), number)):
+    for k, case in enumerate(
+        islice(drawn(name, delay, seed, keep_all=keep_all, flipped=flipped), number)
+    ):
         begun = time.process_time()
         fit = identify(case.data, case.structure)
         used += time.process_time() - begun
@@ -262,16 +307,25 @@ def study(
 def main() -> None:
     """Print the study."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--case", help="ZEROS/POLES or rollpitch")
+    parser.add_argument("--case", help="ZEROS/POLES, rollpitch, or an aircraft")
     parser.add_argument("--delay", type=float, default=0.28)
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--seed", type=int)
     parser.add_argument("--any", action="store_true", help="keep draws that no method can tell")
+    parser.add_argument("--flipped", type=float, default=0.0, help="share of wrong signs")
     parser.add_argument("--verbose", action="store_true")
     asked = parser.parse_args()
     for name, delay in CASES if asked.case is None else [(asked.case, asked.delay)]:
         for seed in range(1, 4) if asked.seed is None else [asked.seed]:
-            study(name, delay, seed, asked.count, keep_all=asked.any, verbose=asked.verbose)
+            study(
+                name,
+                delay,
+                seed,
+                asked.count,
+                keep_all=asked.any,
+                flipped=asked.flipped,
+                verbose=asked.verbose,
+            )
 
 
 if __name__ == "__main__":

@@ -211,6 +211,22 @@ def test_incoherent_responses_are_left_out_and_named():
     assert set(fit.costs) == {"p/lat", "q/lat", "q/lon"}
 
 
+def test_a_response_of_zero_is_left_out_and_named():
+    """What has neither decibels nor a phase can't be fitted; the others are, as if alone."""
+    uncoupled = ROLLPITCH | dict.fromkeys(("A_b", "B_a", "A_lat", "B_lon"), 0.0)
+    structure = structures.rollpitch.with_fixed(dict.fromkeys(("A_b", "B_a", "A_lat", "B_lon"), 0))
+    data = exact(structures.rollpitch, uncoupled)
+    zero = data.response.copy()
+    zero[0, 1] = zero[1, 0] = 0.0
+    fit = identify(
+        FrequencyResponse.exact(data.frequency, zero, inputs=data.inputs, outputs=data.outputs),
+        structure,
+    )
+    assert fit.dropped == ("p/lon", "q/lat")
+    assert fit["tau_lat"].value == pytest.approx(0.01, rel=1e-6)
+    assert fit.cost < 1e-9
+
+
 ROLLPITCH = {
     "tau_f": 0.05,
     "L_b": 400.0,

@@ -78,7 +78,8 @@ def select(
         o, i = frf.index(*wanted[name])
         low, high = limits[name]
         inside = (frf.frequency >= low * (1 - 1e-9)) & (frf.frequency <= high * (1 + 1e-9))
-        usable = np.flatnonzero(inside & frf.usable()[o, i])
+        # A response of zero, such as a structure's own, has neither decibels nor a phase.
+        usable = np.flatnonzero(inside & frf.usable()[o, i] & (frf.response[o, i] != 0.0))
         if usable.size >= _FEWEST:
             kept.append(name)
             chosen.append(_log_spaced(frf.frequency, usable, count))
