@@ -154,7 +154,7 @@ def tended_to(plan: Row) -> dict[tuple[str, str], float]:
     vehicle = load(plan["vehicle"])
     found = {}
     for model in MODELS:
-        if model.truth != "derivatives" or model.name not in plan["models"]:
+        if model.truth_kind != "derivatives" or model.name not in plan["models"]:
             continue
         omega = np.geomspace(*model.band, 200)
         exact = exact_response(vehicle, model, Recorder.of(vehicle), omega)

@@ -8,6 +8,7 @@ from helisim.errors import UnknownNameError
 from helisim.ident.factored import factored
 from helisim.ident.structure import Parameter, Structure
 from helisim.ident.structures_inflow import heave_inflow, with_inflow
+from helisim.ident.structures_speeds import with_speeds
 from helisim.ident.transfer import (
     delay_parameter,
     first_order_delay,
@@ -28,6 +29,7 @@ __all__ = [
     "named",
     "rollpitch",
     "rollpitch_inflow",
+    "rollpitch_speeds",
     "rollpitch_tied",
     "second_order_delay",
     "transfer_function",
@@ -236,6 +238,8 @@ rollpitch_tied = Structure(
 
 rollpitch_inflow = with_inflow(rollpitch, "rollpitch_inflow")
 
+rollpitch_speeds = with_speeds(rollpitch, "rollpitch_speeds")
+
 _HOVER_STATES = ("u", "v", "p", "q", "phi", "theta", "a", "b")
 
 _hover_parameters = (
@@ -323,6 +327,7 @@ BUILT_IN: dict[str, Structure] = {
         rollpitch,
         rollpitch_tied,
         rollpitch_inflow,
+        rollpitch_speeds,
         hover,
         hover_imu,
         hover_inflow,

@@ -33,6 +33,7 @@ def frequency_response(model: ModelSpec, flights: Flights) -> ident.FrequencyRes
         outputs=model.outputs,
         conditioning=model.conditioning or None,
         reference=model.reference or None,
+        estimator=model.estimator,
         band=_usable_band(model.band, records),
     )
 

@@ -75,6 +75,8 @@ class ModelSpec:
             nowhere, where the structure is a low-order "equivalent" of more than it has states
             for; the truth is then the structure fitted to the exact response.
         given: parameter -> where its value is from; it is not fitted.
+        servos_known: the servos are in the structure, so no delay holds them.
+        estimator: of the response, by `ident.frequency_response`; its default if None.
         behind: what the ground tests needed to know for that.
         verified_by: axes whose doublets it must predict (the paper's Figures 7 and 8).
         tolerances: by parameter name; a parameter without one is reported, not judged.
@@ -94,6 +96,8 @@ class ModelSpec:
     structure: ident.Structure
     truth_kind: Literal["derivatives", "gyro", "equivalent"] = "derivatives"
     given: dict[str, Given] = field(default_factory=dict)
+    servos_known: bool = False
+    estimator: str | None = None
     behind: tuple[Given, ...] = ()
     verified_by: tuple[str, ...] = ()
     tolerances: dict[str, Tolerance] = field(default_factory=dict)

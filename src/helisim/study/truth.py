@@ -73,7 +73,8 @@ def true_values(
 ) -> dict[str, float]:
     """Return the true parameters of a model from the exact linearisation of the vehicle.
 
-    Delays are the servos' equivalent delay and the recorder's latencies. A low-order equivalent
+    Delays are the recorder's latencies and the servos' equivalent delay, of which half the period
+    of their commands is left where the servos are in the structure. A low-order equivalent
     has no parameters of its own in the vehicle: its truth is the structure fitted to the exact
     frequency response.
 
@@ -98,8 +99,24 @@ def true_values(
         ("tau_lon", "lon", "q"),
         ("tau_col", "col", "w"),
     ):
-        true[delay] = vehicle.servo_delay(axis) + late(motion) - late(axis)
+        held = 0.5 * vehicle.parameters["gyro.period"]
+        servo = held if model.servos_known else vehicle.servo_delay(axis)
+        true[delay] = servo + late(motion) - late(axis)
+    true["A_u"] = true["Q_u"] * true["tau_f"]
+    if "L_p" in model.structure.names:
+        true |= _dampings(air)
     return true
+
+
+def _dampings(air: Air) -> dict[str, float]:
+    """Return what opposes roll and pitch beside the tilted rotor, the mean over the air met."""
+    mean = {"L_p": 0.0, "M_q": 0.0}
+    for share, there in air:
+        system = there.linearize("IN1").system
+        for name, rate in (("L_p", "p"), ("M_q", "q")):
+            place = system.state_labels.index(rate)
+            mean[name] += share * float(system.A[place, place])
+    return mean
 
 
 def _gyro_values(vehicle: Vehicle, base: dict[str, float]) -> dict[str, float]:

@@ -13,6 +13,7 @@ from helisim.records.files import read_toml
 from helisim.study.campaign.design import Design, Point, points
 from helisim.study.campaign.settings import SECTIONS, Change, Settings
 from helisim.study.campaign.variation import Variation, is_variation, parse
+from helisim.study.known import KNOWN_MODELS
 from helisim.study.models import MODELS, ModelSpec
 from helisim.vehicle.assembly import Integrator
 from helisim.vehicle.folder import is_shipped, model_folder
@@ -23,7 +24,10 @@ Method = Literal["designed", "direct", "joint"]
 Seeds = Literal["own", "common"]
 """Whether replicates of different points have seeds of their own, or the same."""
 
-MODEL_NAMES = tuple(model.name for model in MODELS)
+_DEFAULT = tuple(model.name for model in MODELS)
+_CHOICE = (*MODELS, *KNOWN_MODELS)
+MODEL_NAMES = tuple(model.name for model in _CHOICE)
+"""The experiment's models, and those with known servos."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ class Campaign:
         seed: of the draws and of the first replicate.
         seeds: "own": every replicate has a seed of its own; "common": the k-th replicates of
             all points share one, so that differences between points stand out.
-        models: to identify, names of the experiment's.
+        models: to identify, names of the experiment's or of `KNOWN_MODELS`.
         sweeps: of a model, the axes whose sweeps are pooled in place of the experiment's.
         methods: by which, each in turn: "designed", as the experiment says; "direct"; or
             "joint", by the sticks as reference where the inputs are servo signals.
@@ -76,7 +80,7 @@ class Campaign:
     replicates: int = 1
     seed: int = 1
     seeds: Seeds = "own"
-    models: tuple[str, ...] = MODEL_NAMES
+    models: tuple[str, ...] = _DEFAULT
     sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     methods: tuple[Method, ...] = ("designed",)
     flights: int = 10
@@ -139,7 +143,7 @@ class Campaign:
         """The models to identify, in the experiment's order."""
         return tuple(
             replace(model, sweeps=self.sweeps.get(model.name, model.sweeps))
-            for model in MODELS
+            for model in _CHOICE
             if model.name in self.models
         )
 

@@ -15,7 +15,9 @@ from helisim.study.campaign.plan import MODEL_NAMES, Campaign, Method, Replicate
 from helisim.study.comparison import ComparisonTable
 from helisim.study.flights import Flights
 from helisim.study.identification import GroundTests, comparison_table, identify_model
+from helisim.study.known import SERVOS
 from helisim.study.models import ModelSpec
+from helisim.study.servos import servo_test
 from helisim.study.truth import air_met
 from helisim.vehicle import Vehicle
 
@@ -151,10 +153,15 @@ def _ground_tests(
     campaign: Campaign, one: Replicate, vehicle: Vehicle, recorder: Recorder
 ) -> dict[str, RigTest] | HelisimError:
     """Return the tests by rig, none where no model is given what they find."""
-    if not any(map(_needs_ground, campaign.chosen)):
-        return {}
+    sources = {given.source for model in campaign.chosen for given in model.given.values()}
+    needed = sources.difference(MODEL_NAMES)
+    tests: list[RigTest] = []
     try:
-        return {test.rig: test for test in run_rigs(vehicle, seed=one.seed, recorder=recorder)}
+        if SERVOS in needed:
+            tests.append(servo_test(vehicle, seed=one.seed, recorder=recorder))
+        if needed.difference({SERVOS}):
+            tests += run_rigs(vehicle, seed=one.seed, recorder=recorder)
+        return {test.rig: test for test in tests}
     except HelisimError as error:
         return error
 
