@@ -9,8 +9,7 @@ columns swapped.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +18,11 @@ from helisim.errors import HelisimError
 from helisim.ident.points import PHASE_WEIGHT
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
-from helisim.ident.transfer import coefficients, transfer_function
+from helisim.ident.trials import DEGREES, Kind, trials
 from helisim.units import DB_PER_NEPER
 
 if TYPE_CHECKING:
     from helisim.ident.result import Fit
-
-Kind = Literal["delay", "sign", "band", "coherence", "unit", "columns", "order"]
 
 _HIGH = 50.0
 """Cost of a response, from which what it leaves is looked at: below, it is excellent."""
@@ -47,9 +44,6 @@ _TRIALS = 24
 _LARGEST = 12
 """Trials, and free parameters of a structure that is tried: so that it takes seconds at most."""
 _SEARCHES = 3
-_MORE_DELAY = (0.025, 0.05, 0.1, 0.2)
-"""s, by which delays are tried that are fixed, at a bound, or not there."""
-_DEGREES = 180.0 / math.pi
 
 
 @dataclass(frozen=True)
@@ -88,7 +82,7 @@ class _Left(NamedTuple):
 
     def cost(self, log_ratio: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return each frequency's part of J of a ratio's logarithm, (n_freq,)."""
-        decibel, degree = DB_PER_NEPER * log_ratio.real, _DEGREES * log_ratio.imag
+        decibel, degree = DB_PER_NEPER * log_ratio.real, DEGREES * log_ratio.imag
         return self.weight * (decibel**2 + PHASE_WEIGHT * degree**2)
 
     @property
@@ -159,7 +153,7 @@ def _flipped(fit: "Fit", left: _Left) -> Suspicion | None:
     option = f"--channel {output}=COLUMN:UNIT:sign=-1"
     return Suspicion(
         "sign",
-        f"{left.name}: data and model are {_DEGREES * float(np.median(off)):.0f} deg apart over "
+        f"{left.name}: data and model are {DEGREES * float(np.median(off)):.0f} deg apart over "
         f"the whole band: a sign is wrong; try {option}, or the input's",
         option,
     )
@@ -184,7 +178,7 @@ def _delayed(fit: "Fit", left: _Left) -> Suspicion | None:
     return Suspicion(
         "delay",
         f"{left.name}: the phase {'falls' if slope < 0 else 'rises'} beyond the model's in "
-        f"proportion to frequency, {_DEGREES * abs(slope) * left.omega[-1]:.0f} deg at "
+        f"proportion to frequency, {DEGREES * abs(slope) * left.omega[-1]:.0f} deg at "
         f"{left.omega[-1]:.3g} rad/s ({100 * explained:.0f} % of its cost in phase): a delay "
         f"{'longer' if slope < 0 else 'shorter'} by {abs(slope):.3g} s{name}"
         + (f"; try {option}" if option else ""),
@@ -260,16 +254,6 @@ def _incoherent(fit: "Fit", left: _Left) -> Suspicion | None:
     )
 
 
-class _Trial(NamedTuple):
-    """Data as they would be, and what that means."""
-
-    kind: Kind
-    data: FrequencyResponse
-    text: str
-    option: str
-    structure: Structure | None = None
-
-
 def _tried(fit: "Fit") -> tuple[Suspicion, ...]:
     """Return the changes of the data with which the same structure fits far better."""
     if len(fit.structure.free) > _LARGEST:
@@ -277,7 +261,7 @@ def _tried(fit: "Fit") -> tuple[Suspicion, ...]:
     plain = replace(fit.data, scatter=None, direct=None)
     base = _cost(fit, plain)
     better = []
-    for trial in [*_orders(fit, plain), *_delays(fit, plain), *_trials(fit, plain)][:_TRIALS]:
+    for trial in trials(fit, plain)[:_TRIALS]:
         cost = _cost(fit, trial.data, trial.structure)
         if cost < _BETTER * base:
             text = f"{trial.text}: J would be {cost:.3g}, not {base:.3g}"
@@ -309,94 +293,3 @@ def _cost(fit: "Fit", data: FrequencyResponse, structure: Structure | None = Non
         ).cost
     except HelisimError:
         return math.inf
-
-
-def _trials(fit: "Fit", data: FrequencyResponse) -> list[_Trial]:
-    """Return changed data: swapped columns first, then signs, then units."""
-    outputs = [name for name in data.outputs if name in fit.structure.outputs]
-    inputs = [name for name in data.inputs if name in fit.structure.inputs]
-    found = []
-    for names, axis in ((outputs, 0), (inputs, 1)):
-        for one, other in combinations(names, 2):
-            option = f"--channel {one}=COLUMN_OF_{other} --channel {other}=COLUMN_OF_{one}"
-            text = f"with the columns of {one} and {other} swapped"
-            found.append(_Trial("columns", _swapped(data, axis, one, other), text, option))
-    for names, axis in ((outputs, 0), (inputs, 1)):
-        for name in names:
-            option = f"--channel {name}=COLUMN:UNIT:sign=-1"
-            text = f"with {name}'s sign the other way"
-            found.append(_Trial("sign", _scaled(data, axis, name, -1.0), text, option))
-    for name in outputs:
-        unit = data.output_units[data.outputs.index(name)]
-        if unit not in ("rad", "rad/s"):
-            continue
-        degrees = unit.replace("rad", "deg")
-        for factor, said, was in ((_DEGREES, unit, degrees), (1.0 / _DEGREES, degrees, unit)):
-            option = f"--channel {name}=COLUMN:{said}"
-            text = f"with {name}'s column in {said}, not {was}"
-            found.append(_Trial("unit", _scaled(data, 0, name, factor), text, option))
-    return found
-
-
-def _orders(fit: "Fit", data: FrequencyResponse) -> Iterator[_Trial]:
-    """Yield larger transfer functions than the one that was fitted."""
-    form = coefficients(fit.structure)
-    if form is None or any(one.fixed for one in fit.structure.parameters):
-        return
-    for zeros, poles in ((form.zeros, form.poles + 1), (form.zeros + 1, form.poles + 1)):
-        larger = transfer_function(
-            input=fit.structure.inputs[0],
-            output=fit.structure.outputs[0],
-            zeros=zeros,
-            poles=poles,
-        )
-        option = f"--structure tf:{zeros}/{poles}"
-        yield _Trial("order", data, f"with {zeros} zeros and {poles} poles", option, larger)
-
-
-def _delays(fit: "Fit", data: FrequencyResponse) -> Iterator[_Trial]:
-    """Yield data with less delay of inputs, where the structure's own can't have found it."""
-    stuck = []
-    for name in (one for one in data.inputs if one in fit.structure.inputs):
-        parameter = fit.parameters.get(fit.structure.input_delays.get(name, ""))
-        if parameter is None or parameter.fixed or parameter.at_bound:
-            stuck.append((name, parameter))
-    together = [stuck] if len(stuck) > 1 else []
-    for group in [*together, *([one] for one in stuck)]:
-        for delay in _MORE_DELAY:
-            response = data.response.copy()
-            for name, _ in group:
-                response[:, data.inputs.index(name)] *= np.exp(1j * data.frequency * delay)
-            known = [parameter for _, parameter in group if parameter is not None]
-            option = " ".join(f"--fix {one.name}={one.value + delay:.3g}" for one in known)
-            lacking = "" if known else "; the structure has none there: give it one"
-            inputs = " and ".join(name for name, _ in group)
-            text = f"with a delay of {inputs} longer by about {delay:g} s{lacking}"
-            yield _Trial("delay", replace(data, response=response), text, option)
-
-
-def _scaled(data: FrequencyResponse, axis: int, name: str, factor: float) -> FrequencyResponse:
-    """Return the response with an output, or an input, times a factor."""
-    response = data.response.copy()
-    if axis == 0:
-        response[data.outputs.index(name)] *= factor
-    else:
-        response[:, data.inputs.index(name)] /= factor
-    return replace(data, response=response)
-
-
-def _swapped(data: FrequencyResponse, axis: int, one: str, other: str) -> FrequencyResponse:
-    """Return the response with two outputs, or two inputs, in each other's place."""
-    names = data.outputs if axis == 0 else data.inputs
-    order = list(range(len(names)))
-    a, b = names.index(one), names.index(other)
-    order[a], order[b] = order[b], order[a]
-    changed = {
-        field: np.take(getattr(data, field), order, axis=axis)
-        for field in ("response", "coherence", "random_error")
-    }
-    if axis == 0:
-        changed["multiple_coherence"] = data.multiple_coherence[order]
-    else:
-        changed["cross_control_coherence"] = data.cross_control_coherence[np.ix_(order, order)]
-    return replace(data, **changed)

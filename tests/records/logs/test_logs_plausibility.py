@@ -8,7 +8,8 @@ import pytest
 import turning
 from helisim.records.examples import examples
 from helisim.records.logs import Map, read_log
-from helisim.records.logs.plausibility import Channels, Declared, implausible
+from helisim.records.logs.declared import Channels, Declared
+from helisim.records.logs.plausibility import implausible
 from helisim.units import METRE_PER_FOOT, RAD_PER_DEG, STANDARD_GRAVITY
 
 SI = {

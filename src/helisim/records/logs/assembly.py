@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from helisim.errors import HelisimError, RecordError
 from helisim.records.channels import Channel
+from helisim.records.logs.declared import Declared
 from helisim.records.logs.log import Log, assemble_log, passband, steps
 from helisim.records.logs.mapping import Column, Map, find_column
 from helisim.records.logs.parts import Options, cut, tidied, unwrapped, with_rate
-from helisim.records.logs.plausibility import Declared
 from helisim.records.logs.report import OURS, Findings, LogReport
 from helisim.records.logs.screening import (
     check_clocks,

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.records.channels import Channel
+from helisim.records.logs.declared import Channels, Declared
 from helisim.records.logs.kinematics import clock_findings
 from helisim.records.logs.parts import Cut
-from helisim.records.logs.plausibility import Channels, Declared, implausible
+from helisim.records.logs.plausibility import implausible
 from helisim.records.logs.report import LogFinding
 from helisim.records.logs.timing import GAP, Samples
 from helisim.records.quality import frozen_runs, spikes
