@@ -214,6 +214,7 @@ def test_a_reduction_keeps_what_it_is_told_to(tmp_path, sweep_csv):
         (["--windows", "500"], "does not fit"),
         (["--overlap", "2"], "overlap"),
         (["--estimator", "local", "--windows", "5"], "no windows"),
+        (["--estimator", "local", "--overlap", "0.5"], "local has none"),
         (["--searches", "0"], "searches"),
         (["--points", "2"], "frequencies"),
         (["--weighting", "none"], "coherence"),

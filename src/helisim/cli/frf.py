@@ -31,7 +31,7 @@ def add(commands: Any) -> None:
         "frf",
         help="estimate frequency responses from flight logs",
         description="Estimate frequency responses with coherence and random error from flight "
-        "logs, by anyone: composite windows, other inputs' effects removed.",
+        "logs, by anyone, other inputs' effects removed.",
         epilog=_EPILOG,
     )
     add_log_options(command)

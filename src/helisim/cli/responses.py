@@ -4,12 +4,12 @@ import argparse
 import warnings
 from collections.abc import Callable, Sequence
 from math import pi
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from helisim.cli.bands import Band, Bands
 from helisim.cli.common import names, numbers
 from helisim.cli.logs import located, read_logs
-from helisim.errors import IdentificationError
+from helisim.errors import IdentificationError, InputError
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse
@@ -85,23 +85,33 @@ def add_responses(command: argparse.ArgumentParser, *, required: bool) -> None:
     group.add_argument(
         "--estimator",
         choices=("windows", "local"),
-        help="windows: CIFER's composite of Hann windows; local: a polynomial in each narrow band, "
-        "which no window smears and no transient biases, for records that are short or begin in "
-        "motion (default: windows)",
+        help="local: a polynomial or rational function in each narrow band, which no window "
+        "smears and no transient biases (default); windows: CIFER's composite of Hann windows",
     )
     group.add_argument(
         "--windows",
         metavar="S,S,...",
-        help="lengths of the windows, s: long ones for low frequencies, short ones for less "
-        "scatter (default: five, by the band and the records)",
+        help="CIFER's windows with these lengths, s: long ones for low frequencies, short ones "
+        "for less scatter (with --estimator windows alone five, by the band and the records)",
     )
     group.add_argument(
         "--overlap",
         type=float,
-        default=0.75,
         metavar="SHARE",
-        help="of a window that the next one covers (default: 0.75)",
+        help="with windows: of a window that the next one covers (default: 0.75)",
     )
+
+
+def _estimator(options: argparse.Namespace) -> dict[str, Any]:
+    """Return which estimator is asked for, and how. Raises InputError."""
+    asked: dict[str, Any] = {"estimator": options.estimator}
+    if options.windows is not None:
+        asked["windows"] = numbers("--windows", options.windows)
+    if options.overlap is not None:
+        if options.estimator == "local":
+            raise InputError("--overlap is of windows, and --estimator local has none")
+        asked |= {"estimator": "windows", "overlap": options.overlap}
+    return asked
 
 
 def estimate(
@@ -130,9 +140,7 @@ def estimate(
                 band=bands.around(common),
                 conditioning=conditioning,
                 reference=reference,
-                estimator=options.estimator,
-                windows=numbers("--windows", options.windows) or None,
-                overlap=options.overlap,
+                **_estimator(options),
                 use_ended=options.use_ended,
             )
         advance("frequency responses")
