@@ -16,7 +16,7 @@ feedback those responses are damped, and so smooth, even where the vehicle is un
 How wide the band is, the data choose. From the narrowest that the lines allow upwards, widths
 grow by a factor; each has its random error, known from its weights, and a bias, seen as what its
 difference from the next narrower one has in excess of that difference's own random error. The
-widths are averaged by their mean-square errors, and the bias that is left is stated with the errors.
+widths are averaged by their mean-square errors; the bias that is left is stated with the errors.
 """
 
 from collections.abc import Sequence
