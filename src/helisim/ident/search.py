@@ -11,7 +11,7 @@ from scipy.optimize import Bounds, OptimizeResult, least_squares
 
 from helisim.ident.approach import approach, inside
 from helisim.ident.cost import Cost
-from helisim.ident.starts import Start, starting_points
+from helisim.ident.starts import Start, beside, starting_points
 from helisim.ident.waits import Waits
 
 _APPROACH_STEPS = 60
@@ -46,7 +46,8 @@ def search(
     """Search from several starts until two of them end in the same good minimum.
 
     Where the structure has delays, only starts at different delays count. Where more is left than
-    noise, one of the starts must have been chosen from many.
+    noise, one of the starts must have been chosen from many, and none lead lower from delays well
+    beside the minimum.
 
     Returns:
         The best minimum, and how many starts agree on it.
@@ -61,8 +62,14 @@ def search(
         found.append(descend(cost, start))
         on_progress(cost.structure.name)
         best, agreeing = agreed(found, waits)
-        chosen = any(minimum.start.chosen for minimum in found)
-        if agreeing >= 2 and best.cost <= enough and (chosen or _only_noise(cost, best)):
+        if agreeing < 2 or best.cost > enough:
+            continue
+        if found[0].start.chosen or _only_noise(cost, best):
+            break
+        if not start.chosen:
+            continue
+        found += [descend(cost, other) for other in beside(cost, best.x)]
+        if agreed(found, waits)[0].cost >= best.cost * (1.0 - _SAME_COST):
             break
     return agreed(found, waits)
 

@@ -34,6 +34,9 @@ _LAP = 6
 _FLIPPED = 0.2
 """Share of the unbounded parameters that a race tries with the other sign."""
 
+_BESIDE = 4
+"""Steps of the delays by which a minimum is looked past: two radians at the top of the band."""
+
 _VALLEYS = 4
 """Different rational fits that are searched from."""
 
@@ -83,6 +86,23 @@ def starting_points(cost: Cost, count: int, seed: int) -> Iterator[Start]:
             best = _leader(cost, crowd)
         taken.append(best.delays)
         yield best
+
+
+def beside(cost: Cost, x: NDArray[np.float64]) -> list[Start]:
+    """Return starts on either side of a minimum x, (n_free,): all delays moved, gains solved.
+
+    A wrong delay often has a wrong sign or a zero on the wrong side with it, which hold it there.
+    """
+    waits, gains = Waits(cost), _gains(cost.structure)
+    low, high = np.array([parameter.limits for parameter in cost.structure.free]).T
+    found = []
+    for steps in (-_BESIDE, _BESIDE) if waits.index.size else ():
+        moved = x.copy()
+        moved[waits.index] += steps * waits.apart
+        moved = _solve_gains(cost, np.clip(moved, low, high), gains)
+        moved = np.clip(moved, low, high)
+        found.append(Start(moved, moved[waits.index]))
+    return found
 
 
 def _leader(cost: Cost, crowd: list[Start]) -> Start:
