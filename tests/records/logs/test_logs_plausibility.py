@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import helisim as hs
 import turning
 from helisim.records.examples import examples
 from helisim.records.logs import Map, read_log
@@ -176,3 +177,20 @@ def test_a_log_that_is_read_is_told_so(tmp_path):
     report = read_log(path).report
     assert [finding.kind for finding in report.findings] == ["unit"]
     assert "try --channel 'p=p [rad/s]:deg/s'" in str(report)
+
+
+@pytest.mark.slow
+def test_simulated_flights_are_plausible():
+    """A mission at 20 m/s and a pirouette, with the sensors' noise and lags: nothing is said.
+
+    The simulator integrates positions, attitudes and forces by MuJoCo, and knows none of this.
+    """
+    vehicle = hs.load("jr700")
+    for mission in (hs.missions.Forward(speed=20.0), hs.missions.Pirouette()):
+        (record,) = hs.fly(vehicle, mission, seed=1)
+        declared = {one.name: Declared(one.name, one.unit, 1.0, 1) for one in record.channels}
+        columns = {name: record[name] for name in record.names}
+        assert implausible(Channels(record.sample_time, columns, declared, "time")) == []
+        flipped = Channels(record.sample_time, columns | {"q": -record["q"]}, declared, "time")
+        told = [one.kind for one in implausible(flipped)]
+        assert told == (["sign"] if record.duration > 60.0 else [])  # a pirouette of 16 s is short
