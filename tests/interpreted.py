@@ -50,6 +50,7 @@ def install() -> None:
         id(notes._claimed): _claimed,
         id(laws._address): lambda: laws._table.ctypes.data,
         id(laws._call): _call,
+        id(memory.fence): lambda: None,
         id(memory.buffer): lambda count: (ctypes.c_double * count)(),
         id(memory.from_element): _from_element,
     }

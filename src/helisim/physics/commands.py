@@ -12,7 +12,7 @@ from helisim.physics.examination import OVERRULED
 from helisim.physics.fields import POSITION_COUNT
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, STATE
-from helisim.physics.memory import double, doubles_at, integer, longs_at
+from helisim.physics.memory import double, doubles_at, fence, integer, longs_at
 from helisim.physics.notes import OVERWRITTEN, note, slot
 from helisim.physics.params import NO_LAW, PARAM
 from helisim.physics.timing import tick_number
@@ -31,16 +31,22 @@ def notice_others(view):
     starts = number == 0.0 and view.act[STATE.law_tick] == 0.0
     sound = _is_sound(view)
     follows = sound and kept[_TICK] == number - 1.0 and kept[_STATES] == _sum(view)
-    for k in range(4):
+    other = -1
+    for k in range(3, -1, -1):
         found = view.controls[CONTROL.servo_front + k]
         own = sound and found == kept[_WROTE + k]
         strange = follows and not own and found != kept[_FOUND + k]
         if starts:
             strange = not own and found != view.act[STATE.front_position + 2 * k]
-        kept[_FOUND + k] = found
         law = PARAM.tail_law if k == 3 else PARAM.swash_law
         if strange and found != 0.0 and not math.isnan(found) and view.par[law] != NO_LAW:
-            _note(view, k, found)
+            other = k
+    if other >= 0:
+        fence()  # what was read must have been this vehicle's all the while
+        if sound == _is_sound(view):
+            _note(view, other, view.controls[CONTROL.servo_front + other])
+    for k in range(4):
+        kept[_FOUND + k] = view.controls[CONTROL.servo_front + k]
 
 
 @kernel()

@@ -100,6 +100,19 @@ def double(base, offset):
 
 
 @intrinsic
+def fence(typingctx):
+    """Let what follows read memory anew, after all that was read and written before."""
+    del typingctx
+
+    def codegen(context, builder, signature, args):
+        del signature, args
+        builder.fence("seq_cst")
+        return context.get_dummy_value()
+
+    return types.void(), codegen
+
+
+@intrinsic
 def from_element(typingctx, array, first):
     """Return an array of doubles from its element `first` on."""
     del typingctx
