@@ -8,10 +8,11 @@ error. Here each flight is transformed whole, and around each frequency
 
 is solved by least squares over the lines of all flights: G a polynomial, common to all; T the
 transient, a polynomial for each flight (R. Pintelon and J. Schoukens, System Identification: A
-Frequency Domain Approach, 2nd ed., 2012, ch. 7; J. Schoukens et al., "Nonparametric
-preprocessing in system identification", European Journal of Control 15, 2009). With a reference,
-outputs and inputs are estimated as responses to it, by the same weights, and divided: under
-feedback those responses are damped, and so smooth, even where the vehicle is unstable.
+Frequency Domain Approach, 2nd ed., 2012, ch. 7). Where the lines ask for it, both have a pole in
+common, found from all signals together: the local rational method (T. McKelvey and G. Guerin,
+"Non-parametric frequency response estimation using a local rational model", SYSID 2012). With a
+reference, outputs and inputs are estimated as responses to it, by the same weights, and divided:
+under feedback those responses are damped, and so smooth, even where the vehicle is unstable.
 
 How wide the band is, the data choose. From the narrowest that the lines allow upwards, widths
 grow by a factor; each has its random error, known from its weights, and a bias, seen as what its
@@ -25,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.ident.estimate import Estimate
-from helisim.ident.local_bands import WIDTHS, Bands, Task, estimate_bands
+from helisim.ident.local_bands import WIDEST, WIDTHS, Bands, Task, estimate_bands
 from helisim.ident.local_choice import choose, smoothed
 from helisim.ident.local_lines import Lines, flight_lines
 from helisim.ident.local_scatter import LocalScatter
@@ -100,6 +101,7 @@ class Local:
             bands.valid,
             WIDTHS,
             frequency,
+            widest=WIDEST,
         )
         response = np.sum(choice.share * bands.gain, axis=0)
         weights = bands.packed(choice.share)

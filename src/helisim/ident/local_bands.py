@@ -11,14 +11,18 @@ from helisim.ident.local_fit import ORDER, TRANSIENT, BandFit, fit_band
 from helisim.ident.local_lines import Lines
 from helisim.ident.local_scatter import LineWeights
 
-WIDTHS: NDArray[np.float64] = 0.06 * 2.0 ** np.arange(6, dtype=np.float64)
-"""Half widths of the band over its middle: 0.06 to 1.7."""
+WIDTHS: NDArray[np.float64] = 0.06 * 2.0 ** np.arange(7, dtype=np.float64)
+"""Half widths of the band over its middle: 0.06 to 3.84."""
 
-_WIDEST = 1.0
-"""Beyond it a band is only used where the lines allow none narrower."""
+WIDEST = 1.0
+"""Beyond it a band is only used where the lines allow one narrower at most: of a single one
+nobody knows the bias."""
 
 _MOST = 4
 """Widths that are compared at a frequency."""
+
+_PLENTY = 100.0
+"""Lines for each parameter in a band beyond which no wider one is asked."""
 
 _SPARE = 1.5
 """Lines that a band needs for each parameter: the kernel lets two of three count."""
@@ -191,17 +195,20 @@ def _fit(
 def _usable_widths(task: Task, transient: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which widths have lines enough, (n_width, n_freq): the narrowest and some more."""
     needed = _SPARE * (len(task.drive) * (ORDER + 1) + _FREE)
-    enough = np.zeros((WIDTHS.size, task.frequency.size), dtype=np.bool_)
+    lines = np.zeros((WIDTHS.size, task.frequency.size), dtype=np.intp)
     for width, relative in enumerate(WIDTHS):
         half = relative * task.frequency
         _, count = task.lines.within(task.frequency - half, task.frequency + half)
         lost = np.where(transient, TRANSIENT, 0)[:, None]
-        enough[width] = np.sum(np.maximum(count - lost, 0), axis=1) >= needed
+        lines[width] = np.sum(np.maximum(count - lost, 0), axis=1)
+    enough = lines >= needed
     enough[-1] |= ~np.any(enough, axis=0)
     narrowest = np.argmax(enough, axis=0)
     number = np.arange(WIDTHS.size)[:, None]
-    within = (WIDTHS[:, None] <= _WIDEST) | (number == narrowest)
-    return enough & within & (number < narrowest + _MOST)
+    within = (WIDTHS[:, None] <= WIDEST) | (number <= narrowest + 1)
+    plenty = np.roll(lines >= _PLENTY * len(task.drive) * (ORDER + 1), 1, axis=0)
+    plenty[0] = False
+    return enough & within & (number < narrowest + _MOST) & (~plenty | (number == narrowest))
 
 
 def _chunks(

@@ -20,6 +20,9 @@ _LEAST = 0.05
 """A width with a smaller share is left out."""
 
 
+_ASYMPTOTIC = 0.5
+"""A band wider than this has no law for its bias: the next wider one's counts in full."""
+
 _DOUBT = 0.5
 """Shares of a difference's variance that its square must exceed it by to be stated as a bias: the
 mean over neighbours is of two or three independent ones."""
@@ -48,6 +51,8 @@ def choose(
     valid: NDArray[np.bool_],
     widths: NDArray[np.float64],
     frequency: NDArray[np.float64],
+    *,
+    widest: float = np.inf,
 ) -> Choice:
     """Weigh the widths at every frequency.
 
@@ -58,6 +63,7 @@ def choose(
         valid: (n_width, n_freq) where a width could be used, at least one a frequency.
         widths: (n_width,) relative half widths, increasing.
         frequency: (n_freq,) rad/s.
+        widest: a width beyond it only tells the bias of the narrowest, which may be wider itself.
     """
     n_width = widths.size
     narrowest = np.argmax(valid, axis=0)
@@ -80,11 +86,13 @@ def choose(
             found[width] = np.where(counted, np.maximum(value, 0.0) / law**2, 0.0) * size**2
     following = np.minimum(narrowest + 1, n_width - 1)
     law = (widths[narrowest] / widths[following]) ** (2 * (ORDER + 2))
+    law = np.where(widths[narrowest] > _ASYMPTOTIC, 1.0, law)
     for found in (squared, sure):
         np.maximum.accumulate(found, axis=0, out=found)
         found += law * found[following, :, :, at].transpose(1, 2, 0)
     error = own[:, None] * power[:, None, :] + squared
-    error = np.where(valid[:, None, None, :], np.maximum(error, 1e-300), np.inf)
+    offered = valid & ((widths[:, None] <= widest) | (np.arange(n_width)[:, None] == narrowest))
+    error = np.where(offered[:, None, None, :], np.maximum(error, 1e-300), np.inf)
     share = (np.min(error, axis=0) / error) ** _SHARPNESS
     share /= np.sum(share, axis=0)
     share = np.where(share < _LEAST, 0.0, share)

@@ -1,9 +1,13 @@
-"""Least squares in a band of lines: a polynomial response, and a transient for each flight.
+"""Least squares in a band of lines: the response, a transient for each flight, and their pole.
 
 Around w0 the response of all signals to the driving ones is a polynomial of ln(w / w0), the same
 for all flights, since responses are smooth on a logarithmic scale down to the lowest line; the
 transient is w0/w times a polynomial of w - w0, one for each flight. Lines count by Epanechnikov's
 kernel, so that estimates are smooth in w0.
+
+Where chi^2 falls by enough, both are divided by 1 - (w - w0)/p, with one pole p for all signals:
+found by a linear fit of A Y = B U + T, the disturbance's part in it taken out, and one step of
+Gauss and Newton's for the error of Y itself. Given the pole, the estimate is linear in the lines.
 """
 
 from dataclasses import dataclass
