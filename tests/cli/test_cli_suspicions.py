@@ -1,6 +1,7 @@
 """`helisim identify` on a fit that fails prints what the logs and the data show."""
 
 import numpy as np
+import pytest
 
 from helisim.cli import main
 
@@ -35,6 +36,7 @@ def write(path, factor):
     return path
 
 
+@pytest.mark.slow
 def test_a_fit_that_fails_is_explained(tmp_path, capsys):
     """A rate in deg/s declared rad/s: by the data, and by the log's own attitude."""
     structure = tmp_path / "roll.toml"

@@ -102,6 +102,7 @@ def test_a_delay_that_is_held_too_short_is_told():
     assert "longer by about 0.2 s; the structure has none there" in one.text
 
 
+@pytest.mark.slow
 def test_an_edge_of_the_band_is_told():
     """A sensor's high-pass filter below 2 rad/s: the band without its strongest part."""
     frf = data()
@@ -117,6 +118,7 @@ def test_an_edge_of_the_band_is_told():
     assert one.text in fit.remarks
 
 
+@pytest.mark.slow
 def test_low_coherence_is_told():
     """A response that something else moves is doubted, not the structure."""
     frf = data(coherence=0.65)

@@ -153,6 +153,7 @@ def test_a_log_of_ardupilot(tmp_path, capsys):
     assert "resampled to 100 Hz" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_log_of_px4(tmp_path):
     """Topics with jitter, attitude as a quaternion: channels, the sweep, and the command."""
     pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
