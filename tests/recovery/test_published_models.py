@@ -83,10 +83,12 @@ def pole_errors(fit, truth):
 
 
 UNSTABLE = ("blade_360", "lynx")
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in UNSTABLE]
+"""Long flights at high rates."""
 _flown: dict[str, Case] = {}
 
 
-@pytest.fixture(params=list(BANDS))
+@pytest.fixture(params=["boeing_747", *SLOW])
 def name(request):
     return request.param
 
@@ -170,6 +172,7 @@ def test_poles_in_the_band_come_back(name):
         assert error < (0.03 if pole.real > 0.0 else 0.08)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", UNSTABLE)
 def test_the_direct_estimate_misses_the_unstable_pole(name):
     """Under feedback in a gust the direct estimate's unstable pole is twice as far off or more.
