@@ -13,7 +13,7 @@ from helisim.ident.cost import Cost
 from helisim.ident.points import select
 from helisim.ident.rational import delay_grid, rational_fits
 from helisim.ident.search import Minimum, agreed
-from helisim.ident.starts import Start
+from helisim.ident.starts import Start, beside
 from helisim.ident.waits import Waits
 from script import SCRIPTS
 
@@ -121,6 +121,24 @@ def test_starts_at_the_same_delay_do_not_confirm_each_other():
     assert alone.searches_agreeing == 1
     assert "different delays" in alone.remarks[0]
     assert identify(data, structure).searches_agreeing >= 2
+
+
+def test_a_minimum_is_looked_past_on_both_sides():
+    """Two radians of the band's top shorter and longer, gains solved, never beyond the bounds."""
+    data = measured(curve((20.0,), (1.0, 0.7), 0.2))
+    structure = structures.first_order_delay(input="u", output="y")
+    cost = Cost(structure, select(data, structure, band=None, responses=None, count=20))
+    x = np.array([20.0, 0.7, 0.15])
+    shorter, longer = beside(cost, x)
+    assert (shorter.delays[0], longer.delays[0]) == pytest.approx((-0.05, 0.35))
+    for start in (shorter, longer):
+        assert start.x[1:] == pytest.approx([0.7, start.delays[0]])
+        moved = np.array([20.0, *start.x[1:]])
+        assert np.sum(cost.relative(start.x) ** 2) < np.sum(cost.relative(moved) ** 2)
+    near = beside(cost, np.array([20.0, 0.7, -0.25]))
+    assert near[0].delays[0] == pytest.approx(-0.3)
+    known = structure.with_fixed({"tau": 0.2})
+    assert beside(Cost(known, cost.points), x[:2]) == []
 
 
 def test_a_gain_with_a_delay_has_a_rational_fit_too():
