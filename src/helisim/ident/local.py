@@ -38,6 +38,10 @@ _NOISE_FREEDOM = 5.0
 _NOISE_WIDTH = 0.15
 """Over which share of the frequency that spectrum is averaged further."""
 
+_STUDENT = 2.5
+"""A spectrum that averages n lines is stated larger by this over n: then three standard deviations
+hold 98.9 % of the errors, as if it were known (Student's distribution, complex, n of 8 to 30)."""
+
 _POWER_WIDTH = 0.2
 _POWER_LINES = 12
 """Inputs' spectra are averaged over this share of the frequency, and so many lines at least."""
@@ -125,9 +129,12 @@ def _noise(bands: Bands, frequency: NDArray[np.float64]) -> NDArray[np.complex12
     last = bands.valid.shape[0] - 1 - np.argmax(bands.valid[::-1], axis=0)
     taken = np.where(np.any(enough, axis=0), np.argmax(enough, axis=0), last)
     at = np.arange(frequency.size)
+    freedom = bands.freedom[taken, at]
     raw = np.moveaxis(bands.residual[taken, at], 0, 2)
-    mean = smoothed(raw, frequency, bands.freedom[taken, at], _NOISE_WIDTH)
-    return np.moveaxis(mean, 2, 0)
+    mean = smoothed(raw, frequency, freedom, _NOISE_WIDTH)
+    # a Gaussian averages as a flat band of 3.5 standard deviations does; the kernel, of 1.6 halves
+    pooled = freedom * np.maximum(1.0, 3.5 * _NOISE_WIDTH / (1.6 * WIDTHS[taken]))
+    return np.moveaxis(mean * (1.0 + _STUDENT / np.maximum(pooled, 1.0)), 2, 0)
 
 
 def _power(
