@@ -16,6 +16,7 @@ from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
 from helisim.ident import suspicions as suspicions
 from helisim.ident import verify as verify
+from helisim.look import look as look
 from helisim.output.hand.fly import fly_by_hand as fly_by_hand
 from helisim.physics.gyro import Seen as Seen
 from helisim.physics.native import check_model as check_model
@@ -25,7 +26,6 @@ from helisim.records.examples import open_example as open_example
 from helisim.records.logs import read_log as read_log
 from helisim.records.logs import read_logs as read_logs
 from helisim.records.logs import screen as screen
-from helisim.records.look import look as look
 from helisim.records.record import FlightRecord as FlightRecord
 from helisim.records.storage import read_record as read_record
 from helisim.records.storage import write_record as write_record

@@ -35,8 +35,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.look import look
     from helisim.records.files import check_destination, write_json
-    from helisim.records.look import look
 
     if options.json is not None:
         check_destination(options.json, (".json",))

@@ -33,7 +33,7 @@ def _of_logs(options: argparse.Namespace, logs: "Sequence[Log]") -> Iterator[str
     """Yield what is implausible in the logs, also by channels that weren't asked for."""
     if not logs:
         return
-    from helisim.records.look import look
+    from helisim.look import look
 
     channels, time = given_columns(options)
     try:

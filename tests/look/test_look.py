@@ -13,9 +13,9 @@ import autopilot_logs
 from helisim.cli import main
 from helisim.errors import InputError, StorageError
 from helisim.ident import load_fit
+from helisim.look import look
 from helisim.records.examples import copy_examples, examples
 from helisim.records.logs import Clock, Column
-from helisim.records.look import look
 from helisim.units import RAD_PER_DEG
 
 DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04
@@ -285,7 +285,7 @@ def test_a_look_is_a_value(tmp_path):
 
 def test_the_guide_shows_what_is_printed(tmp_path, monkeypatch, capsys):
     """The output in the guide on logs is the command's own."""
-    page = Path(__file__).parents[3] / "docs" / "tutorials" / "logs.md"
+    page = Path(__file__).parents[2] / "docs" / "tutorials" / "logs.md"
     found = re.search(r"<!-- printed by: (.*?) -->\n```text\n(.*?)```", page.read_text(), re.S)
     assert found is not None
     copy_examples(tmp_path / "logs")

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.ident.response import USABLE_COHERENCE
+from helisim.look.excitation import FoundExcitation
+from helisim.look.order import simplest
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
 from helisim.records.logs.report import LogFinding
-from helisim.records.look.excitation import FoundExcitation
-from helisim.records.look.order import simplest
 from helisim.records.record import FlightRecord
 from helisim.records.trend import without_trend
 
-USABLE = 0.6
-"""Coherence from which a response can be used (Tischler and Remple)."""
 _WINDOWS = 5.0
 """Of an excitation's length, windows that don't overlap; nine that do."""
 _SAMPLES_A_PERIOD = 10.0
@@ -104,7 +103,7 @@ def _band(
     smooth = np.median([padded[k : k + omega.size] for k in range(_SMOOTHED)], axis=0)
     most = 2.0 * np.pi * min(rate, 1.0 / step) / _SAMPLES_A_PERIOD
     high = min(most, _BESIDE * excited.high)
-    usable = (smooth >= USABLE) & (omega <= high) & (omega >= excited.low / _BESIDE)
+    usable = (smooth >= USABLE_COHERENCE) & (omega <= high) & (omega >= excited.low / _BESIDE)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], usable.astype(int), [0]])))
     runs = [(omega[a], omega[b - 1], a, b) for a, b in zip(edges[::2], edges[1::2])]
     if not runs:

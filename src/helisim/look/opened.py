@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from helisim.errors import HelisimError, LogError
+from helisim.look.guess import SeenChannel, guess
 from helisim.records.log_terms import REPAIRS
 from helisim.records.logs.clock import Steadiness, steadiness
 from helisim.records.logs.log import Log
@@ -16,7 +17,6 @@ from helisim.records.logs.read import is_ours, open_source, read_log
 from helisim.records.logs.report import OURS, Findings, LogFinding
 from helisim.records.logs.source import Source, read_log_bytes
 from helisim.records.logs.units import is_unit
-from helisim.records.look.guess import SeenChannel, guess
 from helisim.records.record import FlightRecord
 
 AS_RECORDED = "as recorded"

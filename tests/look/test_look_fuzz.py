@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from helisim.cli import parser
 from helisim.errors import HelisimError
-from helisim.records.look import look
+from helisim.look import look
 
 HEADS = st.sampled_from(
     [

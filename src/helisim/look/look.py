@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from helisim.errors import InputError
+from helisim.look.answers import FoundAnswer, answers, loops
+from helisim.look.command import Looked, by_axis, command, main_excitations
+from helisim.look.excitation import FoundExcitation, excitation
+from helisim.look.guess import CONTROLS, SeenChannel
+from helisim.look.opened import AS_RECORDED, Asked, Opened, SeenClock, opened
 from helisim.records.channels import CHANNELS
 from helisim.records.logs.mapping import Clock, Column, Map
 from helisim.records.logs.report import LogFinding
-from helisim.records.look.answers import FoundAnswer, answers, loops
-from helisim.records.look.command import Looked, by_axis, command, main_excitations
-from helisim.records.look.excitation import FoundExcitation, excitation
-from helisim.records.look.guess import CONTROLS, SeenChannel
-from helisim.records.look.opened import AS_RECORDED, Asked, Opened, SeenClock, opened
 
 _SHOWN = 8
 """Unused columns, and answers, that are printed."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helisim.records.look.order import simplest
+from helisim.look.order import simplest
 
 OMEGA = np.geomspace(1.0, 25.0, 60)
 S = 1j * OMEGA

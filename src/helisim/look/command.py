@@ -7,12 +7,12 @@ from pathlib import Path
 from shlex import join, quote
 from typing import NamedTuple
 
+from helisim.look.answers import FoundAnswer
+from helisim.look.excitation import FoundExcitation
+from helisim.look.opened import Opened
 from helisim.records.channels import IN1, IN2
 from helisim.records.logs.mapping import Column
 from helisim.records.logs.report import OURS, LogFinding
-from helisim.records.look.answers import FoundAnswer
-from helisim.records.look.excitation import FoundExcitation
-from helisim.records.look.opened import Opened
 
 _STRUCTURES = (
     ("rollpitch", ("lat", "lon"), ("p", "q")),
