@@ -108,6 +108,7 @@ def test_the_true_model_predicts_without_error(delay):
     assert result.j_rms < 1e-5
     assert result.tic < 1e-5
     assert result.traces[0].residual.shape == (600, 1)
+    assert result.traces[0].starts.size == 0  # one state serves the record
 
 
 def test_a_delay_that_is_ignored_shows():
