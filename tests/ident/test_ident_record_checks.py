@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from helisim.errors import IdentificationError
 from helisim.ident import RecordQualityWarning, frequency_response
 from helisim.records.channels import channel
 from helisim.records.logs import screen
@@ -73,3 +74,24 @@ def test_what_was_repaired_is_no_longer_flagged():
     assert repaired.flags == ()
     # one of 6000 samples is interpolated
     assert repaired.response == pytest.approx(good.response, rel=0.02)
+
+
+def test_a_servo_that_rests_is_not_frozen():
+    """Only what measures the motion is never still; commands may rest."""
+    one = flown(0, dead=True)
+    servo = FlightRecord(TIME, one.values, (channel("lat"), channel("servo_tail")), {})
+    frf = frequency_response(servo, inputs="lat", outputs="servo_tail", band=(1.0, 20.0))
+    assert not any("frozen" in flag for flag in frf.flags)
+
+
+def test_flights_that_ended_early_are_counted():
+    """The first by its number and reason, the others by how many there are."""
+    whole = flown(0)
+    cut = FlightRecord(
+        TIME, whole.values, whole.channels, {"ended": {"at": 3.0, "why": "it tipped over"}}
+    )
+    with pytest.raises(IdentificationError, match=r"record 2 .*because it tipped over.*;") as one:
+        estimate(whole, cut)
+    assert "more such" not in str(one.value)
+    with pytest.raises(IdentificationError, match=r"record 1 .*, and 2 more such; leave it out"):
+        estimate(cut, cut, whole, cut)
