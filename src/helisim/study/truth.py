@@ -115,7 +115,7 @@ def _dampings(air: Air) -> dict[str, float]:
         system = there.linearize("IN1").system
         for name, rate in (("L_p", "p"), ("M_q", "q")):
             place = system.state_labels.index(rate)
-            mean[name] += share * float(system.A[place, place])
+            mean[name] += share * float(np.asarray(system.A)[place, place])
     return mean
 
 
