@@ -25,3 +25,20 @@ def test_the_simplest_order_that_follows_is_chosen(response, order, noise):
     random = np.random.default_rng(0)
     spoiled = 1.0 + noise * (random.standard_normal(60) + 1j * random.standard_normal(60))
     assert simplest(OMEGA, response * spoiled) == order
+
+
+HOVER = np.poly([0.8 + 1.9j, 0.8 - 1.9j, -2.8, -18.0])
+
+
+def test_an_unstable_hover_with_a_motor_keeps_its_slow_poles():
+    """Speeds that roll a multirotor back: two zeros, four poles, two of them slow and unstable."""
+    response = 2200.0 * S * (S + 0.25) / np.polyval(HOVER, S) * np.exp(-0.08 * S)
+    assert simplest(OMEGA, response) == "tf:2/4"
+
+
+def test_no_fast_unstable_pole_stands_for_a_lag():
+    """A flapping rotor looks like an unstable pole with a long delay, to 9 %: two poles are it."""
+    omega = np.geomspace(1.7, 31.0, 40)
+    s = 1j * omega
+    lagging = 5200.0 / (s**2 + 27.0 * s + 572.0) * np.exp(-0.012 * s)
+    assert simplest(omega, lagging) == "tf:0/2"

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from helisim.ident.doubts import doubts
 from helisim.ident.suspicion import shapes
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ def remarks(fit: "Fit") -> list[str]:
             "no two starts, at different delays where there are any, ended in this minimum: "
             "try more searches (--searches N), or say where to start (--start NAME=VALUE)"
         )
+    found.extend(doubts(fit))
     if fit.at_bound:
         found.append(
             f"at a bound: {', '.join(fit.at_bound)}; widen it (--bounds NAME=LO:HI), or doubt the "
