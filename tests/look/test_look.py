@@ -262,6 +262,57 @@ def test_nothing_to_identify_is_said(tmp_path, capsys):
     assert "nothing can be identified" in printed
 
 
+def named(path, control, rate, scale=1.0, flip=1.0):
+    """Write a roll sweep with a control and a rate of these names, and the bank."""
+    _, lat, p, phi = rolled()
+    stamps, columns = sampled(50.0, 0.0, 3, lat, flip * scale * p, phi / RAD_PER_DEG)
+    header = f"time_us,{control},{rate},bank"
+    np.savetxt(path, np.column_stack([stamps, *columns]), delimiter=",", header=header, comments="")
+    return path
+
+
+def test_short_names_of_controls_are_known_and_unknown_ones_asked_for(tmp_path, capsys):
+    """ail_cmd is one; what no one can know is asked for, with the option."""
+    found = look(named(tmp_path / "a.csv", "ail_cmd", "roll_rate"))
+    assert [one.channel for one in found.logs[0].excitations] == ["lat"]
+    assert main(["look", str(named(tmp_path / "b.csv", "foo", "roll_rate"))]) == 1
+    assert "--channel lat=COLUMN:percent" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_unit_in_a_name_that_cannot_be_is_not_taken(tmp_path):
+    """p_rad_s that is in deg/s: the bank tells it, and the command has the right unit."""
+    found = look(named(tmp_path / "a.csv", "ail_cmd", "p_rad_s", scale=1.0 / RAD_PER_DEG))
+    assert "p=p_rad_s:deg/s" in found.command
+    assert any("taken so" in one.text for one in found.logs[0].findings)
+
+
+def test_a_doubtful_sign_is_to_be_settled_first(tmp_path, capsys):
+    """The rate or the bank: one can't know which, so that the command can't mend it."""
+    assert main(["look", str(named(tmp_path / "a.csv", "ail_cmd", "roll_rate", flip=-1.0))]) == 0
+    assert "settle first" in capsys.readouterr().out
+    assert main(["look", str(named(tmp_path / "b.csv", "ail_cmd", "roll_rate"))]) == 0
+    assert "settle first" not in capsys.readouterr().out
+
+
+def test_several_logs_are_cut_alike(tmp_path):
+    """One --from and one --to, which leave out nothing that any log needs."""
+    _, lat, p, _ = rolled()
+    paths = []
+    for name, before in (("early", 10), ("late", 100)):
+        _, columns = sampled(50.0, 0.0, 3, lat, p)
+        rest = [np.full(n * 50, 0.0) for n in (before, 160 - before)]
+        columns = [np.concatenate([rest[0], column, rest[1]]) for column in columns]
+        noise = 1e-4 * np.random.default_rng(1).standard_normal((2, columns[0].size))
+        t = np.arange(columns[0].size) / 50.0
+        path = tmp_path / f"{name}.csv"
+        table = np.column_stack([t, columns[0] + noise[0], columns[1] + 10.0 * noise[1]])
+        np.savetxt(path, table, delimiter=",", header="t [s],lat [1],p [rad/s]", comments="")
+        paths.append(path)
+    each = [look(path).command for path in paths]
+    assert all(one.count("--from") == 1 for one in each)
+    assert "--from" not in look(paths).command  # they'd span nearly all
+
+
 def test_what_is_no_log_is_one_line(tmp_path, capsys):
     """An unknown format, an empty file, no file, no logs."""
     picture = tmp_path / "a.png"

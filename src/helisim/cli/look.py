@@ -16,6 +16,8 @@ Nothing need be known of the logs: what the options don't say is guessed, with
 the reason. Exit status 1: nothing can be identified from them.
 
 {MAP_HELP}"""
+_DOUBTS = ("sign", "axes", "scale")
+"""Findings that the command to run next doesn't mend by itself."""
 
 
 def add(commands: Any) -> None:
@@ -54,6 +56,8 @@ def _run(options: argparse.Namespace) -> int:
     for log in found.logs:
         print(wrapped(str(log), indent=4))
     print()
+    if found.command and any(one.kind in _DOUBTS for log in found.logs for one in log.findings):
+        print(wrapped("settle first what is marked ! above: what follows takes columns as named\n"))
     # one line, so that it can be pasted
     print(f"run next:\n{found.command}" if found.command else "nothing can be identified from this")
     if options.json is not None:

@@ -97,8 +97,9 @@ def command(looked: Sequence[Looked]) -> str:
     reference = _reference(used, inputs)
     sticks = reference[0].split(" ")[1].split(",") if reference else []
     parts = [join(words), *_channels(used, (*inputs, *outputs, *sticks)), *reference]
-    said = dict.fromkeys(option for one in used for option in _reading(one, inputs, outputs))
+    said = dict.fromkeys(option for one in used for option in _reading(one))
     parts += said
+    parts += _cut(used, inputs)
     if not any(option.startswith("--resample") for option in said):
         parts += _resampling(used, (*inputs, *outputs, *sticks))
     low, high = _band(used, inputs, outputs)
@@ -154,18 +155,32 @@ def _column(column: Column) -> str:
     return f"{column.column}:{column.unit or ''}{sign}{trim}{span}"
 
 
-def _reading(one: Looked, inputs: Sequence[str], outputs: Sequence[str]) -> list[str]:
-    """Return the options that a log is read with: repairs, clock, and what is cut off."""
+def _reading(one: Looked) -> list[str]:
+    """Return the options that a log is read with: repairs, clock, and the parts that are used."""
     options = list(one.log.options)
-    span = max(record.time[-1] for record in one.log.records) - one.log.records[0].time[0]
-    mine = [e for e in by_axis(one.excited) if e.channel in inputs]
-    start, stop = min(e.start for e in mine), max(e.stop for e in mine)
-    if len(one.log.records) == 1 and stop - start < _WORTH_CUTTING * span:
-        options.append(f"--from {max(start - _MARGIN, 0.0):.4g} --to {stop + _MARGIN:.4g}")
     durations = _durations(one)
     if len(durations) < len(one.log.records):
         options.append(f"--min-duration {_SHORT * max(durations):.2g}")
     return options
+
+
+def _cut(used: Sequence[Looked], inputs: Sequence[str]) -> list[str]:
+    """Return the options that leave out what is before and after the excitation.
+
+    They hold for all logs, so that they span what any of them needs.
+    """
+    if any(len(one.log.records) != 1 for one in used):
+        return []
+    edges, spans = [], []
+    for one in used:
+        (record,) = one.log.records
+        mine = [e for e in by_axis(one.excited) if e.channel in inputs]
+        edges += [(e.start, e.stop) for e in mine]
+        spans.append(record.time[-1] - record.time[0])
+    start, stop = min(low for low, _ in edges), max(high for _, high in edges)
+    if stop - start >= _WORTH_CUTTING * min(spans):
+        return []
+    return [f"--from {max(start - _MARGIN, 0.0):.4g} --to {stop + _MARGIN:.4g}"]
 
 
 def _resampling(used: Sequence[Looked], names: Sequence[str]) -> list[str]:

@@ -52,8 +52,8 @@ class SeenChannel:
 
     @property
     def guessed(self) -> bool:
-        """Whether its unit was guessed by size, so that other channels may know better."""
-        return _sized(self)
+        """Whether its unit was guessed, so that the data and other channels may know better."""
+        return _sized(self) or self.why.endswith("unit by name")
 
     @property
     def moves(self) -> bool:

@@ -16,7 +16,9 @@ from helisim.records.logs.mapping import Clock, Column, Map
 from helisim.records.logs.report import LogFinding
 
 _SHOWN = 8
-"""Unused columns, and answers, that are printed."""
+"""Unused columns that are printed."""
+_BEST = 4
+"""Answers to a control that are printed."""
 
 
 @dataclass(frozen=True)
@@ -83,14 +85,8 @@ class LogLook:
             lines.append(f"  not used: {', '.join(self.unused[:_SHOWN])}{more}")
         lines += [_excitation_line(one) for one in self.excitations]
         if self.parts and not self.excitations:
-            lines.append("  no control moves: there is nothing to identify from")
-        lines += [
-            f"  {one.output}/{one.input} is coherent from {one.low:.3g} to {one.high:.3g} rad/s "
-            f"({one.coherence:.2f} on average)"
-            for one in self.answers[:_SHOWN]
-        ]
-        if len(self.answers) > _SHOWN:
-            lines.append(f"  and {len(self.answers) - _SHOWN} less coherent answers")
+            lines.append(f"  {_without_control(self.channels)}")
+        lines += _answer_lines(self.answers)
         if self.excitations and not self.answers:
             lines.append("  nothing answers coherently: sweep longer, larger, or in calmer air")
         lines += [
@@ -231,6 +227,30 @@ def _channel_line(one: SeenChannel) -> str:
         f"  {one.name} = {sign}{one.column.column!r} [{unit}], {one.rate:.4g} Hz, {one.low:.4g} to "
         f"{one.high:.4g}{still}: {one.why}"
     )
+
+
+def _without_control(channels: Sequence[SeenChannel]) -> str:
+    """Return why there is nothing to identify from, and what to do."""
+    if any(one.name in CONTROLS for one in channels):
+        return "no control moves: there is nothing to identify from"
+    return (
+        "no column looks like a control: say which of those not used is one, such as "
+        "--channel lat=COLUMN:percent"
+    )
+
+
+def _answer_lines(answers: Sequence[FoundAnswer]) -> list[str]:
+    """Return a line a control: what answers it, in which band."""
+    lines = []
+    for control in dict.fromkeys(one.input for one in answers):
+        mine = [one for one in answers if one.input == control]
+        shown = [
+            f"{one.output} from {one.low:.3g} to {one.high:.3g} ({one.coherence:.2f})"
+            for one in mine[:_BEST]
+        ]
+        more = f", and {len(mine) - _BEST} more" if len(mine) > _BEST else ""
+        lines.append(f"  coherent with {control}, rad/s (mean coherence): {', '.join(shown)}{more}")
+    return lines
 
 
 def _excitation_line(one: FoundExcitation) -> str:

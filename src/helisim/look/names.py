@@ -129,6 +129,8 @@ _ALONE = {
 _RADIO: dict[str, str] = dict(zip(("1", "2", "4", "3"), _STICKS))
 """Channels of a radio in the usual order: aileron, elevator, throttle, rudder."""
 _PILOT = {"stick", "rc", "rcin", "pilot", "manual", "joystick"}
+_ACTING = {"cmd", "command", "input", "in", "out", "servo", "defl", "deflection", "pos", "surface"}
+"""Beside a control's short name."""
 _ASKED = {"setpoint", "sp", "des", "desired", "target", "ref", "demand", "demanded", "std", "var"}
 """Of what was wanted, not of what was measured."""
 _ENDINGS = {
@@ -190,6 +192,9 @@ def _meant(words: str) -> tuple[str | None, int, int]:
         return words, 1, 1
     if words in _ALONE:
         return _ALONE[words], 1, 2
+    bare = " ".join(word for word in words.split() if word not in _ACTING)
+    if _ALONE.get(bare) in _INPUTS:
+        return _ALONE[bare], 1, 2
     have = set(words.split())
     for rank, (needed, channel, sign) in enumerate(_WORDS):
         if set(needed.split()) <= have:

@@ -99,6 +99,17 @@ def test_swapped_axes_are_told_with_their_signs():
     assert options(forces) == {"--channel 'az=ax_raw:m/s^2' --channel 'ax=az_raw:m/s^2'"}
 
 
+def test_swapped_rates_are_told_by_one_angle():
+    """A log without heading: r is the bank's derivative, p is not; a heading is not needed."""
+    own = {name: flight()[name] for name in ("p", "r", "phi", "theta")}
+    # a gentler flight, whose rates are nearly the angles' derivatives
+    own["phi"] = np.cumsum(own["p"]) * 0.01
+    assert options(own) == set()
+    assert options(own | {"p": own["r"], "r": own["p"]}) == {
+        "--channel p=r_raw:rad/s --channel r=p_raw:rad/s"
+    }
+
+
 @pytest.mark.parametrize("name", ["p", "q", "r", "u", "v", "w", "ay"])
 def test_a_wrong_sign_is_told(name):
     """Of a rate by its angle, of a velocity by the position, of an acceleration by the velocity."""

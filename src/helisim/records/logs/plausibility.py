@@ -127,7 +127,7 @@ def _judged(
         scale: by which a ratio may be off without a word, in its logarithm.
         angles: whether the angles' units are to blame, not the rates'.
     """
-    swapped = _swapped(channels, alike)
+    swapped = _swapped(channels, alike) or _exchanged(channels, alike)
     if swapped:
         return swapped
     return [
@@ -199,6 +199,29 @@ def _swapped(channels: Channels, alike: Mapping[tuple[str, str], Likeness]) -> l
             options = " ".join(_as(channels, one, other, alike[one, other]) for one, other in moved)
             own = ", ".join(f"{one}: {alike[one, one].coherence:.2f}" for one, _ in moved)
             return [finding("axes", f"columns are swapped: {text}; by their own, {own}", options)]
+    return []
+
+
+def _exchanged(channels: Channels, alike: Mapping[tuple[str, str], Likeness]) -> list[LogFinding]:
+    """Return two columns of which one goes with what the other should be, as far as is known.
+
+    The other one's own is not there, such as a heading, or it hardly moves.
+    """
+    measured = list(dict.fromkeys(one for one, _ in alike))
+    for one, other in alike:
+        if one == other or other not in measured or not alike[one, other].sure:
+            continue
+        rivals = [alike[name, other] for name in measured if name != one]
+        if any(rival.sure for rival in rivals) or ((one, one) in alike and alike[one, one].sure):
+            continue
+        like, declared = alike[one, other], channels.declared[one]
+        off = abs(math.log(abs(like.ratio))) > SAME
+        if off and unit_of(declared, declared.factor / abs(like.ratio)) is None:
+            continue  # coupled motion, not the other rate
+        own = alike[other, other].coherence
+        options = f"{_as(channels, one, other, like)} {channels.declared[other].option(one)}"
+        text = f"{_said(one, other, like)}; {other} is not (coherence {own:.2f})"
+        return [finding("axes", f"columns are swapped: {text}", options)]
     return []
 
 
