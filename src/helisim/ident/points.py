@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.ident.paths import connected
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 from helisim.ident.structure import Structure
 
@@ -26,7 +27,7 @@ class Points:
 
     Attributes:
         pairs: names of the responses that are used, such as "p/lat".
-        dropped: names of those that are not coherent enough.
+        dropped: names of those that are not coherent enough, or zero by the structure.
         bands: lowest and highest frequency of each response that is used, rad/s.
         frequency: (n_grid,) rad/s, all frequencies that occur.
         measured: (n_point,) response.
@@ -69,16 +70,20 @@ def select(
 
     Raises:
         UnknownNameError: a signal or response does not exist.
+        InputError: a response that was asked for is zero by the structure.
         IdentificationError: no response is coherent enough.
     """
     wanted = _wanted(structure, responses)
     limits = {name: _limits(band, name, wanted) for name in wanted}
     kept, chosen = [], []
+    reached = connected(structure)
     for name in wanted:
+        if name not in reached:
+            continue
         o, i = frf.index(*wanted[name])
         low, high = limits[name]
         inside = (frf.frequency >= low * (1 - 1e-9)) & (frf.frequency <= high * (1 + 1e-9))
-        # A response of zero, such as a structure's own, has neither decibels nor a phase.
+        # A response of zero, such as an exact one's, has neither decibels nor a phase.
         usable = np.flatnonzero(inside & frf.usable()[o, i] & (frf.response[o, i] != 0.0))
         if usable.size >= _FEWEST:
             kept.append(name)
@@ -103,6 +108,12 @@ def select(
         pair=_repeat(range(len(kept)), chosen),
         covariance=_covariance(frf, places, chosen, measured),
     )
+
+
+def enough(frf: FrequencyResponse, output: str, input_: str) -> bool:
+    """Return whether a response has enough coherent points for a fit. Raises UnknownNameError."""
+    at = frf.index(output, input_)
+    return int(np.count_nonzero(frf.usable()[at] & (frf.response[at] != 0.0))) >= _FEWEST
 
 
 def _covariance(
@@ -138,6 +149,14 @@ def _wanted(structure: Structure, responses: Sequence[str] | None) -> dict[str, 
     for name in names:
         if name not in pairs:
             raise UnknownNameError(f"response of {structure.name!r}", name, pairs)
+        if name not in connected(structure):
+            output, input_ = pairs[name]
+            raise InputError(
+                f"{name} is zero in {structure.name!r}, whatever its parameters are: no entry of "
+                f"its matrices leads from {input_} to {output}; leave the response out "
+                f"(--responses), or add what couples them; there are "
+                f"{', '.join(sorted(connected(structure)))}"
+            )
     return {name: pairs[name] for name in names}
 
 

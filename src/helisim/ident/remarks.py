@@ -3,6 +3,8 @@
 from typing import TYPE_CHECKING
 
 from helisim.ident.doubts import doubts
+from helisim.ident.paths import connected
+from helisim.ident.points import enough
 from helisim.ident.suspicion import shapes
 
 if TYPE_CHECKING:
@@ -28,8 +30,27 @@ def remarks(fit: "Fit") -> list[str]:
             f"at a bound: {', '.join(fit.at_bound)}; widen it (--bounds NAME=LO:HI), or doubt the "
             "structure"
         )
-    if fit.dropped:
-        found.append(f"left out for lack of coherence: {', '.join(fit.dropped)}")
+    reached = connected(fit.structure)
+    incoherent = [name for name in fit.dropped if name in reached]
+    if incoherent:
+        found.append(f"left out for lack of coherence: {', '.join(incoherent)}")
+    found.extend(_unreached(fit))
     found.extend(f"{a} and {b} are correlated by {r:.3f}" for a, b, r in fit.correlated)
     found.extend(one.text for one in shapes(fit))
     return found + list(fit.data.flags)
+
+
+def _unreached(fit: "Fit") -> list[str]:
+    """Return a line on coherent responses for which the structure has no path, if there are any."""
+    reached = connected(fit.structure)
+    seen = [
+        name
+        for name in fit.dropped
+        if name not in reached and enough(fit.data, *name.split("/", 1))
+    ]
+    if not seen:
+        return []
+    return [
+        f"coherent, yet zero in the structure: {', '.join(seen)}; left out: chance, or a coupling "
+        "that the structure lacks"
+    ]

@@ -50,7 +50,7 @@ class Fit(Value, Displayed):
         correlation: (n_free, n_free) between the free parameters, in their order.
         costs: J of each response that was used.
         bands: lowest and highest frequency used of each response, rad/s.
-        dropped: responses without enough coherent points.
+        dropped: responses without enough coherent points, or zero by the structure itself.
         converged: the search ended at a minimum, not at its limit of steps.
         searches_agreeing: how many starts, at different delays where the structure has any,
             ended in this minimum; 1 says to look closer.

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.ident import USABLE_COHERENCE, Fit
+from helisim.ident.paths import connected
 from helisim.ident.verdicts import meanings
 from helisim.output import html, tables
 from helisim.output.correlation import correlation_map
@@ -307,11 +308,16 @@ def fit_quality(fit: Fit) -> str:
 def left_out(fit: Fit) -> list[str]:
     """Return what a fit leaves out, and what is wrong with it, in sentences."""
     return [
-        *(f"{name} has too few coherent points and is not in the fit" for name in fit.dropped),
+        *(f"{name} {_why_left_out(fit, name)} and is not in the fit" for name in fit.dropped),
         *fit.data.flags,
         *(f"{name} ended at a bound" for name in fit.at_bound),
         *([] if fit.converged else ["the search ended before it converged"]),
     ]
+
+
+def _why_left_out(fit: Fit, name: str) -> str:
+    reached = name in connected(fit.structure)
+    return "has too few coherent points" if reached else "is zero in the structure"
 
 
 def _provenance(results: Results) -> str:
