@@ -38,6 +38,14 @@ from helisim.ident.cost import Cost
 _NULL = 1e-13
 """A direction of the scaled Hessian with a smaller eigenvalue is not seen in the data."""
 
+_FAINT = 1e-6
+"""A parameter whose change by its own size moves all residuals by less, in dB, is not seen: what
+is left of its derivative is rounding, whose errors would be anything."""
+
+_FARTHEST = 1e9
+"""A size is believed up to so many times the order of magnitude that the structure states: far
+enough for coefficients of high order; one that only rounding sees runs to 1e16."""
+
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
@@ -87,16 +95,20 @@ def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) 
         standardised: the fit minimised standardised residuals instead of J.
     """
     jacobian = cost.log_jacobian(x)
+    magnitude = np.array([one.magnitude for one in cost.structure.free], dtype=np.float64)
+    size = np.clip(np.abs(x), magnitude, _FARTHEST * magnitude)
+    clear = np.linalg.norm(jacobian, axis=0) * size > _FAINT
+    jacobian = jacobian * clear
     residual = cost.log(x, unwrap=False)
     hessian = gauss_newton_hessian(jacobian)
     inverse, seen = _inverse(hessian)
     variance = np.diagonal(inverse)
     if standardised:
-        minimised, scale = cost.standardised_jacobian(x), np.tile(1.0 / cost.spread, 2)
+        minimised, scale = cost.standardised_jacobian(x) * clear, np.tile(1.0 / cost.spread, 2)
         left = cost.standardised(x)
     else:
         minimised, scale, left = jacobian, cost.log_scale(), residual
-    gain = np.linalg.pinv(minimised).astype(np.float64)
+    gain = _left_inverse(minimised)
     spread = _spread(cost, left, minimised, scale, gain)
     if spread is None:
         freedom = max(residual.size - x.size, 1)
@@ -157,6 +169,13 @@ def _carried(
         return np.zeros((x.size, len(known)))
     jacobian = cost.jacobian_by(x, [one.name for one in known], standardised=standardised)
     return -(gain @ jacobian) * [one.error for one in known]
+
+
+def _left_inverse(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the pseudo-inverse, (n_free, n_residual), whatever units the parameters have."""
+    length = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(length > 0.0, length, 1.0)
+    return np.linalg.pinv(jacobian / scale) / scale[:, None]
 
 
 def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:

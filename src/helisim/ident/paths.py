@@ -1,6 +1,7 @@
 """Tells which outputs of a structure an input reaches at all, whatever the parameters are."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from helisim.ident.structure import Structure
 
@@ -22,10 +23,10 @@ def connected(structure: Structure) -> frozenset[str]:
         if entry.matrix in there:
             there[entry.matrix][entry.row, entry.column] = True
     # An equation without a rate constrains its states; else it drives those whose rates it has.
-    driven = np.where(there["M"].any(axis=1)[:, None], there["M"], there["F"])
+    driven = np.where(np.any(there["M"], axis=1, keepdims=True), there["M"], there["F"])
     moved = driven.T @ (driven | there["F"])  # a state moved by another in one step
-    reached = driven.T @ there["G"]
+    reached: NDArray[np.bool_] = driven.T @ there["G"]
     for _ in range(n):
         reached = reached | (moved @ reached)
-    paths = (there["H0"] | there["H1"]) @ reached | there["D"] | there["D1"]
+    paths: NDArray[np.bool_] = (there["H0"] | there["H1"]) @ reached | there["D"] | there["D1"]
     return frozenset(f"{outputs[o]}/{inputs[i]}" for o, i in np.argwhere(paths))
