@@ -111,6 +111,7 @@ def test_a_structure_of_ones_own_is_identified_and_written(run):
     assert again.names == ("L_b", "tau_f", "B_lat", "tau_lat")
 
 
+@pytest.mark.slow
 def test_a_vehicle_of_ones_own_is_made_changed_and_identified(run, tmp_path):
     """What is wrong after the change, nothing after solving, and its yaw as it is."""
     printed = run("own_vehicle.py", "myheli", 2)

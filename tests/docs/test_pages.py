@@ -67,14 +67,8 @@ def test_what_is_not_run_has_a_reason(page):
         )
 
 
-def slow_but_the_readme(page):
-    """Return a page as a parameter of a test: the door is tried in every run."""
-    return pytest.param(page, id=name(page), marks=() if page == README else pytest.mark.slow)
-
-
-@pytest.mark.parametrize(
-    "page", [slow_but_the_readme(page) for page in PAGES if "```sh" in page.read_text()]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [one for one in PAGES if "```sh" in one.read_text()], ids=name)
 def test_every_command_and_snippet_of_a_page_runs(page, tmp_path):
     """From top to bottom in one empty folder, as a reader would; any failure ends it."""
     environment = {**os.environ, "PATH": f"{HERE}{os.pathsep}{os.environ['PATH']}"}

@@ -181,6 +181,7 @@ def test_a_recording_is_a_flight_record(hovering, tmp_path):
     assert read_record(path).provenance == record.provenance
 
 
+@pytest.mark.slow
 def test_a_pedal_sweep_by_hand_is_identified(jr700):
     """A minute of pedals from 0.8 to 16 rad/s: the response of the yaw rate is coherent."""
     flight = HandFlight(jr700, height=10.0)

@@ -55,6 +55,7 @@ def test_every_parameter_has_its_comment_and_its_unit(made):
     assert max(len(line) for line in lines if line.startswith("#")) <= 100
 
 
+@pytest.mark.slow
 def test_new_fly_linearize_calibrate_tune_from_the_command_line(tmp_path, monkeypatch, capsys):
     """What the README in the folder says to do, in that order."""
     monkeypatch.chdir(tmp_path)

@@ -129,6 +129,7 @@ def test_a_vehicle_is_loaded_with_its_parameters():
 
 
 @pytest.mark.parametrize("design", ["latin hypercube", "monte carlo"])
+@pytest.mark.slow
 def test_drawn_points_repeat_and_follow_their_laws(design):
     """A seed gives the same points; they have the laws' means, spreads and limits."""
     text = f"""

@@ -115,6 +115,7 @@ def test_replicates_and_methods_differ(whole):
     assert len(set(found.values())) == len(found) == 16
 
 
+@pytest.mark.slow
 def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path, whole):
     """Ctrl-C keeps what is finished; the next run does the rest only."""
 
