@@ -192,6 +192,18 @@ def test_a_biased_width_is_left_out_and_its_bias_is_known():
     assert choice.bias[0, 0, 20] ** 2 == pytest.approx(surely / 2.0**8, rel=1e-9)
 
 
+def test_a_single_band_wider_than_its_frequency_is_not_to_be_trusted():
+    """There is nothing to see its bias by, so it is stated as the response's own size, G = 2."""
+    given = widths_of([0.0, 0.0, 0.0], [4e-4, 2e-4, 1e-4])
+    valid = given[3].copy()
+    valid[:2, :5] = False  # at the lowest frequencies only the widest has lines enough
+    choice = choose(*given[:3], valid, *given[4:], widest=0.3)
+    assert choice.bias[0, 0, :5] == pytest.approx(2.0)
+    assert np.all(choice.bias[0, 0, 6:] == 0.0)
+    trusted = choose(*given[:3], valid, *given[4:], widest=0.5)
+    assert np.all(trusted.bias == 0.0)
+
+
 def scatter(seed):
     """Return an error model of two parts, three outputs, two inputs and two flights."""
     random = np.random.default_rng(seed)

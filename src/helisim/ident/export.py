@@ -13,6 +13,7 @@ from scipy.linalg import block_diag
 
 from helisim.errors import IdentificationError
 from helisim.ident.fitted import FittedParameter
+from helisim.ident.misfit import RATIO_LIMIT
 from helisim.ident.modes import text_lines
 from helisim.records.files import atomic_write
 
@@ -237,7 +238,9 @@ def fit_text(fit: "Fit", parameters: Collection[FittedParameter]) -> str:
         lines.append(f"J {name} = {cost:.4g} from {low:.3g} to {high:.3g} rad/s{left}")
     if fit.misfit and fit.misfit.ratio is not None:
         lines.append(fit.misfit.summary)
-    lines += [f"average J = {fit.cost:.4g}: {fit.judged}", *fit.remarks]
+    unlike = fit.misfit is not None and (fit.misfit.ratio or 0.0) > RATIO_LIMIT
+    judged = f"{fit.judged}{', as costs go' if unlike else ''}"
+    lines += [f"average J = {fit.cost:.4g}: {judged}", *fit.remarks]
     return "\n".join(lines)
 
 

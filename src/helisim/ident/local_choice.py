@@ -3,7 +3,8 @@
 A polynomial's bias grows with the width of its band to the power ORDER + 2, so each width's bias
 follows from how far it is from the next narrower one: squared, less the variance of that
 difference, averaged over neighbouring frequencies. It doesn't fall where the band gets wider. The
-narrowest's own follows from the next one's by the same law.
+narrowest's own follows from the next one's by the same law. Of a single band that is wider than its
+middle frequency nothing is known: its bias is stated as the whole response.
 """
 
 from dataclasses import dataclass
@@ -99,7 +100,10 @@ def choose(
     share /= np.sum(share, axis=0)
     mean = np.sum(share * gain, axis=0)
     spread = np.sum(share * np.abs(gain - mean) ** 2, axis=0)
-    return Choice(share, np.sqrt(np.sum(share * sure, axis=0)), np.sqrt(spread))
+    bias = np.sqrt(np.sum(share * sure, axis=0))
+    alone = (np.sum(valid, axis=0) == 1) & (widths[narrowest] > widest)
+    bias[..., alone] = np.maximum(bias, np.abs(mean))[..., alone]
+    return Choice(share, bias, np.sqrt(spread))
 
 
 def _before(valid: NDArray[np.bool_], width: int) -> NDArray[np.intp]:
