@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from helisim import ident
-from helisim.ident.evaluate import response
-from helisim.ident.verification import Trace
+from helisim.ident.model.evaluate import response
+from helisim.ident.verifying.verification import Trace
 from helisim.paper import jr700
 from helisim.paper.eq8 import Coefficient, OverallCheck
 from helisim.paper.gyro_effect import Change, GyroEffect, Statement

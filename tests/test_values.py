@@ -16,7 +16,7 @@ import pytest
 import helisim as hs
 from helisim.errors import DivergedError, HelisimError, RecordError, UnknownNameError
 from helisim.ident import Reduction
-from helisim.ident.verification import Trace
+from helisim.ident.verifying.verification import Trace
 from helisim.records.value import FrozenMap, Value, same
 from helisim.study.run import Run
 from made_run import make_flight, make_model, make_verification, write_run

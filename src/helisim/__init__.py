@@ -12,7 +12,8 @@ The house, from the ground up; each room imports only from those above it in thi
     records         flight records: channels, provenance, quality, files; `logs`: anyone's logs
     physics         the force laws, compiled to callbacks that MuJoCo calls at every step
     vehicle         a folder with an MJCF and parameters, as a model that is trimmed and linearised
-    ident           from flight records to models with bounds, by the frequency-response method
+    ident           from flight records to models with bounds, by the frequency-response method:
+                    `responses` | `model`, `fitting`, `verifying`
     look            a first look at logs of which nothing is known: what to identify, and how
     sim             what is flown and recorded: pilot, manoeuvre, weather, faults; `rigs`: benches
     paper           published values and the paper's errata: compared with, never fed to `ident`

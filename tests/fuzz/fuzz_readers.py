@@ -31,7 +31,7 @@ with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING])
 
     from helisim.errors import HelisimError, InputError
     from helisim.ident import Structure, frequency_response, load_fit, load_response, structures
-    from helisim.ident.expression import Expression
+    from helisim.ident.model.expression import Expression
     from helisim.records.channels import channel
     from helisim.records.log_terms import MAP_EXAMPLE
     from helisim.records.logs import REPAIRS, Clock, Column, Map, read_log

@@ -5,9 +5,10 @@ import pytest
 from scipy.signal import butter, freqs
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.ident import FrequencyResponse, Structure, blocks, identify, in_series
-from helisim.ident.evaluate import response
-from helisim.ident.structures import heave_inflow, hover_imu, rollpitch, yaw_base
+from helisim.ident import FrequencyResponse, Structure, identify, in_series
+from helisim.ident.model import blocks
+from helisim.ident.model.evaluate import response
+from helisim.ident.model.structures import heave_inflow, hover_imu, rollpitch, yaw_base
 
 GRID = np.geomspace(0.5, 80.0, 25)
 S = 1j * GRID

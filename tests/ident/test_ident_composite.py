@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helisim.ident import frequency_response
-from helisim.ident.composite import _COHERENCE_WEIGHT, _Aim, _cost, _step, window_lengths
+from helisim.ident.responses.composite import _COHERENCE_WEIGHT, _Aim, _cost, _step, window_lengths
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from helisim.ident import FrequencyResponse, Structure, identify, structures
-from helisim.ident.cost import Cost
-from helisim.ident.points import select
-from helisim.ident.rational import delay_grid, rational_fits
-from helisim.ident.search import Minimum, agreed
-from helisim.ident.starts import Start, beside
-from helisim.ident.waits import Waits
+from helisim.ident.fitting.cost import Cost
+from helisim.ident.fitting.points import select
+from helisim.ident.fitting.rational import delay_grid, rational_fits
+from helisim.ident.fitting.search import Minimum, agreed
+from helisim.ident.fitting.starts import Start, beside
+from helisim.ident.fitting.waits import Waits
 from script import SCRIPTS
 
 sys.path.insert(0, str(SCRIPTS / "proof"))

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from helisim.ident.export import _descriptor
+from helisim.ident.fitting.export import _descriptor
 
 
 def test_a_descriptor_is_the_model_and_what_follows_its_inputs_rates():

@@ -6,8 +6,8 @@ import pytest
 from helisim.cli.structures import find_structure
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Structure, identify, structures
-from helisim.ident.evaluate import response, response_and_slope
-from helisim.ident.modes import modes
+from helisim.ident.fitting.modes import modes
+from helisim.ident.model.evaluate import response, response_and_slope
 
 GRID = np.geomspace(0.3, 30.0, 50)
 S = 1j * GRID

@@ -9,10 +9,10 @@ import pytest
 
 from helisim.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
-from helisim.ident.bounds import gauss_newton_hessian
-from helisim.ident.cost import Cost
-from helisim.ident.evaluate import response
-from helisim.ident.points import select
+from helisim.ident.fitting.bounds import gauss_newton_hessian
+from helisim.ident.fitting.cost import Cost
+from helisim.ident.fitting.points import select
+from helisim.ident.model.evaluate import response
 
 FREQUENCY = np.geomspace(0.5, 20.0, 60)
 GAIN = Structure(

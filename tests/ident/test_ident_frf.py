@@ -19,10 +19,10 @@ from helisim.ident import (
     structures,
     verify,
 )
-from helisim.ident.composite import PERIODS, compose, window_lengths
-from helisim.ident.conditioning import condition, random_error
-from helisim.ident.evaluate import response
-from helisim.ident.spectra import cross_spectra
+from helisim.ident.model.evaluate import response
+from helisim.ident.responses.composite import PERIODS, compose, window_lengths
+from helisim.ident.responses.conditioning import condition, random_error
+from helisim.ident.responses.spectra import cross_spectra
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

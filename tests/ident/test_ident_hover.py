@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helisim.ident import FrequencyResponse, identify, structures
-from helisim.ident.evaluate import response, state_space
+from helisim.ident.model.evaluate import response, state_space
 from helisim.units import STANDARD_GRAVITY
 
 G = STANDARD_GRAVITY

@@ -10,9 +10,9 @@ import pytest
 
 from helisim.errors import InputError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
-from helisim.ident.dimensions import dimensions
-from helisim.ident.evaluate import response
 from helisim.ident.in_units import fit_in, response_in
+from helisim.ident.model.dimensions import dimensions
+from helisim.ident.model.evaluate import response
 from helisim.records.channels import CHANNELS
 from helisim.records.user_units import UserUnits, parts, unit_text
 

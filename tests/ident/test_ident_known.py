@@ -8,10 +8,10 @@ import pytest
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify
-from helisim.ident.bounds import accuracy
-from helisim.ident.cost import Cost
-from helisim.ident.points import select
-from helisim.ident.structures import yaw_base
+from helisim.ident.fitting.bounds import accuracy
+from helisim.ident.fitting.cost import Cost
+from helisim.ident.fitting.points import select
+from helisim.ident.model.structures import yaw_base
 
 GRID = np.geomspace(0.5, 20.0, 30)
 S = 1j * GRID

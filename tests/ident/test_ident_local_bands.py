@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_ident_local_restated import COUNT, SPACING, lines
 
-from helisim.ident.local_bands import (
+from helisim.ident.responses.local_bands import (
     WIDTHS,
     Task,
     _laid_out,

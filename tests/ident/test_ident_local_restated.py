@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from helisim.ident.local_choice import choose, smoothed
-from helisim.ident.local_fit import fit_band
-from helisim.ident.local_lines import Lines, flight_lines
-from helisim.ident.local_scatter import LineWeights, LocalScatter
+from helisim.ident.responses.local_choice import choose, smoothed
+from helisim.ident.responses.local_fit import fit_band
+from helisim.ident.responses.local_lines import Lines, flight_lines
+from helisim.ident.responses.local_scatter import LineWeights, LocalScatter
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

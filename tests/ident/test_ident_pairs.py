@@ -9,8 +9,8 @@ from scipy.io import loadmat
 
 from helisim.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, Structure, identify, reduce, verify
-from helisim.ident.evaluate import response, response_and_slope, state_space
-from helisim.ident.simulation import delayed
+from helisim.ident.model.evaluate import response, response_and_slope, state_space
+from helisim.ident.model.simulation import delayed
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

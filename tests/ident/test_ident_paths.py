@@ -5,8 +5,8 @@ import pytest
 
 from helisim.errors import InputError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify
-from helisim.ident.evaluate import response
-from helisim.ident.paths import connected
+from helisim.ident.model.evaluate import response
+from helisim.ident.model.paths import connected
 
 FREQUENCY = np.geomspace(0.5, 20.0, 40)
 APART = Structure(

@@ -14,16 +14,9 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 
 from helisim.errors import InputError, StorageError, UnknownNameError
-from helisim.ident import (
-    Fit,
-    FrequencyResponse,
-    Structure,
-    identify,
-    load_fit,
-    structures,
-)
-from helisim.ident.evaluate import response
-from helisim.ident.export import rounded
+from helisim.ident import Fit, FrequencyResponse, Structure, identify, load_fit, structures
+from helisim.ident.fitting.export import rounded
+from helisim.ident.model.evaluate import response
 from late import LATE
 
 FREQUENCY = np.geomspace(1.0, 40.0, 90)

@@ -8,10 +8,10 @@ from scipy.signal import chirp, lfilter
 
 from helisim.errors import IdentificationError, InputError
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures
-from helisim.ident.cost import Cost
-from helisim.ident.evaluate import response
-from helisim.ident.points import select
-from helisim.ident.scatter import _lobe
+from helisim.ident.fitting.cost import Cost
+from helisim.ident.fitting.points import select
+from helisim.ident.model.evaluate import response
+from helisim.ident.responses.scatter import _lobe
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from helisim.errors import InputError
-from helisim.ident.local_scatter import LineWeights, LocalScatter
-from helisim.ident.scatter_file import _digest, scatter_from_plain, scatter_to_plain
+from helisim.ident.responses.local_scatter import LineWeights, LocalScatter
+from helisim.ident.responses.scatter_file import _digest, scatter_from_plain, scatter_to_plain
 
 RESPONSE = np.ones((1, 1, 2), dtype=complex)
 MODEL = LocalScatter(

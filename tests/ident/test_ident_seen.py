@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from helisim.errors import InputError
 from helisim.ident import Fit, FrequencyResponse, frequency_response, identify, verify
-from helisim.ident.seen import FlightSpan, flight_span, record_digest, share_seen
-from helisim.ident.transfer import first_order_delay
+from helisim.ident.model.transfer import first_order_delay
+from helisim.ident.responses.seen import FlightSpan, flight_span, record_digest, share_seen
 from helisim.records.channels import channel
 from helisim.records.logs import read_log, screen
 from helisim.records.record import FlightRecord

@@ -8,10 +8,10 @@ from scipy.signal import StateSpace, freqresp
 
 from helisim.errors import UnknownNameError
 from helisim.ident import Parameter, Structure, structures
-from helisim.ident import sensitivity as module
-from helisim.ident.evaluate import matrices, response, response_and_slope
-from helisim.ident.expression import Expression
-from helisim.ident.sensitivity import Sensitivity
+from helisim.ident.model import sensitivity as module
+from helisim.ident.model.evaluate import matrices, response, response_and_slope
+from helisim.ident.model.expression import Expression
+from helisim.ident.model.sensitivity import Sensitivity
 
 GRID = np.geomspace(0.5, 20.0, 15)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from helisim.ident import Parameter, Structure
-from helisim.ident.pencil import _uncancelled
-from helisim.ident.starts import _gains, _scatter
+from helisim.ident.fitting.starts import _gains, _scatter
+from helisim.ident.model.pencil import _uncancelled
 
 STRUCTURE = Structure(
     name="servo, mode and improper gain",

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.ident import Parameter, Structure, structures
-from helisim.ident.evaluate import response, response_and_slope, state_space
-from helisim.ident.expression import Expression
+from helisim.ident.model.evaluate import response, response_and_slope, state_space
+from helisim.ident.model.expression import Expression
 
 FREQUENCY = np.geomspace(0.7, 30.0, 7)
 NAMES = list(structures.BUILT_IN)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from helisim.errors import InputError, StorageError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
-from helisim.ident.evaluate import response
+from helisim.ident.model.evaluate import response
 from late import LATE
 
 GOOD = """

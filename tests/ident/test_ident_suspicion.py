@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, suspicions
-from helisim.ident.structures import transfer_function
-from helisim.ident.suspicion import shapes
+from helisim.ident.fitting.suspicion import shapes
+from helisim.ident.model.structures import transfer_function
 
 OMEGA = np.geomspace(1.0, 20.0, 60)
 DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04

@@ -9,7 +9,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from helisim.ident import frequency_response, identify, structures, verify
-from helisim.ident.threads import one_blas_thread
+from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from helisim.ident.verdicts import SUPPORT, support
+from helisim.ident.fitting.verdicts import SUPPORT, support
 
 
 @pytest.mark.parametrize(

@@ -146,7 +146,7 @@ def _with_blocks(structure: "Structure", items: Sequence[str]) -> "Structure":
     """Return a structure with the blocks of SIGNAL,...=BLOCK in series. Raises InputError."""
     if not items:
         return structure
-    from helisim.ident.blocks import with_blocks
+    from helisim.ident.model.blocks import with_blocks
 
     series = {}
     for item in items:

@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.ident.in_units import response_in
-    from helisim.ident.response_file import save_response
+    from helisim.ident.responses.response_file import save_response
     from helisim.records.files import check_destination
 
     for path, suffix in ((options.json, ".json"), (options.csv, ".csv")):

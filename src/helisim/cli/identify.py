@@ -68,7 +68,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.ident import identify, reduce
-    from helisim.ident.export import fit_text
+    from helisim.ident.fitting.export import fit_text
     from helisim.ident.in_units import ShownParameters, fit_in
 
     structure, signals = _asked(options)
@@ -155,7 +155,7 @@ def _write(
     shown: "Sequence[FittedParameter]",
 ) -> None:
     """Write what was asked for, the parameters in tables as they are shown, and say so."""
-    from helisim.ident.export import latex_table
+    from helisim.ident.fitting.export import latex_table
     from helisim.records.files import atomic_write, write_json
 
     if options.json is not None:

@@ -19,7 +19,7 @@ def print_suspicions(options: argparse.Namespace, fit: "Fit", logs: "Sequence[Lo
     """Print what may be wrong where a fit isn't acceptable: by the data, and by the logs."""
     if fit.acceptable and not fit.dropped:
         return
-    from helisim.ident.suspicion import suspicions
+    from helisim.ident.fitting.suspicion import suspicions
 
     known = set(fit.remarks)
     lines = [one.text for one in suspicions(fit) if one.text not in known]

@@ -57,7 +57,7 @@ def add(commands: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     from helisim.ident import load_fit, verify
     from helisim.ident.in_units import verification_in
-    from helisim.ident.verify import refuse_seen
+    from helisim.ident.verifying.verify import refuse_seen
     from helisim.records.files import check_destination, write_json
     from helisim.records.provenance import made_by
 

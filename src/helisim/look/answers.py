@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.ident.response import USABLE_COHERENCE
+from helisim.ident.responses.response import USABLE_COHERENCE
 from helisim.look.excitation import FoundExcitation
 from helisim.look.order import simplest
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES

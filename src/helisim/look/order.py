@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.ident.order import order
+from helisim.ident.fitting.order import order
 
 
 def simplest(omega: NDArray[np.float64], response: NDArray[np.complex128]) -> str:

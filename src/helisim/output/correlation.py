@@ -3,7 +3,7 @@
 from html import escape
 
 from helisim.ident import Fit
-from helisim.ident.result import CORRELATION_LIMIT
+from helisim.ident.fitting.result import CORRELATION_LIMIT
 
 _CELL, _LETTER = 27.0, 6.3
 """Units of a cell's side, and of an average letter of a name."""

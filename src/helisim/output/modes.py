@@ -2,7 +2,7 @@
 
 from helisim.errors import IdentificationError
 from helisim.ident import Fit, Mode, Modes
-from helisim.ident.modes import mode_notes
+from helisim.ident.fitting.modes import mode_notes
 from helisim.output.table import Cell, Column, Table, number, words
 
 _ERROR = ".2g"

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from helisim.ident import USABLE_COHERENCE, Fit
-from helisim.ident.paths import connected
-from helisim.ident.verdicts import meanings
+from helisim.ident.fitting.verdicts import meanings
+from helisim.ident.model.paths import connected
 from helisim.output import html, tables
 from helisim.output.correlation import correlation_map
 from helisim.output.drawings import run_drawings

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from helisim.ident import Fit, FittedParameter, Verification
-from helisim.ident.verdicts import meanings
+from helisim.ident.fitting.verdicts import meanings
 from helisim.output import html, modes, tables
 from helisim.output.drawings import bode_drawings, verification_drawings
 from helisim.output.plots import draw_flight

@@ -7,7 +7,7 @@ from math import degrees
 from typing import TYPE_CHECKING, Literal
 
 from helisim.ident import Fit, FittedParameter
-from helisim.ident.verification import VerificationFigures
+from helisim.ident.verifying.verification import VerificationFigures
 from helisim.output.table import NO_BREAK, PERCENT, Cell, Column, Table, common_form, number, words
 from helisim.paper import jr700
 from helisim.records.channels import IN1

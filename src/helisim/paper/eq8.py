@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from helisim.ident import structures
-from helisim.ident.evaluate import response
+from helisim.ident.model.evaluate import response
 from helisim.paper import jr700
 from helisim.units import DB_PER_NEPER
 

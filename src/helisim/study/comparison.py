@@ -1,7 +1,7 @@
 """An identified model by its numbers: each parameter beside its truth and the paper's value.
 
 Two verdicts stand beside a value, of which neither follows from the other. Support is what the
-data say of it (`helisim.ident.verdicts`); agreement is how far it is from a named reference.
+data say of it (`verdicts`); agreement is how far it is from a named reference.
 """
 
 import math
@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.ident.verdicts import Support
+from helisim.ident.fitting.verdicts import Support
 from helisim.sim.plain import INFINITE
 
 Agreement = Literal["agrees", "differs", "not judged"]

@@ -7,7 +7,7 @@ import numpy as np
 
 from helisim import ident
 from helisim.errors import DivergedError, InputError
-from helisim.ident.threads import one_blas_thread
+from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import AXES
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record

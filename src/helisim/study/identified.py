@@ -12,7 +12,7 @@ import numpy as np
 
 from helisim import ident
 from helisim.errors import InputError
-from helisim.ident.verification import Approach, Trace
+from helisim.ident.verifying.verification import Approach, Trace
 from helisim.records.files import read_json, write_json
 from helisim.records.provenance import made_by
 from helisim.records.value import Value

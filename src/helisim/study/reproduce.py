@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from helisim.errors import InputError
-from helisim.ident.threads import one_blas_thread
+from helisim.ident.responses.threads import one_blas_thread
 from helisim.paper.eq8 import OverallCheck, check_overall
 from helisim.paper.gyro_effect import GyroEffect, gyro_effect
 from helisim.records.files import make_folder, write_json

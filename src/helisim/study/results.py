@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.ident.verification import VerificationFigures
+from helisim.ident.verifying.verification import VerificationFigures
 from helisim.paper.eq8 import OverallCheck
 from helisim.paper.gyro_effect import GyroEffect
 from helisim.records.display import Displayed

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from helisim.errors import ModelError
-from helisim.ident.evaluate import response
+from helisim.ident.model.evaluate import response
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
 from helisim.study.published import published_of

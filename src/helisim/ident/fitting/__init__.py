@@ -1,0 +1,1 @@
+"""From frequency responses to fitted models: search, errors, verdicts, what to doubt."""

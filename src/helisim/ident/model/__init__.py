@@ -1,0 +1,1 @@
+"""Model structures as data, and with numbers: matrices, responses, exact derivatives."""

@@ -1,0 +1,168 @@
+"""What a parameter's unit holds beyond its words, by its place in the matrices.
+
+N_ped is stated in 1/s^2 and means rad/s^2 by the whole range of the pedal: its row is a yaw
+acceleration, its column a control. Every term of an entry says so: the powers of its factors and
+of its column's signal add up to its row's. Terms with one unknown are solved, until none is left.
+"""
+
+import ast
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+
+from helisim.ident.model.structure import Structure
+from helisim.records.channels import CHANNELS
+from helisim.records.user_units import CONTROL, Powers, parts
+
+Known = dict[str, dict[str, Fraction]]
+"""Parameter, state or row -> powers of its unit's parts."""
+
+
+def dimensions(structure: Structure, signals: Mapping[str, str]) -> dict[str, Powers]:
+    """Return the full units of the parameters that the structure tells.
+
+    Args:
+        structure: whose states are known by the names of channels and outputs.
+        signals: unit of each input and output, "" where it isn't known.
+
+    Returns:
+        Parameter -> powers; those that don't follow, or follow differently twice, are left out.
+    """
+    known = _signals(structure, signals)
+    terms = list(_terms(structure))
+    solved = True
+    while solved:
+        solved = False
+        for term in terms:
+            unknown = [name for name in term if name not in known]
+            if len(unknown) == 1:
+                known[unknown[0]] = _left(term, unknown[0], known)
+                solved = True
+    wrong = {
+        name
+        for term in terms
+        if all(name in known for name in term) and any(_sum(term, known).values())
+        for name in term
+    }
+    found = {}
+    for name in structure.names:
+        powers = known.get(f"parameter {name}")
+        whole = powers is not None and all(one.denominator == 1 for one in powers.values())
+        if powers is not None and whole and f"parameter {name}" not in wrong:
+            found[name] = {part: int(power) for part, power in powers.items() if power}
+    return found
+
+
+def signal_powers(name: str, unit: str, *, is_input: bool) -> Powers | None:
+    """Return the powers of a channel's unit; None where it isn't known."""
+    standard = CHANNELS.get(name)
+    powers = parts(unit or (standard.unit if standard else ""))
+    control = is_input or (standard is not None and standard.kind in ("IN1", "IN2", "SERVO"))
+    return {CONTROL: 1} if powers == {} and control else powers
+
+
+def _signals(structure: Structure, units: Mapping[str, str]) -> Known:
+    """Return what is known to begin with: signals, and states of channels' names."""
+    known: Known = {}
+    for name in (*structure.inputs, *structure.outputs):
+        powers = signal_powers(name, units.get(name, ""), is_input=name in structure.inputs)
+        if powers is not None:
+            known[f"signal {name}"] = _exact(powers)
+    for name in structure.states:
+        state = known.get(f"signal {name}")
+        if state is None and name in CHANNELS:
+            standard = signal_powers(name, "", is_input=False)
+            state = None if standard is None else _exact(standard)
+        if state is not None:
+            known[f"state {name}"] = state
+    known["second"] = {"s": Fraction(1)}
+    return known
+
+
+def _exact(powers: Powers) -> dict[str, Fraction]:
+    return {part: Fraction(power) for part, power in powers.items()}
+
+
+def _terms(structure: Structure) -> Iterator[dict[str, Fraction]]:
+    """Yield what adds up to nothing, name -> power, for every term of every entry."""
+    for entry in structure.entries:
+        if entry.matrix in ("input_delays", "output_delays", "delays"):
+            ends = {"second": Fraction(-1)}
+        else:
+            ends = _ends(structure, entry.matrix, entry.row, entry.column)
+        for factors in _monomials(ast.parse(entry.expression.text, mode="eval").body):
+            term = dict(ends)
+            for name, power in factors.items():
+                term[f"parameter {name}"] = term.get(f"parameter {name}", Fraction(0)) + power
+            yield {name: power for name, power in term.items() if power}
+
+
+def _ends(structure: Structure, matrix: str, row: int, column: int) -> dict[str, Fraction]:
+    """Return the row's and the column's part of a term."""
+    driven = matrix in ("G", "D", "D1")
+    names = structure.inputs if driven else structure.states
+    ends = {f"{'signal' if driven else 'state'} {names[column]}": Fraction(1)}
+    if matrix in ("M", "H1", "D1"):  # of a rate
+        ends["second"] = Fraction(-1)
+    if matrix in ("M", "F", "G"):
+        ends[f"equation {row}"] = Fraction(-1)
+    else:
+        output = f"signal {structure.outputs[row]}"
+        ends[output] = ends.get(output, Fraction(0)) - 1
+    return ends
+
+
+def _sum(term: Mapping[str, Fraction], known: Known) -> dict[str, Fraction]:
+    """Return the powers that the known names of a term add up to."""
+    total: dict[str, Fraction] = {}
+    for name, times in term.items():
+        for part, power in known.get(name, {}).items():
+            total[part] = total.get(part, Fraction(0)) + times * power
+    return total
+
+
+def _left(term: Mapping[str, Fraction], name: str, known: Known) -> dict[str, Fraction]:
+    """Return the powers that a term leaves to its one unknown name."""
+    return {part: -power / term[name] for part, power in _sum(term, known).items()}
+
+
+def _monomials(node: ast.expr) -> Iterator[dict[str, Fraction]]:
+    """Yield the powers of the names in each term of an expression.
+
+    A number alone, other than 1, is left out: it may have a unit of its own, such as gravity.
+    """
+    match node:
+        case ast.BinOp(op=ast.Add() | ast.Sub()):
+            yield from _monomials(node.left)
+            yield from _monomials(node.right)
+        case ast.UnaryOp():
+            yield from _monomials(node.operand)
+        case ast.Constant(value=int() | float() as value) if abs(value) != 1.0:
+            return
+        case _:
+            factors = _factors(node)
+            if factors is not None:
+                yield factors
+
+
+def _factors(node: ast.expr) -> dict[str, Fraction] | None:
+    """Return the powers of the names in a product; None where it has none, as in a function."""
+    match node:
+        case ast.Constant():
+            return {}
+        case ast.Name(id=name):
+            return {name: Fraction(1)}
+        case ast.UnaryOp():
+            return _factors(node.operand)
+        case ast.BinOp(op=ast.Add() | ast.Sub()):  # both of one unit
+            return _factors(node.left)
+        case ast.BinOp(op=ast.Mult() | ast.Div()):
+            left, right = _factors(node.left), _factors(node.right)
+            if left is None or right is None:
+                return None
+            sign = 1 if isinstance(node.op, ast.Mult) else -1
+            names = {*left, *right}
+            return {n: left.get(n, Fraction(0)) + sign * right.get(n, Fraction(0)) for n in names}
+        case ast.BinOp(op=ast.Pow(), right=ast.Constant(value=int() as power)):
+            base = _factors(node.left)
+            return None if base is None else {name: one * power for name, one in base.items()}
+    return None

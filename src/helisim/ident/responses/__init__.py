@@ -1,0 +1,1 @@
+"""From flight records to frequency responses, with the errors that they have."""

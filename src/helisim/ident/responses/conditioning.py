@@ -1,0 +1,254 @@
+"""Multi-input conditioning: one estimator for the direct and the joint input-output method.
+
+With y = H u + e and a reference r, the part of u that r explains is u^ = G_ur G_rr^-1 r and
+
+    H = G_yu^ G_u^u^^-1 .
+
+With r = u this is MISO, H = G_yu G_uu^-1. With as many references as inputs it is the
+joint input-output method, H = H_yr H_ur^-1: what feedback carries from e into u is not
+explained by r and drops out. Each pair is then described by conditioned spectra, so that
+coherence, random error and composite windows are the same formulas for both methods.
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import IdentificationError
+from helisim.ident.responses.spectra import Spectra
+
+CROSS_CONTROL_LIMIT = 0.5
+"""Mean coherence between inputs above which the estimate is doubtful (Tischler and Remple)."""
+
+CROSS_CONTROL_SINGULAR = 0.98
+"""Mean coherence between inputs above which they can't be told apart: the condition number
+of their spectral matrix exceeds 100."""
+
+
+class CrossControlWarning(UserWarning):
+    """Inputs moved together, so the responses to each are separated poorly."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioned:
+    """Spectra of each input-output pair with the other inputs' effect removed.
+
+    Attributes:
+        gxx: (n_out, n_in, n_freq) input power that is the input's own.
+        gyy: (n_out, n_in, n_freq) output power from that input and from noise.
+        gxy: (n_out, n_in, n_freq) cross spectrum; the response is gxy / gxx.
+        multiple: (n_out, n_freq) coherence of the output with all inputs together.
+        averages: equivalent number of independent windows.
+        periods: (n_freq,) how many periods of the frequency the window holds.
+        noise: (n_freq, n_out, n_out) spectra of what the response leaves of the outputs.
+        weight: (n_freq, n_in, n_segment) by which the response takes an output's transform
+            in each window.
+    """
+
+    gxx: NDArray[np.float64]
+    gyy: NDArray[np.float64]
+    gxy: NDArray[np.complex128]
+    multiple: NDArray[np.float64]
+    averages: float
+    periods: NDArray[np.float64]
+    noise: NDArray[np.complex128]
+    weight: NDArray[np.complex128]
+
+    @property
+    def coherence(self) -> NDArray[np.float64]:
+        """Partial coherence, (n_out, n_in, n_freq)."""
+        return coherence(self.gxx, self.gyy, self.gxy)
+
+
+def coherence(
+    gxx: NDArray[np.float64], gyy: NDArray[np.float64], gxy: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """Return |Gxy|^2 / (Gxx Gyy), kept within [0, 1].
+
+    Args:
+        gxx: power of the input, of any shape, such as (n_out, n_in, n_freq).
+        gyy: power of the output, of the same shape.
+        gxy: their cross spectrum, of the same shape.
+    """
+    return np.clip(np.abs(gxy) ** 2 / (gxx * gyy), 0.0, 1.0)
+
+
+def random_error(
+    coherence: NDArray[np.float64], averages: float | NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the normalised random error of the response, sqrt(1 - g2) / (|g| sqrt(2 n_e)).
+
+    n_e = n_d / C_eps^2 is the equivalent number of independent windows.
+
+    Args:
+        coherence: of any shape, such as (n_out, n_in, n_freq).
+        averages: n_e, one number or one for each coherence.
+    """
+    bounded = np.clip(coherence, 1e-12, 1.0)
+    return np.sqrt((1.0 - bounded) / (bounded * 2.0 * averages))
+
+
+def condition(
+    spectra: Spectra,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    others: Sequence[str],
+    reference: Sequence[str] | None,
+) -> Conditioned:
+    """Return the conditioned spectra of outputs over inputs, with `others` removed."""
+    active = [*inputs, *others]
+    guu = spectra.block(active, active)
+    gyu = spectra.block(outputs, active)
+    gyy = spectra.block(outputs, outputs)
+    explained, weight = guu, None
+    if reference is not None:
+        projection = _right_divide(
+            spectra.block(active, reference), spectra.block(reference, reference)
+        )
+        explained = projection @ spectra.block(reference, active)
+        weight = _adjoint(projection)
+    driving = active if reference is None else list(reference)
+    inverse = _right_divide(_identity_like(explained), explained)
+    weight = inverse if weight is None else weight @ inverse
+    response = spectra.block(outputs, driving) @ weight
+    window_weight = spectra.scale * np.matmul(
+        weight.transpose(0, 2, 1), spectra.windowed(driving).conj()
+    )
+    residual = _residual(response, guu, gyu, gyy)
+    noise = np.clip(
+        np.real(np.diagonal(residual, axis1=1, axis2=2)),
+        1e-14 * np.real(np.diagonal(gyy, axis1=1, axis2=2)),
+        None,
+    )
+    own = _own_power(explained)[:, None, : len(inputs)]
+    wanted = response[:, :, : len(inputs)]
+    signal = np.real(np.sum((response @ explained) * response.conj(), axis=2))
+    return Conditioned(
+        gxx=_frequency_last(np.broadcast_to(own, wanted.shape)),
+        gyy=_frequency_last(np.abs(wanted) ** 2 * own + noise[:, :, None]),
+        gxy=_frequency_last(wanted * own),
+        multiple=(signal / (signal + noise)).T,
+        averages=spectra.averages,
+        periods=spectra.frequency * (spectra.window / (2.0 * np.pi)),
+        noise=_disturbance(spectra, outputs, active, response, window_weight),
+        weight=window_weight[:, : len(inputs)],
+    )
+
+
+def cross_control(spectra: Spectra, inputs: Sequence[str]) -> NDArray[np.float64]:
+    """Return the coherence between inputs, (n_in, n_in, n_freq)."""
+    matrix = spectra.block(inputs, inputs)
+    power = np.real(np.diagonal(matrix, axis1=1, axis2=2))
+    return _frequency_last(np.abs(matrix) ** 2 / (power[:, :, None] * power[:, None, :]))
+
+
+def gate(
+    cross: NDArray[np.float64], inputs: Sequence[str], frequency: NDArray[np.float64]
+) -> tuple[str, ...]:
+    """Judge the coherence between inputs; return the warnings that were raised.
+
+    Args:
+        cross: (n_in, n_in, n_freq) coherence between the inputs.
+        inputs: their names.
+        frequency: (n_freq,) rad/s.
+
+    Raises:
+        IdentificationError: two inputs moved as one.
+    """
+    flags = []
+    for i, first in enumerate(inputs):
+        for j, second in enumerate(inputs[:i]):
+            mean = float(np.mean(cross[i, j]))
+            worst = frequency[int(np.argmax(cross[i, j]))]
+            message = (
+                f"inputs {second!r} and {first!r} have a mean cross-control coherence of "
+                f"{mean:.2f} (largest at {worst:.3g} rad/s)"
+            )
+            advice = "add records where the other input is swept, or sweep with less off-axis input"
+            if mean > CROSS_CONTROL_SINGULAR:
+                raise IdentificationError(
+                    f"{message}, so their effects can't be told apart; {advice}, "
+                    "or leave out the one that is known to have no effect (of --inputs)"
+                )
+            if mean > CROSS_CONTROL_LIMIT:
+                flags.append(f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}")
+    for flag in flags:
+        warnings.warn(
+            flag, CrossControlWarning, stacklevel=4
+        )  # past `one_blas_thread`, to the caller
+    return tuple(flags)
+
+
+def _adjoint(matrix: NDArray) -> NDArray[np.complex128]:
+    return matrix.conj().transpose(0, 2, 1)
+
+
+def _right_divide(
+    left: NDArray[np.complex128], hermitian: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return left @ hermitian^-1, with the signals scaled to unit power first."""
+    scale = 1.0 / np.sqrt(np.real(np.diagonal(hermitian, axis1=1, axis2=2)))
+    scaled = hermitian * scale[:, :, None] * scale[:, None, :]
+    try:
+        return (
+            _adjoint(np.linalg.solve(scaled, _adjoint(left * scale[:, None, :])))
+            * (scale[:, None, :])
+        )
+    except np.linalg.LinAlgError:
+        raise IdentificationError(
+            "the inputs are fully coherent, so their effects can't be told apart; "
+            "leave one out, or add records where they move independently"
+        ) from None
+
+
+def _identity_like(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    return np.broadcast_to(np.eye(matrix.shape[-1], dtype=np.complex128), matrix.shape)
+
+
+def _residual(
+    response: NDArray[np.complex128],
+    guu: NDArray[np.complex128],
+    gyu: NDArray[np.complex128],
+    gyy: NDArray[np.complex128],
+) -> NDArray[np.complex128]:
+    """Return the spectra of y - H u, (n_freq, n_out, n_out)."""
+    explained = response @ _adjoint(gyu)
+    return gyy - explained - _adjoint(explained) + response @ guu @ _adjoint(response)
+
+
+def _disturbance(
+    spectra: Spectra,
+    outputs: Sequence[str],
+    active: Sequence[str],
+    response: NDArray[np.complex128],
+    weight: NDArray[np.complex128],
+) -> NDArray[np.complex128]:
+    """Return the spectra of the outputs' disturbance, (n_freq, n_out, n_out).
+
+    Windows count less where the inputs are strong at that frequency: what a window smears of
+    the inputs' own effect looks like a disturbance there. And the response has been fitted to
+    some of the disturbance: in each window by its leverage, times how many windows overlap.
+    """
+    given = spectra.windowed(active)
+    left = spectra.windowed(outputs) - response @ given
+    power = np.sum(np.abs(given) ** 2 / np.mean(np.abs(given) ** 2, axis=2, keepdims=True), axis=1)
+    faint = 1.0 / (1.0 + power)
+    leverage = np.real(np.sum(weight * given, axis=1))
+    overlap = np.sum(spectra.energy) / spectra.averages
+    kept = spectra.energy * np.clip(1.0 - overlap * leverage, 0.2, 1.0)
+    faint *= spectra.scale * np.sum(spectra.energy) / np.sum(faint * kept, axis=1, keepdims=True)
+    return np.matmul(left * faint[:, None, :], _adjoint(left))
+
+
+def _own_power(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the power of each input that no other input explains, 1 / (G^-1)_ii."""
+    scale = np.sqrt(np.real(np.diagonal(matrix, axis1=1, axis2=2)))
+    inverse = np.linalg.inv(matrix / (scale[:, :, None] * scale[:, None, :]))
+    return scale**2 / np.real(np.diagonal(inverse, axis1=1, axis2=2))
+
+
+def _frequency_last(array: NDArray) -> NDArray:
+    return np.ascontiguousarray(np.moveaxis(array, 0, -1))

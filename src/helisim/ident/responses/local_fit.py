@@ -1,0 +1,341 @@
+"""Least squares in a band of lines: the response, a transient for each flight, and their pole.
+
+Around w0 the response of all signals to the driving ones is a polynomial of ln(w / w0), the same
+for all flights, since responses are smooth on a logarithmic scale down to the lowest line; the
+transient is w0/w times a polynomial of w - w0, one for each flight. Lines count by Epanechnikov's
+kernel, so that estimates are smooth in w0.
+
+Where chi^2 falls by enough, both are divided by 1 - (w - w0)/p, with one pole p for all signals:
+found by a linear fit of A Y = B U + T, the disturbance's part in it taken out, and one step of
+Gauss and Newton's for the error of Y itself. Given the pole, the estimate is linear in the lines.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.ident.responses.local_lines import Lines
+
+ORDER = 2
+"""Order of the response's polynomial: an even one is as unbiased as the next odd one, at less
+variance (Pintelon and Schoukens take 2, too)."""
+
+TRANSIENT = 3
+"""Terms of a transient: 1/w, 1 and w."""
+
+_SINGULAR = 1e-11
+"""Eigenvalues of the scaled normal matrix below it: the lines don't tell the inputs apart."""
+
+_WORTH = 5.0
+"""A pole is estimated where it takes so much off chi^2; chance takes 1 at most."""
+
+_ITERATIONS = 1
+"""Of Gauss and Newton's, for the pole."""
+
+_NEAREST = 0.5
+"""Lines between a pole and the frequency axis at least."""
+
+_FURTHEST = 10.0
+"""Half widths between a pole and the middle at most: beyond, it is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class BandFit:
+    """What one half width of the band gives at some frequencies.
+
+    Attributes:
+        first: (n_freq, n_flight) the line that the weights begin with.
+        gain: (n_freq, n_response, n_drive) response at the middle of the band.
+        weight: (n_freq, n_drive, n_flight, n_line) by which the gain takes a signal's lines.
+        residual: (n_freq, n_response, n_response) spectra of what the fit leaves.
+        freedom: (n_freq,) equivalent number of lines that the residual averages.
+        fits: (n_freq,) False where the lines can't tell the driving signals apart.
+    """
+
+    first: NDArray[np.intp]
+    gain: NDArray[np.complex128]
+    weight: NDArray[np.complex128]
+    residual: NDArray[np.complex128]
+    freedom: NDArray[np.float64]
+    fits: NDArray[np.bool_]
+
+
+def fit_band(
+    lines: Lines,
+    drive: list[int],
+    response: list[int],
+    frequency: NDArray[np.float64],
+    half: NDArray[np.float64],
+    *,
+    transient: bool,
+    poles: bool = True,
+) -> BandFit:
+    """Fit the lines within `half` of each frequency.
+
+    Args:
+        lines: of all flights.
+        drive: where the driving signals are among them.
+        response: where the responding ones are.
+        frequency: (n_freq,) rad/s.
+        half: (n_freq,) half widths of the bands, rad/s.
+        transient: estimate a transient for each flight.
+        poles: give the responses a common pole where the lines ask for one.
+    """
+    band = _gather(lines, drive, response, frequency, half)
+    least = _NEAREST * lines.spacing.min() / half
+    solved = _solve(band, None, transient=transient)
+    fit = _band_fit(band, solved)
+    if not poles:
+        return fit
+    pole, worth = _linear_pole(band, solved)
+    at = np.flatnonzero((worth > _WORTH) & fit.fits)
+    if not at.size:
+        return fit
+    part, pole = band.only(at), _kept_off(pole[at], least[at])
+    for iteration in range(_ITERATIONS + 1):
+        solved = _solve(part, pole, transient=transient)
+        if iteration < _ITERATIONS:
+            pole = _kept_off(pole + _pole_step(part, solved, pole), least[at])
+    found = _band_fit(part, solved)
+    fallen = _power_ratio(fit, at, found)
+    better = (fallen * found.freedom > _WORTH) & found.fits
+    _put(fit, at[better], found, better)
+    return fit
+
+
+@dataclass(frozen=True, eq=False)
+class _Band:
+    """The lines around each frequency, (n_freq, n_flight n_line, ...), times the kernel's root.
+
+    `terms` are the powers of ln(w / w0), `offset` is (w - w0) / half, `ratio` is w / w0; `left`
+    and `right` are the driving and the responding signals. `first` is (n_freq, n_flight).
+    """
+
+    first: NDArray[np.intp]
+    root: NDArray[np.float64]
+    ratio: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    terms: NDArray[np.float64]
+    left: NDArray[np.complex128]
+    right: NDArray[np.complex128]
+
+    def only(self, index: NDArray[np.intp]) -> "_Band":
+        """Return the band at some of the frequencies."""
+        return _Band(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Least squares at each frequency, (n_freq, ...), given the pole of each.
+
+    Attributes:
+        over: (n_freq, n_row) 1 / (1 - d/p), what the pole makes of each line.
+        basis: (n_freq, n_flight, n_line, TRANSIENT) orthonormal terms of the transients.
+        design: (n_freq, n_row, n_column) without what transients could be.
+        every: (n_freq, n_column, n_row) by which the solution takes the lines.
+        solution: (n_freq, n_column, n_response).
+        remainder: (n_freq, n_row, n_response).
+        loose: (n_freq, n_row) what of a disturbance's power in each line remains.
+        fits: as in `BandFit`.
+    """
+
+    over: NDArray[np.complex128]
+    basis: NDArray[np.complex128] | None
+    design: NDArray[np.complex128]
+    every: NDArray[np.complex128]
+    solution: NDArray[np.complex128]
+    remainder: NDArray[np.complex128]
+    loose: NDArray[np.float64]
+    fits: NDArray[np.bool_]
+
+    @property
+    def freedom(self) -> NDArray[np.float64]:
+        """Equivalent number of lines that the remainder averages, (n_freq,)."""
+        return np.sum(self.loose, axis=1)
+
+    def cleared(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return (n_freq, n_row, n) values without what the fit could explain of them."""
+        values = _without(self.basis, values)
+        return values - self.design @ (self.every @ values)
+
+
+def _gather(
+    lines: Lines,
+    drive: list[int],
+    response: list[int],
+    frequency: NDArray[np.float64],
+    half: NDArray[np.float64],
+) -> _Band:
+    first, count = lines.within(frequency - half, frequency + half)
+    index = first[:, :, None] + np.arange(max(int(count.max()), 1))
+    inside = np.arange(index.shape[2]) < count[:, :, None]
+    omega = index * lines.spacing[:, None]
+    offset = np.where(inside, (omega - frequency[:, None, None]) / half[:, None, None], 0.0)
+    root = np.where(inside, np.sqrt(np.clip(1.0 - offset**2, 0.0, 1.0)), 0.0)
+    flight = np.arange(lines.spacing.size)[None, :, None]
+    values = lines.values[flight, np.minimum(index, lines.values.shape[1] - 1)] * root[..., None]
+    ratio = np.where(inside, omega / frequency[:, None, None], 1.0)
+    octaves = np.log(ratio) / np.log1p(np.minimum(half / frequency, 1.0))[:, None, None]
+    terms = octaves[..., None] ** np.arange(ORDER + 1)
+    return _Band(first, root, ratio, offset, terms, values[..., drive], values[..., response])
+
+
+def _solve(band: _Band, pole: NDArray[np.complex128] | None, *, transient: bool) -> _Solved:
+    """Solve the normal equations, scaled, and say how the solution follows from each line."""
+    n_freq = band.root.shape[0]
+    over = np.ones(band.root.shape, dtype=np.complex128)
+    if pole is not None:
+        over = 1.0 / (1.0 - band.offset / pole[:, None, None])
+    design = (band.terms * over[..., None])[..., :, None] * band.left[..., None, :]
+    design = design.reshape(n_freq, over[0].size, -1)
+    right = band.right.reshape(n_freq, over[0].size, -1)
+    kernel = band.root.reshape(n_freq, -1) ** 2
+    taken = np.zeros(kernel.shape)
+    basis = None
+    if transient:
+        basis = _orthonormal(band.offset, band.root / band.ratio * over)
+        design, right = _without(basis, design), _without(basis, right)
+        taken = np.sum(np.abs(basis) ** 2, axis=3).reshape(n_freq, -1)
+    adjoint = np.ascontiguousarray(design.conj().swapaxes(1, 2))
+    normal = adjoint @ design
+    power = np.real(np.diagonal(normal, axis1=1, axis2=2))
+    scale = 1.0 / np.sqrt(np.where(power > 0.0, power, 1.0))
+    normal *= scale[:, :, None] * scale[:, None, :]
+    eigenvalue, vector = np.linalg.eigh(normal)
+    fits = (eigenvalue[:, 0] > _SINGULAR * eigenvalue[:, -1]) & np.all(power > 0.0, axis=1)
+    safe = np.maximum(eigenvalue, _SINGULAR * np.maximum(eigenvalue[:, -1:], 1e-300))
+    inverse = (vector / safe[:, None, :]) @ vector.conj().swapaxes(1, 2)
+    inverse *= scale[:, :, None] * scale[:, None, :]
+    every = inverse @ adjoint
+    solution = every @ right
+    taken = taken + np.real(np.sum(design * every.swapaxes(1, 2), axis=2))
+    return _Solved(
+        over=over.reshape(n_freq, -1),
+        basis=basis,
+        design=design,
+        every=every,
+        solution=solution,
+        remainder=right - design @ solution,
+        loose=kernel * np.clip(1.0 - taken, 0.0, 1.0),
+        fits=fits,
+    )
+
+
+def _without(
+    basis: NDArray[np.complex128] | None, values: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return (n_freq, n_row, n) values less their part in the basis, each flight's own."""
+    if basis is None:
+        return values
+    apart = values.reshape(*basis.shape[:3], -1)
+    return (apart - basis @ (basis.conj().swapaxes(2, 3) @ apart)).reshape(values.shape)
+
+
+def _orthonormal(
+    offset: NDArray[np.float64], root: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return orthonormal terms of a transient, (n_freq, n_flight, n_line, TRANSIENT).
+
+    Where a flight has fewer lines than terms, the ones left are zero: nothing remains of it.
+    """
+    terms: list[NDArray[np.complex128]] = []
+    for power in range(TRANSIENT):
+        term = root * offset**power
+        size = np.linalg.norm(term, axis=2, keepdims=True)
+        for _ in range(2):
+            for done in terms:
+                term = term - done * np.sum(done.conj() * term, axis=2, keepdims=True)
+        left = np.linalg.norm(term, axis=2, keepdims=True)
+        terms.append(np.where(left > 1e-6 * size, term / np.maximum(left, 1e-300), 0.0))
+    return np.stack(terms, axis=-1)
+
+
+def _linear_pole(
+    band: _Band, solved: _Solved
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Return the pole of a linear fit, (n_freq,) in half widths from the middle, and its worth.
+
+    Of A Y = B U + T + E, with A = a + b d, the equation error is least relative to what the
+    disturbance gives to it, so that the disturbance doesn't bias the pole. Its worth is by how
+    much it takes chi^2 down, mean over the responding signals.
+    """
+    fitted, size = _fitted(band, solved)
+    offset = band.offset.reshape(*solved.over.shape, 1)
+    one = solved.remainder / size
+    two = solved.cleared((fitted + solved.remainder) * offset) / size
+    pair = np.stack([one, two], axis=1).reshape(one.shape[0], 2, -1)
+    power = pair.conj() @ pair.swapaxes(1, 2)
+    chance = np.stack([np.sum(solved.loose * offset[..., 0] ** k, axis=1) for k in range(3)])
+    chance /= np.maximum(chance[0], 1e-300)
+    root = np.sqrt(np.maximum(chance[2] - chance[1] ** 2, 1e-6))
+    # L with L L^T the chance's matrix; the smallest vector in its metric
+    inverse = np.zeros(power.shape)
+    inverse[:, 0, 0], inverse[:, 1, 0], inverse[:, 1, 1] = 1.0, -chance[1] / root, 1.0 / root
+    power = inverse @ power @ inverse.swapaxes(1, 2)
+    _, vector = np.linalg.eigh(power)
+    a, b = np.moveaxis(np.einsum("fji,fj->fi", inverse, vector[:, :, 0]), 1, 0)
+    before, second = np.real(power[:, 0, 0]), np.real(power[:, 1, 1])
+    gain = np.abs(power[:, 0, 1]) ** 2 / np.maximum(second, 1e-300)
+    after = np.maximum(before - gain, 1e-9 * before + 1e-300)
+    worth = gain / after * solved.freedom
+    return -a / np.where(np.abs(b) < 1e-9, 1e-9, b), worth
+
+
+def _pole_step(
+    band: _Band, solved: _Solved, pole: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return Gauss and Newton's step of the pole, (n_freq,); it is common to all signals."""
+    fitted, size = _fitted(band, solved)
+    slope = solved.cleared(fitted * (solved.over / -pole[:, None])[:, :, None]) / size
+    pull = np.sum(slope.conj() * solved.remainder / size, axis=(1, 2))
+    return pull / np.maximum(np.sum(np.abs(slope) ** 2, axis=(1, 2)), 1e-300)
+
+
+def _fitted(band: _Band, solved: _Solved) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Return what the fit explains, (n_freq, n_row, n_response), and the size of what is left."""
+    left = solved.remainder
+    fitted = band.right.reshape(left.shape) - left
+    size = np.linalg.norm(left, axis=1) / np.sqrt(np.maximum(solved.freedom, 1.0))[:, None]
+    least = 1e-12 * np.linalg.norm(fitted, axis=1) + 1e-300
+    return fitted, np.maximum(size, least)[:, None, :]
+
+
+def _kept_off(place: NDArray[np.complex128], least: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return poles that are no nearer to the frequency axis than `least`, and not far away."""
+    sign = np.where(place.imag < 0.0, -1.0, 1.0)
+    place = place.real + 1j * sign * np.maximum(np.abs(place.imag), least)
+    return place * np.minimum(1.0, _FURTHEST / np.abs(place))
+
+
+def _band_fit(band: _Band, solved: _Solved) -> BandFit:
+    n_drive = band.left.shape[3]
+    every = solved.every[:, :n_drive]
+    weight = every * band.root.reshape(band.root.shape[0], 1, -1)
+    left = solved.remainder
+    residual = left.swapaxes(1, 2) @ left.conj()
+    return BandFit(
+        first=band.first,
+        gain=solved.solution[:, :n_drive].swapaxes(1, 2),
+        weight=weight.reshape(weight.shape[0], n_drive, *band.root.shape[1:]),
+        residual=residual / np.maximum(solved.freedom, 1e-9)[:, None, None],
+        freedom=solved.freedom,
+        fits=solved.fits & (solved.freedom > 0.0),
+    )
+
+
+def _put(into: BandFit, index: NDArray[np.intp], part: BandFit, taken: NDArray[np.bool_]) -> None:
+    for name in BandFit.__dataclass_fields__:
+        getattr(into, name)[index] = getattr(part, name)[taken]
+
+
+def _power_ratio(before: BandFit, index: NDArray[np.intp], after: BandFit) -> NDArray[np.float64]:
+    """Return by which share of itself the residual was larger before, mean over signals."""
+    old, new = (
+        np.real(np.diagonal(residual, axis1=1, axis2=2)) * freedom[:, None]
+        for residual, freedom in (
+            (before.residual[index], before.freedom[index]),
+            (after.residual, after.freedom),
+        )
+    )
+    return np.mean(old / np.maximum(new, 1e-300) - 1.0, axis=1)

@@ -1,0 +1,1 @@
+"""Fitted models against flights that no fit has seen."""
