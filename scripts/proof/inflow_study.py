@@ -84,6 +84,7 @@ def fast_response(records: Sequence[hs.FlightRecord]) -> hs.FrequencyResponse:
         outputs=("p", "q"),
         conditioning=("col", "ped", "u", "v"),
         band=FAST_BAND,
+        estimator="windows",
     )
 
 

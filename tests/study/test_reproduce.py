@@ -190,7 +190,9 @@ def test_the_records_alone_give_the_same_model(results, folder):
         if path.stem not in results.left_out
     ]
     assert len(flights) == 10
-    frf = hs.frequency_response(flights, inputs="col", outputs="w", band=(0.3, 12.0))
+    frf = hs.frequency_response(
+        flights, inputs="col", outputs="w", band=(0.3, 12.0), estimator="windows"
+    )
     fit = hs.identify(frf, hs.structures.heave)
     assert fit["Z_w"].value == results["heave"]["Z_w"].identified
 

@@ -76,7 +76,7 @@ class ModelSpec:
             for; the truth is then the structure fitted to the exact response.
         given: parameter -> where its value is from; it is not fitted.
         servos_known: the servos are in the structure, so no delay holds them.
-        estimator: of the response, by `ident.frequency_response`; its default if None.
+        estimator: of the response, by `ident.frequency_response`: CIFER's windows, as in the paper.
         behind: what the ground tests needed to know for that.
         verified_by: axes whose doublets it must predict (the paper's Figures 7 and 8).
         tolerances: by parameter name; a parameter without one is reported, not judged.
@@ -97,7 +97,7 @@ class ModelSpec:
     truth_kind: Literal["derivatives", "gyro", "equivalent"] = "derivatives"
     given: dict[str, Given] = field(default_factory=dict)
     servos_known: bool = False
-    estimator: str | None = None
+    estimator: str = "windows"
     behind: tuple[Given, ...] = ()
     verified_by: tuple[str, ...] = ()
     tolerances: dict[str, Tolerance] = field(default_factory=dict)

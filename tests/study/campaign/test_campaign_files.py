@@ -55,8 +55,8 @@ def test_the_direct_estimate_of_the_yaw_damping_is_biased(gusty):
     joint, direct = gusty["joint", "N_r"], gusty["direct", "N_r"]
     truth = joint["truth"]
     assert direct["estimate"] / truth - 1.0 > abs(joint["estimate"] / truth - 1.0)
-    # more than scatter: the joint estimate's error is the larger of the two
-    assert truth - direct["estimate"] > 2.0 * joint["standard_error"]
+    # more than scatter: it is outside of what the joint estimate's error lets 95 of 100 be
+    assert truth - direct["estimate"] > 1.96 * joint["standard_error"]
 
 
 @pytest.mark.slow
