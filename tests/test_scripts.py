@@ -89,6 +89,7 @@ def test_a_log_is_identified(run, jr700, tmp_path):
         run("identify_log.py")
 
 
+@pytest.mark.slow
 def test_a_controller_of_ones_own_flies(run):
     """A higher gain has a lower peak of sensitivity; Python and compiled code fly the same."""
     printed = run("own_controller.py", 0.3, 0.5)

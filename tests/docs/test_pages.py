@@ -93,6 +93,7 @@ def test_links_lead_somewhere(page):
         assert (page.parent / target).exists(), target
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path):
     """`sphinx-build -W docs docs/_build`: no broken reference, no page outside the contents."""
     command = [sys.executable, "-m", "sphinx", "-W", "-q", "--keep-going", "docs", str(tmp_path)]

@@ -100,6 +100,7 @@ def within_bounds(results, share):
         assert away < share * row.cr_percent, (row.name, away, row.cr_percent)
 
 
+@pytest.mark.slow
 def test_what_flew_is_identified(folder):
     """Sweeps on four axes, one flight each: every derivative and delay within its bound."""
     results = recover(folder, flights=1, seed=1)
