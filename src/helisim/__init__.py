@@ -14,8 +14,11 @@ The house, from the ground up; each room imports only from those above it in thi
     vehicle         a folder with an MJCF and parameters, as a model that is trimmed and linearised
     ident           from flight records to models with bounds, by the frequency-response method:
                     `responses` | `model`, `fitting`, `verifying`
+    laws            control laws as data: a file that is read, linearised and flown
+    handling        what a closed loop is judged by: margins, disturbance rejection, ADS-33
     look            a first look at logs of which nothing is known: what to identify, and how
     sim             what is flown and recorded: pilot, manoeuvre, weather, faults; `rigs`: benches
+    design          from an identified model to a control law that meets specifications
     paper           published values and the paper's errata: compared with, never fed to `ident`
     study           the experiment: models, truth, flights, results; `campaign`: many replicates
     output          results as tables, plots, a report, a Rerun recording; computes nothing

@@ -1,0 +1,173 @@
+"""The loop that a linear vehicle and a linear law close, frequency by frequency.
+
+With the commands u = K y + F s of what is sensed, y = P u, and of the sticks s (positive feedback,
+as laws are written), every response follows from P and K at one frequency: no model order, no
+approximation of delays.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.handling.axis import Axis, axis_of
+from helisim.handling.curve import Curve
+from helisim.handling.loop import GRID, History, NoResponse
+
+Response = NDArray[np.complex128]
+Added = Mapping[int, Response]
+
+
+class Linear(Protocol):
+    """Named inputs to named outputs, linear."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        ...
+
+    def response(self, frequency: NDArray[np.float64]) -> Response:
+        """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """A `Loop` of a linear plant and law.
+
+    Attributes:
+        plant: from commands ("lat", ...) to what is sensed ("p", "phi", ...), whatever holds
+            the commands between ticks, and delays, included.
+        law: from what is sensed and the sticks ("LAT", ...) to the commands.
+        frequency: (n_freq,) rad/s.
+    """
+
+    plant: Linear
+    law: Linear
+    frequency: NDArray[np.float64] = field(default_factory=lambda: GRID)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The commands that the law gives and the plant takes."""
+        return tuple(name for name in self.law.outputs if name in self.plant.inputs)
+
+    @cached_property
+    def _plant(self) -> Response:
+        """P, (n_freq, n_sensed, n_command)."""
+        columns = [self.plant.inputs.index(name) for name in self.axes]
+        return np.moveaxis(self.plant.response(self.frequency)[:, columns], -1, 0)
+
+    @cached_property
+    def _law(self) -> Response:
+        """K and F together, (n_freq, n_command, n_law_input)."""
+        rows = [self.law.outputs.index(name) for name in self.axes]
+        return np.moveaxis(self.law.response(self.frequency)[rows], -1, 0)
+
+    @cached_property
+    def _feedback(self) -> Response:
+        """K, by the plant's outputs, (n_freq, n_command, n_sensed); 0 of what the law ignores."""
+        known = self.law.inputs
+        columns = [
+            self._law[:, :, known.index(name)] if name in known else np.zeros(self._law.shape[:2])
+            for name in self.plant.outputs
+        ]
+        return np.stack(columns, axis=-1)
+
+    @cached_property
+    def _follows(self) -> Response:
+        """(I - K P)^-1: what reaches the actuators over what is added there."""
+        both = self._feedback @ self._plant
+        return np.asarray(np.linalg.inv(np.eye(len(self.axes)) - both), dtype=np.complex128)
+
+    def broken(self, axis: str, at: str = "actuators") -> Curve:
+        """Return the loop L of one axis, all others closed; see `Loop`."""
+        if at == "actuators":
+            place = self._place(axis)
+            sensitivity = self._follows[:, place, place]
+        elif at == "sensors":
+            sensitivity = self._sensed_over(self._turned(axis), axis_of(axis).angle)
+        else:
+            sensitivity = self._sensed_over({self._sensor(at): self._unit}, at)
+        return self._curve(1.0 / sensitivity - 1.0)
+
+    def disturbance(self, axis: str) -> Curve:
+        """Return the sensed angle over a disturbance of it; see `Loop`."""
+        return self._curve(self._sensed_over(self._turned(axis), axis_of(axis).angle))
+
+    def command(self, axis: str, output: str | None = None) -> Curve:
+        """Return an output over the axis's stick; see `Loop`."""
+        row = self._sensor(output or axis_of(axis).angle)
+        return self._curve((self._plant @ self._by_stick(axis))[:, row, 0])
+
+    def actuator(self, axis: str, by: str = "stick") -> Curve:
+        """Return the axis's servo command over its stick or its disturbance; see `Loop`."""
+        place = self._place(axis)
+        if by == "stick":
+            return self._curve(self._by_stick(axis)[:, place, 0])
+        return self._curve(self._by_sensors(self._turned(axis))[:, place])
+
+    @cached_property
+    def poles(self) -> NDArray[np.complex128]:
+        """The poles, (n_pole,) rad/s: not known from responses alone."""
+        raise NoResponse("responses alone have no poles")
+
+    def step(self, axis: str, *, size: float, duration: float) -> History:
+        """Not known yet."""
+        raise NoResponse(f"no step of {axis} is known from responses alone")
+
+    def _curve(self, values: Response) -> Curve:
+        return Curve(self.frequency, values)
+
+    def _place(self, axis: str) -> int:
+        name = axis_of(axis).name
+        if name not in self.axes:
+            raise NoResponse(f"the loop has no command {name!r}: it has {_listed(self.axes)}")
+        return self.axes.index(name)
+
+    def _sensor(self, name: str) -> int:
+        if name not in self.plant.outputs:
+            raise NoResponse(f"nothing says {name!r}: there are {_listed(self.plant.outputs)}")
+        return self.plant.outputs.index(name)
+
+    def _turned(self, axis: str) -> Added:
+        """Return what a disturbance of the axis's attitude adds to each sensor."""
+        one: Axis = axis_of(axis)
+        added = {self._sensor(one.angle): self._unit}
+        if one.rate is not None:
+            added[self._sensor(one.rate)] = self._unit * (1j * self.frequency)
+        return added
+
+    @property
+    def _unit(self) -> Response:
+        return np.ones(self.frequency.size, dtype=np.complex128)
+
+    def _by_sensors(self, added: Added) -> Response:
+        """Return the commands over a disturbance of what is sensed, (n_freq, n_command)."""
+        given = np.sum([self._feedback[:, :, k] * one[:, None] for k, one in added.items()], axis=0)
+        return (self._follows @ given[:, :, None])[:, :, 0]
+
+    def _sensed_over(self, added: Added, name: str) -> Response:
+        """Return what is sensed over a disturbance that adds 1 to it, (n_freq,)."""
+        row = self._sensor(name)
+        moved = (self._plant[:, [row], :] @ self._by_sensors(added)[:, :, None])[:, 0, 0]
+        return 1.0 + moved
+
+    def _by_stick(self, axis: str) -> Response:
+        """Return the commands over the axis's stick, (n_freq, n_command, 1)."""
+        stick = axis_of(axis).stick
+        if stick not in self.law.inputs:
+            raise NoResponse(f"the law has no stick {stick!r}: it has {_listed(self.law.inputs)}")
+        column = self._law[:, :, [self.law.inputs.index(stick)]]
+        return self._follows @ column
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names)

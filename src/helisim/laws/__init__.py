@@ -1,0 +1,1 @@
+"""Control laws as data: a file that can be read, compared, linearised and flown."""
