@@ -72,4 +72,4 @@ class Curve(Value):
         log = np.log(np.abs(self.response)) + 1j * self.phase
         where = np.log(wanted)
         parts = [np.interp(where, np.log(own), part) for part in (log.real, log.imag)]
-        return np.asarray(np.exp(parts[0] + 1j * parts[1]), dtype=np.complex128)
+        return np.exp(np.asarray(parts[0] + 1j * parts[1], dtype=np.complex128))
