@@ -69,7 +69,6 @@ class Curve(Value):
                 f"the curve is known from {own[0]:g} to {own[-1]:g} rad/s, not at "
                 f"{wanted.min():g} to {wanted.max():g}"
             )
-        log = np.log(np.abs(self.response)) + 1j * self.phase
-        where = np.log(wanted)
-        parts = [np.interp(where, np.log(own), part) for part in (log.real, log.imag)]
-        return np.exp(np.asarray(parts[0] + 1j * parts[1], dtype=np.complex128))
+        where, known = np.log(wanted), np.log(own)
+        size = np.exp(np.interp(where, known, np.log(np.abs(self.response))))
+        return (size * np.exp(1j * np.interp(where, known, self.phase))).astype(np.complex128)
