@@ -76,7 +76,9 @@ class ClosedLoop:
         """K, by the plant's outputs, (n_freq, n_command, n_sensed); 0 of what the law ignores."""
         known = self.law.inputs
         columns = [
-            self._law[:, :, known.index(name)] if name in known else np.zeros(self._law.shape[:2])
+            self._law[:, :, known.index(name)]
+            if name in known
+            else np.zeros(self._law.shape[:2], dtype=np.complex128)
             for name in self.plant.outputs
         ]
         return np.stack(columns, axis=-1)
