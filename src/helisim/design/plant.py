@@ -1,0 +1,159 @@
+"""The identified aircraft as a control law sees it: from its servo commands to what it senses.
+
+A fit describes records: late channels are late in it, and a command that a gyro holds between its
+ticks acts half a period later than the record says. Here the recorder's latencies are taken out,
+the gyro's put in, and the angles follow from the rates.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.design.drawn import draw
+from helisim.errors import InputError
+from helisim.handling.axis import BY_NAME
+from helisim.ident.fitting.result import Fit
+from helisim.ident.model import evaluate
+from helisim.records.value import FrozenMap, Value
+
+Array = NDArray[np.float64]
+Response = NDArray[np.complex128]
+
+COMMANDS = ("col", "lon", "lat", "ped")
+RATES = ("p", "q", "r")
+ANGLES = ("phi", "theta", "psi")
+
+
+@dataclass(frozen=True, eq=False)
+class Plant(Value):
+    """What identified models say of what a law senses over what it commands; it is `Linear`.
+
+    Of two models with the same output and input the first tells; what none has is 0.
+
+    Attributes:
+        fits: identified models, from servo commands ("lat", ...) to rates and the velocity down.
+        late: by how much a channel is recorded late, s, by name; 0 where none is given.
+        period: s, between the gyro's ticks. Records have the commands as they are given at the
+            ticks, so half of it is among a fit's delays already.
+        latency: s, from sensing the rates to their use.
+        tilt: steady roll and pitch angle, rad, by which body rates turn the angles.
+        values: parameters of each fit, where not those that were found, such as drawn ones.
+    """
+
+    fits: tuple[Fit, ...]
+    late: Mapping[str, float] = field(default_factory=dict)
+    period: float = 0.002
+    latency: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+    values: tuple[Mapping[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        fits = tuple(self.fits)
+        object.__setattr__(self, "fits", fits)
+        object.__setattr__(self, "late", FrozenMap(self.late))
+        values = self.values or tuple(fit.values for fit in fits)
+        object.__setattr__(self, "values", tuple(map(FrozenMap, values)))
+        if not fits or len(self.values) != len(fits):
+            raise InputError(
+                f"a plant needs a fit, and values of each: got {len(fits)} and {len(self.values)}"
+            )
+        if not (self.period > 0.0 and math.isfinite(self.period) and self.latency >= 0.0):
+            raise InputError(
+                f"the gyro's period must be positive and its latency 0 or more, got "
+                f"{self.period:g} and {self.latency:g} s"
+            )
+        if not self.inputs:
+            raise InputError(
+                f"no fit begins at a servo command ({', '.join(COMMANDS)}): their inputs are "
+                f"{', '.join(name for fit in fits for name in fit.structure.inputs)}"
+            )
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The commands that some model has."""
+        return _in_order(COMMANDS, (fit.structure.inputs for fit in self.fits))
+
+    @property
+    def sensed(self) -> tuple[str, ...]:
+        """What the models themselves tell: rates, and the velocity down."""
+        return _in_order((*RATES, "w"), (fit.structure.outputs for fit in self.fits))
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """What is sensed: rates, their angles, velocity down and acceleration along it."""
+        known = self.sensed
+        angles = tuple(angle for rate, angle in zip(RATES, ANGLES) if rate in known)
+        return (*known, *angles, *(("az",) if "w" in known else ()))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The commands whose own angle or velocity is sensed too."""
+        return tuple(name for name in self.inputs if BY_NAME[name].angle in self.outputs)
+
+    def response(self, frequency: Array) -> Response:
+        """Return what is sensed over the commands, (n_out, n_in, n_freq), at (n_freq,) rad/s."""
+        omega = np.asarray(frequency, dtype=np.float64)
+        known = dict(zip(self.sensed, self._recorded(omega)))
+        still = np.zeros((len(self.inputs), omega.size), dtype=np.complex128)
+        turning = turned(self.tilt)
+        rates = np.stack([known.get(name, still) for name in RATES])
+        angles = np.einsum("ar,rif->aif", turning, rates) / (1j * omega)
+        late = np.exp(-1j * omega * self.latency)
+        known |= {name: known[name] * late for name in RATES if name in known}
+        known |= dict(zip(ANGLES, angles))
+        if "w" in known:
+            known["az"] = 1j * omega * known["w"]
+        return np.stack([known[name] for name in self.outputs])
+
+    def _recorded(self, omega: Array) -> Response:
+        """Return what the models tell, their records' latencies taken out, in order of `sensed`."""
+        rows, columns = self.sensed, self.inputs
+        found = np.zeros((len(rows), len(columns), omega.size), dtype=np.complex128)
+        told: set[tuple[str, str]] = set()
+        for fit, values in zip(self.fits, self.values):
+            one = evaluate.response(fit.structure, values, omega)
+            for j, output in enumerate(fit.structure.outputs):
+                for k, name in enumerate(fit.structure.inputs):
+                    if output not in rows or name not in columns or (output, name) in told:
+                        continue
+                    told.add((output, name))
+                    early = self.late.get(output, 0.0) - self.late.get(name, 0.0)
+                    shifted = one[j, k] * np.exp(1j * omega * early)
+                    found[rows.index(output), columns.index(name)] = shifted
+        return found
+
+    def draws(self, count: int, *, seed: int = 1) -> "tuple[Plant, ...]":
+        """Return plants as likely as this one, their parameters drawn by the fits' covariances.
+
+        A value that several fits were given, such as of a servo, errs by the same in all of them.
+
+        Args:
+            count: how many.
+            seed: of the random numbers.
+
+        Raises:
+            InputError: a fit doesn't state the covariance of its parameters.
+        """
+        rng = np.random.default_rng(seed)
+        return tuple(replace(self, values=draw(self.fits, rng)) for _ in range(count))
+
+
+def turned(tilt: tuple[float, float]) -> Array:
+    """Return the rates of phi, theta and psi over p, q and r at a steady tilt, (3, 3)."""
+    phi, theta = tilt
+    sine, cosine, slope = math.sin(phi), math.cos(phi), math.tan(theta)
+    return np.array(
+        [
+            [1.0, sine * slope, cosine * slope],
+            [0.0, cosine, -sine],
+            [0.0, sine / math.cos(theta), cosine / math.cos(theta)],
+        ]
+    )
+
+
+def _in_order(names: Sequence[str], groups: Iterable[Sequence[str]]) -> tuple[str, ...]:
+    known = {name for group in groups for name in group}
+    return tuple(name for name in names if name in known)
