@@ -18,7 +18,7 @@ LOOPS = {
 }
 INTERPOLATION = 2e-4
 """Straight lines of dB and of phase over log frequency between points 1.7 % apart; a resonance with
-damping 0.15 is bent most, by 0.01 dB and 0.05 deg."""
+damping 0.15 is bent most, by 0.01 dB and 0.1 deg."""
 
 
 def curve(loop, frequency=GRID):
@@ -40,7 +40,7 @@ def test_all_crossings_are_those_of_python_control(name):
     order = np.argsort(ones)
     np.testing.assert_allclose(other[:, 0], ones[order], rtol=INTERPOLATION)
     wrapped = (phases[order] + 180.0) % 360.0 - 180.0
-    np.testing.assert_allclose(np.degrees(other[:, 1]), wrapped, atol=0.05)
+    np.testing.assert_allclose(np.degrees(other[:, 1]), wrapped, atol=0.1)
 
 
 @pytest.mark.parametrize("name", LOOPS)
