@@ -72,10 +72,8 @@ def test_no_window_crosses_a_join():
     np.testing.assert_allclose(moved.matrix, plain.matrix, rtol=1e-8, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "overlap",
-    [pytest.param(0.0, marks=pytest.mark.slow), 0.5, pytest.param(0.8, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("overlap", [0.0, 0.5, 0.8])
 def test_random_error_matches_monte_carlo(overlap):
     """The stated random error is the scatter of the magnitude over many flights."""
     gains, stated = [], []

@@ -57,6 +57,7 @@ for name, write in writers.items():
 """
 
 
+@pytest.mark.slow
 def test_a_write_that_the_disk_refuses_leaves_the_old_file_and_one_clear_error(tmp_path):
     """At the start, half way, and at the last bytes: a recording's are its table of contents."""
     command = [sys.executable, "-c", WRITE, str(tmp_path)]

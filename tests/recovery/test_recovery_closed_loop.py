@@ -46,6 +46,7 @@ def test_joint_beats_direct_in_yaw():
     assert np.mean(np.abs(joint)) < 0.6 * np.mean(np.abs(direct))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::helisim.ident.ClosedLoopWarning")
 def test_joint_response_is_closer_in_roll_and_pitch():
     """Where a gust and feedback drive the cyclic, the joint response is nearer to the truth."""

@@ -40,6 +40,7 @@ def over(monkeypatch):
     return choose
 
 
+@pytest.mark.slow
 def test_a_sweep_that_was_over_is_left_out(jr700, tmp_path, over):
     """One is flown more than is kept, so another takes its place; its file is there, marked."""
     over(0)

@@ -30,7 +30,7 @@ def steady(found: Flapping, lat=0.0, lon=0.0, p=0.0, q=0.0):
     return np.linalg.solve([[1.0, -found.a_b], [-found.b_a, 1.0]], asked)
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize("direction", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("lock", "frequency"), [(2.0, 1.0), (2.0, 1.07), (5.0, 1.0), (8.0, 1.03), (10.0, 1.12)]
 )

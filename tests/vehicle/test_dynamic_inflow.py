@@ -192,7 +192,7 @@ class Blades:
 
 
 @pytest.mark.parametrize("airspeed", [0.0, 15.0])
-@pytest.mark.parametrize("hand", [1.0, -1.0])
+@pytest.mark.parametrize("hand", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("axis", ["a", "b"])
 def test_tilt_and_slopes_are_those_of_blades_one_by_one(hand, axis, airspeed):
     """A step of cyclic: what the disc's first-order equations make of four blades in that air."""
