@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -28,6 +28,9 @@ from helisim.vehicle.law_checks import (
     source_digest,
 )
 from helisim.vehicle.motion import addresses
+
+if TYPE_CHECKING:
+    from helisim.vehicle.vehicle import Vehicle
 
 Law = Callable[..., Any]
 """`law(seen, state, settings)` or with the first one or two of these; returns servo commands."""
@@ -64,6 +67,8 @@ class Controller(Value):
         reset: called as a law is, where one starts: at a flight's start, after a fault's restart.
             None for the law's own `reset`, if it has one.
         name: for messages and provenance; None for the law's own.
+        written: the law as data that this flies on one vehicle, about one trim; None if it is not
+            of such.
 
     Raises:
         InputError: what is given is no law, or takes other arguments.
@@ -76,6 +81,7 @@ class Controller(Value):
     settings: ArrayLike | Sequence[float] = field(default=(), kw_only=True)
     reset: Law | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
+    written: "WrittenLaw | None" = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         if self.law is not None and (self.swash, self.tail) != (SHIPPED, SHIPPED):
@@ -194,9 +200,15 @@ class Controller(Value):
                 "states": one.states,
                 "source_digest": source_digest(one.function, one.reset),
             }
-        if self.settings.size:
+        if self.written is not None:
+            facts["written"] = self.written.to_dict()
+        elif self.settings.size:
             facts["settings"] = self.settings.tolist()
         return facts
+
+    def on(self, vehicle: "Vehicle") -> "Controller":
+        """Return it as it flies on a vehicle: as it is, or its law as data on this one."""
+        return self if self.written is None else self.written.on(vehicle)
 
     @contextmanager
     def flying(self, model: mujoco.MjModel, prefix: str = "") -> Iterator["Flying"]:
@@ -276,19 +288,43 @@ GYRO = Controller()
 """The gyro that every vehicle comes with."""
 DIRECT = Controller(swash=None, tail=None)
 """None at all: the servos' commands are the caller's."""
-ControllerLike = Controller | Law | None
 
 
-def as_controller(given: ControllerLike) -> Controller:
+@runtime_checkable
+class WrittenLaw(Protocol):
+    """A control law as data, which makes a controller for a vehicle; `helisim.laws` has them."""
+
+    def on(self, vehicle: "Vehicle") -> Controller:
+        """Return the controller that flies it on a vehicle, about its trim."""
+        ...
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as plain data."""
+        ...
+
+
+ControllerLike = Controller | WrittenLaw | Law | None
+
+
+def as_controller(given: ControllerLike, vehicle: "Vehicle | None" = None) -> Controller:
     """Return a controller as it is, a law as the controller of all servos, None as none.
 
+    Args:
+        given: a controller, a law, a law as data, or None.
+        vehicle: that it flies.
+
     Raises:
-        InputError: it is none of these.
+        InputError: it is none of these, or a law as data without a vehicle.
     """
-    if isinstance(given, Controller):
-        return given
     if given is None:
         return DIRECT
+    if isinstance(given, WrittenLaw):
+        if vehicle is not None:
+            return given.on(vehicle)
+        if not isinstance(given, Controller):
+            raise InputError("a law as data flies a vehicle: give law.on(vehicle)")
+    if isinstance(given, Controller):
+        return given
     return Controller(given)
 
 

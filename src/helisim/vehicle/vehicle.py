@@ -4,7 +4,7 @@ import copy
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -125,9 +125,7 @@ class Vehicle(Value, Displayed):
         model = copy.copy(self.model)
         model.opt.wind[:] = flip(*wind)
         trim = find_trim(model, speed=speed, height=height, near=self.trim)
-        if not self.controller.is_shipped:
-            self.controller.put_into(model)
-        changed = Vehicle(self.folder, self.parameters, model, trim, self.controller)
+        changed = self._changed(model, self.parameters, trim)
         changed.__dict__.update(_unsampled=self._unsampled)
         return changed
 
@@ -265,11 +263,18 @@ class Vehicle(Value, Displayed):
             )
         model = copy.copy(self.model)
         model.actuator_user[addresses(model).rotor, : len(PARAM)] = force_law_block(parameters)
-        if not self.controller.is_shipped:
-            self.controller.put_into(model)
-        changed = Vehicle(self.folder, parameters, model, self.trim, self.controller)
+        changed = self._changed(model, parameters, self.trim)
         changed.__dict__.update(_base=self._base, _unsampled=self._unsampled)
         return changed
+
+    def _changed(self, model: mujoco.MjModel, parameters: Parameters, trim: Trim) -> "Vehicle":
+        """Return the same vehicle in another flight, or with other settings, by its controller."""
+        changed = Vehicle(self.folder, parameters, model, trim, self.controller)
+        if self.controller.is_shipped:
+            return changed
+        controller = self.controller.on(changed)
+        controller.put_into(model)
+        return replace(changed, controller=controller)
 
     def with_controller(self, controller: ControllerLike) -> "Vehicle":
         """Return the same vehicle with another controller of its servos.
@@ -278,13 +283,13 @@ class Vehicle(Value, Displayed):
         model after the vehicle is gone, give that the controller with `set_controller`.
 
         Args:
-            controller: a law of (seen, state, settings), a `Controller`, or None: then nothing
-                commands the servos but their `ctrl`.
+            controller: a law of (seen, state, settings), a `Controller`, a law as data such as
+                `read_law` gives, or None: then nothing commands the servos but their `ctrl`.
 
         Raises:
             InputError: it is no law, or numba can't compile it.
         """
-        chosen = as_controller(controller)
+        chosen = as_controller(controller, self)
         model = copy.copy(self.model)
         if sum(chosen.state_counts) > law_room(model):
             model = with_room(model, self.folder, self.parameters, sum(chosen.state_counts))

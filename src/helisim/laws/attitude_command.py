@@ -1,0 +1,394 @@
+"""Attitude command, attitude hold by explicit model following: a law as plain data.
+
+Roll and pitch follow a second-order model of the attitude that the stick asks for, yaw a
+first-order model of the rate, its heading held. An inverse of the aircraft goes ahead of the
+feedback, so this only mends what the inverse misses (Tischler, Advances in Aircraft Flight
+Control, 1996, ch. 9; the law of Army/NASA's "explicit model following" helicopters).
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.laws import attitude_kernel as kernel
+from helisim.laws.attitude_kernel import ATTITUDE, GENERAL, HEAVE
+from helisim.laws.filters import Filter, filter_of
+from helisim.laws.law import Law, check_names, register
+
+if TYPE_CHECKING:
+    from helisim.laws.attitude_linear import AttitudeLinear
+    from helisim.vehicle import Controller, Vehicle
+
+LIMIT = 0.5
+"""Of a command where nothing is said, unitised: the shipped gyro's."""
+_PLATE = slice(GENERAL.plate, GENERAL.plate + 21)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttitudeAxis:
+    """Roll or pitch: an attitude is commanded and held.
+
+    Attributes:
+        stick: attitude that a whole stick asks for, rad.
+        most: greatest attitude that can be asked for, from the trim's, rad.
+        frequency: of the command model, rad/s.
+        damping: of the command model, a ratio.
+        k_angle: command over attitude, 1/rad.
+        k_rate: command over rate, s/rad.
+        k_integral: command over attitude's integral, 1/(rad s).
+        k_angle_cross: command over the other axis's attitude, 1/rad.
+        k_rate_cross: command over the other axis's rate, s/rad.
+        ff_acceleration: command over the model's acceleration, s^2/rad.
+        ff_rate: command over the model's rate, s/rad.
+        ff_delay: by how much the model is late before attitude and rate are compared with it, s,
+            in whole ticks: as late as the aircraft follows what goes ahead.
+        limit: of the command, unitised.
+        filters: of the feedback, but for the integral.
+    """
+
+    stick: float
+    frequency: float
+    k_angle: float
+    k_rate: float
+    k_integral: float = 0.0
+    damping: float = 1.0
+    most: float = 0.8
+    k_angle_cross: float = 0.0
+    k_rate_cross: float = 0.0
+    ff_acceleration: float = 0.0
+    ff_rate: float = 0.0
+    ff_delay: float = 0.0
+    limit: float = LIMIT
+    filters: tuple[Filter, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class YawAxis:
+    """Yaw: a rate is commanded, and the heading held that it leads to.
+
+    Attributes:
+        stick: rate that a whole pedal asks for, rad/s.
+        most: greatest rate that can be asked for, rad/s.
+        frequency: of the command model, rad/s, of first order.
+        k_angle: command over heading, 1/rad.
+        k_rate: command over rate, s/rad.
+        k_integral: command over heading's integral, 1/(rad s).
+        ff_acceleration: command over the model's acceleration, s^2/rad.
+        ff_rate: command over the model's rate, s/rad.
+        ff_delay: by how much the model is late before heading and rate are compared with it, s.
+        limit: of the command, unitised.
+        filters: of the feedback, but for the integral.
+    """
+
+    stick: float
+    frequency: float
+    k_angle: float
+    k_rate: float
+    k_integral: float = 0.0
+    most: float = 10.0
+    ff_acceleration: float = 0.0
+    ff_rate: float = 0.0
+    ff_delay: float = 0.0
+    limit: float = LIMIT
+    filters: tuple[Filter, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeaveAxis:
+    """Heave: the stick moves the collective, and climbs are damped if it says so.
+
+    Attributes:
+        stick: collective of a whole stick, unitised.
+        k_velocity: collective over velocity down, by the specific force washed out, s/m.
+        washout: time constant of the washout, s.
+        to_ped: pedal command over the collective stick.
+        limit: of the command, unitised.
+    """
+
+    stick: float = 1.0
+    k_velocity: float = 0.0
+    washout: float = 2.0
+    to_ped: float = 0.0
+    limit: float = LIMIT
+
+
+Axis = AttitudeAxis | YawAxis | HeaveAxis
+OneAxis = TypeVar("OneAxis", AttitudeAxis, YawAxis, HeaveAxis)
+_AXES: dict[str, type[Axis]] = {
+    "lat": AttitudeAxis,
+    "lon": AttitudeAxis,
+    "ped": YawAxis,
+    "col": HeaveAxis,
+}
+_POSITIVE = ("most", "frequency", "damping", "limit", "washout")
+_NOT_TUNED = ("most", "limit", "ff_delay", "filters")
+_BLOCKS = {"lon": kernel.LON, "lat": kernel.LAT, "ped": kernel.PED}
+
+
+@register
+@dataclass(frozen=True, kw_only=True)
+class AttitudeCommand(Law):
+    """Attitude command and attitude hold by explicit model following.
+
+    Attributes:
+        lat: roll.
+        lon: pitch.
+        ped: yaw.
+        col: heave.
+        phase: angle by which the pair (lat, lon) is turned to what the swashplate gets, rad: a
+            rotor that follows late answers a command in one axis in the other too.
+        delay: time that the law computes, s, in whole ticks.
+        name: for messages and records.
+    """
+
+    kind: ClassVar[str] = "attitude_command"
+    lat: AttitudeAxis
+    lon: AttitudeAxis
+    ped: YawAxis
+    col: HeaveAxis = field(default_factory=HeaveAxis)
+    phase: float = 0.0
+    delay: float = 0.0
+    name: str = "attitude_command"
+
+    def __post_init__(self) -> None:
+        for name, expected in _AXES.items():
+            axis = getattr(self, name)
+            if not isinstance(axis, expected):
+                raise InputError(f"{name} must be a {expected.__name__}, got {axis!r:.60}")
+            _check_axis(name, axis)
+        _number("phase", self.phase)
+        _number("delay", self.delay, least=0.0)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """Return a law of what stands in its file, kind and version left out.
+
+        Raises:
+            InputError: a table or a number is missing, unknown or of the wrong kind.
+        """
+        check_names("the law", content, [one.name for one in fields(cls)])
+        given = dict(content)
+        missing = [name for name in ("lat", "lon", "ped") if name not in given]
+        if missing:
+            raise InputError(
+                f"an {cls.kind} law has tables lat, lon and ped, and col if heave is more than "
+                f"its stick; missing: {', '.join(missing)}"
+            )
+        for name, axis in _AXES.items():
+            if name in given:
+                given[name] = _axis_of(name, axis, given[name])
+        return cls(**given)
+
+    def content(self) -> dict[str, Any]:
+        """Return what stands in its file, kind and version left out."""
+        plain = {"name": self.name, "phase": self.phase, "delay": self.delay}
+        return {**plain, **{name: _written(getattr(self, name)) for name in _AXES}}
+
+    def parameters(self) -> dict[str, float]:
+        """Return the numbers that are tuned, by name, such as "lat.k_rate"."""
+        tuned = {"phase": self.phase}
+        for name in _AXES:
+            axis = getattr(self, name)
+            numbers = {key: value for key, value in vars(axis).items() if key not in _NOT_TUNED}
+            tuned |= {f"{name}.{key}": float(value) for key, value in numbers.items()}
+            for k, one in enumerate(getattr(axis, "filters", ()), start=1):
+                tuned |= {f"{name}.filter_{k}.{key}": value for key, value in vars(one).items()}
+        return tuned
+
+    def replace(self, changes: Mapping[str, float]) -> Self:
+        """Return a copy with some of its `parameters` changed.
+
+        Raises:
+            UnknownNameError: it has no such parameter.
+            InputError: a number is out of its range.
+        """
+        known = self.parameters()
+        for name in changes:
+            if name not in known:
+                raise UnknownNameError("parameter of the law", name, known)
+        whole: dict[str, Any] = {}
+        for name in _AXES:
+            own = {key: value for key, value in changes.items() if key.startswith(f"{name}.")}
+            if own:
+                whole[name] = _changed(getattr(self, name), own)
+        if "phase" in changes:
+            whole["phase"] = changes["phase"]
+        return replace(self, **whole)
+
+    def linear(self, period: float) -> "AttitudeLinear":
+        """Return what it does about a trim, at ticks that are a period (s) apart."""
+        from helisim.laws.attitude_linear import AttitudeLinear
+
+        return AttitudeLinear(self, period)
+
+    def on(self, vehicle: "Vehicle") -> "Controller":
+        """Return the controller that flies it on a vehicle, about its trim's attitude."""
+        from helisim.vehicle import Controller
+
+        numbers = vehicle.swashplate.numbers
+        trim = vehicle.trim
+        settings, states = self.numbers(vehicle.parameters["gyro.period"])
+        settings[GENERAL.phi], settings[GENERAL.theta] = trim.phi, trim.theta
+        settings[_PLATE] = numbers
+        return Controller(
+            kernel.attitude_law,
+            states=states,
+            settings=settings,
+            reset=kernel.attitude_start,
+            name=self.name,
+            written=self,
+        )
+
+    def numbers(self, period: float) -> tuple[NDArray[np.float64], int]:
+        """Return the compiled law's settings, (n_settings,), and how many states it has.
+
+        Of a swashplate that gives its commands as they are, about level flight.
+
+        Args:
+            period: s, of its ticks.
+        """
+        settings = np.zeros(kernel.SETTINGS)
+        settings[GENERAL.period], settings[GENERAL.wait] = period, round(self.delay / period)
+        settings[GENERAL.cosine], settings[GENERAL.sine] = (
+            math.cos(self.phase),
+            math.sin(self.phase),
+        )
+        settings[_PLATE] = _AS_IT_IS
+        states = 0
+        for name, first in _BLOCKS.items():
+            axis = getattr(self, name)
+            wait = round(axis.ff_delay / period)
+            block = settings[first : first + len(ATTITUDE) - 1 + 5 * kernel.MOST_FILTERS]
+            _fill(block, axis, period)
+            block[ATTITUDE.state], block[ATTITUDE.wait] = states, wait
+            states += kernel.axis_states(wait, len(axis.filters))
+        share = -math.expm1(-period / self.col.washout)
+        heave = settings[kernel.COL :]
+        heave[HEAVE.state], heave[HEAVE.stick] = states, self.col.stick
+        heave[HEAVE.k_velocity], heave[HEAVE.washout] = self.col.k_velocity, self.col.washout
+        heave[HEAVE.share], heave[HEAVE.limit] = share, self.col.limit
+        heave[HEAVE.to_ped] = self.col.to_ped
+        settings[GENERAL.line] = states + kernel.HEAVE_STATES
+        return settings, states + kernel.HEAVE_STATES + 4 * round(self.delay / period)
+
+
+_AS_IT_IS = np.concatenate([np.eye(3).ravel(), np.hstack([np.eye(3), np.ones((3, 1))]).ravel()])
+"""Of a swashplate: front, left and right are col, lon and lat."""
+
+
+def command_model(axis: AttitudeAxis | YawAxis, period: float) -> tuple[NDArray[np.float64], ...]:
+    """Return the command model's matrices over a period (s): (2, 2) of angle and rate, and (2,).
+
+    What is wanted is held in between, so it is sampled exactly.
+    """
+    if isinstance(axis, YawAxis):
+        w = axis.frequency
+        left = math.exp(-w * period)
+        reached = -math.expm1(-w * period) / w
+        moved = np.array([[1.0, reached], [0.0, left]])
+        return moved, np.array([period - reached, 1.0 - left])
+    w, drop = axis.frequency, axis.damping * axis.frequency
+    apart = (axis.damping**2 - 1.0) * (w * period) ** 2  # square of half the poles' difference
+    root = math.sqrt(abs(apart))
+    if apart >= 0.0:
+        even, odd = math.cosh(root), math.sinh(root) / root if root else 1.0
+    else:
+        even, odd = math.cos(root), math.sin(root) / root
+    turned = np.array([[drop, 1.0], [-(w**2), -drop]]) * period
+    moved = math.exp(-drop * period) * (even * np.eye(2) + odd * turned)
+    return moved, np.array([1.0 - moved[0, 0], -moved[1, 0]])
+
+
+def _fill(block: NDArray[np.float64], axis: AttitudeAxis | YawAxis, period: float) -> None:
+    """Write an axis's numbers into its block of the settings."""
+    moved, by = command_model(axis, period)
+    block[ATTITUDE.model_aa : ATTITUDE.model_bb + 1] = moved.ravel()
+    block[ATTITUDE.model_a : ATTITUDE.model_b + 1] = by
+    w = axis.frequency
+    second = isinstance(axis, AttitudeAxis)
+    block[ATTITUDE.stiffness] = w**2 if second else w
+    block[ATTITUDE.damping] = 2.0 * axis.damping * w if isinstance(axis, AttitudeAxis) else w
+    block[ATTITUDE.filters] = len(axis.filters)
+    for name, value in vars(axis).items():
+        if name in ATTITUDE._fields and name not in ("damping", "filters"):
+            block[getattr(ATTITUDE, name)] = value
+    for k, one in enumerate(axis.filters):
+        first = ATTITUDE.first_filter + 5 * k
+        block[first : first + 5] = one.coefficients(period)
+
+
+def _written(axis: Axis) -> dict[str, Any]:
+    content = asdict(axis)
+    if "filters" in content:
+        content["filters"] = [one.to_dict() for one in axis.filters]
+    return content
+
+
+def _axis_of(name: str, kind: type[OneAxis], content: Any) -> OneAxis:
+    """Return an axis of its table. Raises InputError."""
+    if not isinstance(content, Mapping):
+        raise InputError(f"{name} must be a table, [{name}], got {content!r:.60}")
+    check_names(f"[{name}]", content, [one.name for one in fields(kind)])
+    given = dict(content)
+    if "filters" in given:
+        if not isinstance(given["filters"], list | tuple):
+            raise InputError(f"[{name}] filters must be a list, got {given['filters']!r:.60}")
+        try:
+            given["filters"] = tuple(filter_of(one) for one in given["filters"])
+        except InputError as error:
+            raise InputError(f"[{name}] {error}") from None
+    try:
+        return kind(**given)
+    except TypeError:
+        needed = [one.name for one in fields(kind) if one.default is one.default_factory]
+        lacks = ", ".join(key for key in needed if key not in given)
+        raise InputError(f"[{name}] lacks {lacks}") from None
+
+
+def _changed(axis: OneAxis, changes: Mapping[str, float]) -> OneAxis:
+    """Return an axis with numbers changed, by names such as "lat.k_rate"."""
+    own: dict[str, Any] = {}
+    filters = list(getattr(axis, "filters", ()))
+    for name, value in changes.items():
+        _, key, *inner = name.split(".")
+        if inner:
+            place = int(key.removeprefix("filter_")) - 1
+            filters[place] = replace(filters[place], **{inner[0]: float(value)})
+        else:
+            own[key] = float(value)
+    if filters:
+        own["filters"] = tuple(filters)
+    return replace(axis, **own)
+
+
+def _check_axis(name: str, axis: Axis) -> None:
+    for key, value in vars(axis).items():
+        if key == "filters":
+            if not all(isinstance(one, Filter) for one in value):
+                raise InputError(f"[{name}] filters must be of {', '.join(_FILTER_NAMES)}")
+            if len(value) > kernel.MOST_FILTERS:
+                raise InputError(
+                    f"[{name}] has {len(value)} filters, and at most {kernel.MOST_FILTERS} fly"
+                )
+            continue
+        _number(f"[{name}] {key}", value)
+        if key in _POSITIVE and not value > 0.0:
+            raise InputError(f"[{name}] {key} must be above 0, got {value!r}")
+        if key == "ff_delay":
+            _number(f"[{name}] {key}", value, least=0.0)
+
+
+_FILTER_NAMES = ("Lead", "Lowpass", "Notch")
+
+
+def _number(name: str, value: Any, *, least: float = -math.inf) -> None:
+    real = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (real and math.isfinite(value)):
+        raise InputError(f"{name} must be a number, got {value!r:.60}")
+    if value < least:
+        raise InputError(f"{name} must be {least:g} at least, got {value!r}")

@@ -1,0 +1,322 @@
+"""The attitude command law, compiled: explicit model following, called at each tick.
+
+    u = mix((s m'' + d m') + F (k (m - y) + k' (m' - y')) + integral of k_i (m - y))
+
+where m is the command model's attitude and y what is sensed; F are filters. Numbers and states
+stand one after the other in arrays; the layouts here say where.
+"""
+
+from typing import NamedTuple
+
+import numba
+
+from helisim.physics.gyro import rotate, winds_up
+from helisim.physics.kernel import kernel, known
+from helisim.physics.pilot import wrap_to_pi
+from helisim.physics.servo import mix, unmix
+
+MOST_FILTERS = 4
+"""Of one axis."""
+_COEFFICIENTS = 5
+
+
+@known
+class General(NamedTuple):
+    """Where the numbers of the whole law stand in its settings."""
+
+    period: int
+    wait: int
+    line: int
+    phi: int
+    theta: int
+    cosine: int
+    sine: int
+    plate: int
+
+
+@known
+class Attitude(NamedTuple):
+    """Where the numbers of lat, lon or ped stand in their block."""
+
+    state: int
+    stick: int
+    most: int
+    model_aa: int
+    model_ab: int
+    model_ba: int
+    model_bb: int
+    model_a: int
+    model_b: int
+    stiffness: int
+    damping: int
+    ff_acceleration: int
+    ff_rate: int
+    k_angle: int
+    k_rate: int
+    k_integral: int
+    k_angle_cross: int
+    k_rate_cross: int
+    limit: int
+    wait: int
+    filters: int
+    first_filter: int
+
+
+@known
+class Heave(NamedTuple):
+    """Where the numbers of col stand in their block."""
+
+    state: int
+    stick: int
+    k_velocity: int
+    washout: int
+    share: int
+    limit: int
+    to_ped: int
+
+
+_PLATE = 21
+_BLOCK = len(Attitude._fields) - 1 + _COEFFICIENTS * MOST_FILTERS
+GENERAL = General(*range(len(General._fields)))
+ATTITUDE = Attitude(*range(len(Attitude._fields)))
+HEAVE = Heave(*range(len(Heave._fields)))
+LON = GENERAL.plate + _PLATE
+LAT = LON + _BLOCK
+PED = LAT + _BLOCK
+COL = PED + _BLOCK
+SETTINGS = COL + len(HEAVE)
+"""How many settings the law has."""
+MODEL, INTEGRAL, LINE = 0, 2, 3
+"""Where in an axis's states the model's angle and rate, the integral and what waits begin."""
+HEAVE_STATES = 3
+"""Of col: its trim, the slow part of the specific force, and the velocity."""
+
+
+@kernel()
+def axis_states(wait, filters):
+    """Return how many states an attitude's axis has."""
+    return LINE + 2 * wait + 2 * filters
+
+
+@kernel()
+def model_now(state, settings, block, wanted):
+    """Return the command model's angle, rate and acceleration now.
+
+    Args:
+        state: of the law.
+        settings: of the law.
+        block: where the axis's settings begin.
+        wanted: rad, of ped rad/s.
+    """
+    at = int(settings[block + ATTITUDE.state])
+    angle, rate = state[at + MODEL], state[at + MODEL + 1]
+    acceleration = (
+        settings[block + ATTITUDE.stiffness] * wanted - settings[block + ATTITUDE.damping] * rate
+    )
+    if block != PED:
+        acceleration -= settings[block + ATTITUDE.stiffness] * angle
+    return angle, rate, acceleration
+
+
+@kernel()
+def move_model(state, settings, block, wanted):
+    """Move the command model on to the next tick, and what waits to be compared with.
+
+    The arguments are those of `model_now`.
+    """
+    at = int(settings[block + ATTITUDE.state])
+    wait = int(settings[block + ATTITUDE.wait])
+    angle, rate = state[at + MODEL], state[at + MODEL + 1]
+    line = at + LINE
+    for k in range(2 * wait - 2):
+        state[line + k] = state[line + k + 2]
+    if wait > 0:
+        state[line + 2 * wait - 2], state[line + 2 * wait - 1] = angle, rate
+    state[at + MODEL] = (
+        settings[block + ATTITUDE.model_aa] * angle
+        + settings[block + ATTITUDE.model_ab] * rate
+        + settings[block + ATTITUDE.model_a] * wanted
+    )
+    state[at + MODEL + 1] = (
+        settings[block + ATTITUDE.model_ba] * angle
+        + settings[block + ATTITUDE.model_bb] * rate
+        + settings[block + ATTITUDE.model_b] * wanted
+    )
+
+
+@kernel()
+def errors(state, settings, block, angle, rate):
+    """Return by how much the model, late as it is, is ahead of what is sensed: angle and rate."""
+    at = int(settings[block + ATTITUDE.state])
+    if settings[block + ATTITUDE.wait] > 0.0:
+        at += LINE
+    return wrap_to_pi(state[at] - angle), state[at + 1] - rate
+
+
+@kernel()
+def filtered(state, settings, block, signal):
+    """Return a signal through an axis's filters, whose states move on."""
+    at = int(settings[block + ATTITUDE.state])
+    at += LINE + 2 * int(settings[block + ATTITUDE.wait])
+    first = block + ATTITUDE.first_filter
+    for _ in range(int(settings[block + ATTITUDE.filters])):
+        out = settings[first] * signal + state[at]
+        state[at] = settings[first + 1] * signal - settings[first + 3] * out + state[at + 1]
+        state[at + 1] = settings[first + 2] * signal - settings[first + 4] * out
+        signal = out
+        at += 2
+        first += _COEFFICIENTS
+    return signal
+
+
+@kernel()
+def bounded(value, most):
+    """Return a number within plus and minus the most."""
+    return min(most, max(-most, value))
+
+
+@kernel()
+def asked(settings, block, stick, centre):
+    """Return what a stick asks for: of an angle about its centre, rad; of ped a rate, rad/s."""
+    return centre + bounded(
+        settings[block + ATTITUDE.stick] * stick, settings[block + ATTITUDE.most]
+    )
+
+
+@kernel()
+def follow(state, settings, block, wanted, sensed, crossed):
+    """Return an axis's command without its integral, before it is mixed, and the integral's rate.
+
+    Args:
+        state: of the law; the filters' move on.
+        settings: of the law.
+        block: where the axis's settings begin.
+        wanted: rad, of ped rad/s.
+        sensed: angle and rate of this axis.
+        crossed: errors of angle and rate of the other cyclic axis.
+    """
+    _, rate, acceleration = model_now(state, settings, block, wanted)
+    angle_error, rate_error = errors(state, settings, block, sensed[0], sensed[1])
+    back = settings[block + ATTITUDE.k_angle] * angle_error
+    back += settings[block + ATTITUDE.k_rate] * rate_error
+    back += settings[block + ATTITUDE.k_angle_cross] * crossed[0]
+    back += settings[block + ATTITUDE.k_rate_cross] * crossed[1]
+    ahead = settings[block + ATTITUDE.ff_acceleration] * acceleration
+    ahead += settings[block + ATTITUDE.ff_rate] * rate
+    summed = settings[block + ATTITUDE.k_integral] * angle_error
+    return ahead + filtered(state, settings, block, back), summed
+
+
+@kernel()
+def with_integral(state, settings, block, command, rate):
+    """Return an axis's command with its integral, within its limit, and whether it would wind up.
+
+    Half a period of the integral's rate makes the rule trapezoidal.
+
+    Args:
+        state: of the law; the integral moves on, unless the command is at its limit and the
+            integral would push it further.
+        settings: of the law.
+        block: where the axis's settings begin.
+        command: without the integral, unitised.
+        rate: of the integral, 1/s.
+    """
+    period, limit = settings[GENERAL.period], settings[block + ATTITUDE.limit]
+    at = int(settings[block + ATTITUDE.state]) + INTEGRAL
+    command += state[at] + 0.5 * period * rate
+    stops = winds_up(rate, command, limit)
+    if not stops:
+        state[at] += period * rate
+    return bounded(command, limit), stops
+
+
+@kernel()
+def heave_command(state, settings, seen):
+    """Return the collective: the stick's and what damps heave, by the specific force washed out."""
+    at = int(settings[COL + HEAVE.state])
+    velocity = state[at + 2]
+    command = state[at] + settings[COL + HEAVE.stick] * seen.COL
+    command += settings[COL + HEAVE.k_velocity] * velocity
+    share = settings[COL + HEAVE.share]
+    new = seen.az - state[at + 1]
+    state[at + 2] += share * (settings[COL + HEAVE.washout] * new - velocity)
+    state[at + 1] += share * new
+    return bounded(command, settings[COL + HEAVE.limit])
+
+
+@kernel()
+def late(state, settings, col, lon, lat, ped):
+    """Return the commands of some ticks ago, where the law computes for so long."""
+    wait, line = int(settings[GENERAL.wait]), int(settings[GENERAL.line])
+    if wait == 0:
+        return col, lon, lat, ped
+    old = state[line], state[line + 1], state[line + 2], state[line + 3]
+    last = line + 4 * (wait - 1)
+    for k in range(line, last):
+        state[k] = state[k + 4]
+    state[last], state[last + 1], state[last + 2], state[last + 3] = col, lon, lat, ped
+    return old
+
+
+@numba.njit
+def attitude_law(seen, state, settings):
+    """Return the commands of the front, left, right and tail servo."""
+    roll = asked(settings, LAT, seen.LAT, settings[GENERAL.phi])
+    pitch = asked(settings, LON, seen.LON, settings[GENERAL.theta])
+    turn = asked(settings, PED, seen.PED, 0.0)
+    roll_errors = errors(state, settings, LAT, seen.phi, seen.p)
+    pitch_errors = errors(state, settings, LON, seen.theta, seen.q)
+    lat, lat_rate = follow(state, settings, LAT, roll, (seen.phi, seen.p), pitch_errors)
+    lon, lon_rate = follow(state, settings, LON, pitch, (seen.theta, seen.q), roll_errors)
+    ped, ped_rate = follow(state, settings, PED, turn, (seen.psi, seen.r), (0.0, 0.0))
+    cosine, sine = settings[GENERAL.cosine], settings[GENERAL.sine]
+    lat, lon = rotate(cosine, sine, lat, lon)
+    lat_rate, lon_rate = rotate(cosine, sine, lat_rate, lon_rate)
+    lat, _ = with_integral(state, settings, LAT, lat, lat_rate)
+    lon, _ = with_integral(state, settings, LON, lon, lon_rate)
+    ped += settings[COL + HEAVE.to_ped] * seen.COL
+    ped, stops = with_integral(state, settings, PED, ped, ped_rate)
+    move_model(state, settings, LAT, roll)
+    move_model(state, settings, LON, pitch)
+    heading = int(settings[PED + ATTITUDE.state]) + MODEL
+    before = state[heading]
+    move_model(state, settings, PED, turn)
+    if stops:  # the heading that is held then turns along, or it would run away
+        state[heading] = before + settings[GENERAL.period] * seen.r
+    state[heading] = wrap_to_pi(state[heading])
+    col = heave_command(state, settings, seen)
+    col, lon, lat, ped = late(state, settings, col, lon, lat, ped)
+    front, left, right = mix(settings, col, lon, lat, GENERAL.plate)
+    return front, left, right, ped
+
+
+@numba.njit
+def attitude_start(seen, state, settings):
+    """Begin where the vehicle is: the models with its motion, the integrals with its servos."""
+    begin(state, settings, LAT, seen.phi, seen.p)
+    begin(state, settings, LON, seen.theta, seen.q)
+    begin(state, settings, PED, seen.psi, seen.r)
+    plate = settings[GENERAL.plate : GENERAL.plate + 21]
+    col, lon, lat = unmix(plate, seen.front, seen.left, seen.right)
+    state[int(settings[LAT + ATTITUDE.state]) + INTEGRAL] = lat
+    state[int(settings[LON + ATTITUDE.state]) + INTEGRAL] = lon
+    ped = seen.tail - settings[COL + HEAVE.to_ped] * seen.COL
+    state[int(settings[PED + ATTITUDE.state]) + INTEGRAL] = ped
+    at = int(settings[COL + HEAVE.state])
+    state[at] = col - settings[COL + HEAVE.stick] * seen.COL
+    state[at + 1] = seen.az
+    line = int(settings[GENERAL.line])
+    for k in range(int(settings[GENERAL.wait])):
+        first = line + 4 * k
+        state[first], state[first + 1] = col, lon
+        state[first + 2], state[first + 3] = lat, seen.tail
+
+
+@kernel()
+def begin(state, settings, block, angle, rate):
+    """Set an axis's model, and what of it waits, to a motion."""
+    at = int(settings[block + ATTITUDE.state])
+    state[at + MODEL], state[at + MODEL + 1] = angle, rate
+    for k in range(int(settings[block + ATTITUDE.wait])):
+        state[at + LINE + 2 * k] = angle
+        state[at + LINE + 2 * k + 1] = rate

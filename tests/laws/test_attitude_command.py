@@ -1,0 +1,100 @@
+"""The attitude command law: read, written, linearised and flown."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import helisim as hs
+from helisim.errors import InputError, UnknownNameError
+from helisim.laws.attitude_command import AttitudeAxis, AttitudeCommand, HeaveAxis, YawAxis
+from helisim.laws.filters import Lead, Lowpass, Notch
+from helisim.laws.law import law_of, read_law
+from helisim.vehicle.law import linearize_law
+
+OMEGA = np.geomspace(0.2, 150.0, 60)
+HOLDS = AttitudeCommand(
+    lat=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=0.6, k_rate=0.05, k_integral=0.3),
+    lon=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=1.0, k_rate=0.1, k_integral=0.3),
+    ped=YawAxis(stick=3.0, frequency=8.0, k_angle=1.0, k_rate=0.2, k_integral=0.5),
+    phase=0.365,
+)
+"""Gains found by hand."""
+LAT = {"stick": 0.6, "frequency": 6.0, "k_angle": 0.6, "k_rate": 0.05}
+FULL = replace(
+    HOLDS,
+    lat=replace(
+        HOLDS.lat,
+        k_angle_cross=0.02,
+        k_rate_cross=0.01,
+        ff_acceleration=0.001,
+        ff_rate=0.01,
+        ff_delay=0.01,
+        damping=0.7,
+        filters=(Lead(zero=20.0, pole=80.0),),
+    ),
+    lon=replace(HOLDS.lon, filters=(Notch(frequency=60.0), Lowpass(frequency=300.0)), damping=1.4),
+    ped=replace(HOLDS.ped, ff_delay=0.01, ff_rate=0.02, ff_acceleration=0.003),
+    col=HeaveAxis(k_velocity=0.01, to_ped=0.1),
+    delay=0.004,
+)
+"""With all that the law can do."""
+
+
+def test_linear_form_is_the_compiled_law_differentiated(jr700):
+    """Closed form in z against central differences of what flies: 1e-9 of steps of 1e-5."""
+    flying = jr700.with_controller(FULL)
+    system = linearize_law(flying.controller, flying.model, flying.trim)
+    linear = FULL.linear(jr700.parameters["gyro.period"])
+    assert tuple(system.input_labels) == linear.inputs
+    a, b, c, d = (np.asarray(getattr(system, name)) for name in "ABCD")
+    z = np.exp(1j * OMEGA * system.dt)[:, None, None]
+    flown = np.moveaxis(c @ np.linalg.solve(z * np.eye(len(a)) - a, b) + d, 0, -1)
+    size = np.abs(flown).max(axis=-1, keepdims=True)
+    assert np.all(np.abs(linear.response(OMEGA) - flown) <= 1e-9 * np.maximum(size, 1.0))
+    # the matrices are the law's own, without its constant states: only rounding is left
+    np.testing.assert_allclose(linear.sampled.response(OMEGA), linear.response(OMEGA), atol=1e-11)
+
+
+def test_holds_the_hover(jr700):
+    """A stick's step without a pilot: the attitude that it asks for, to the remnant's 0.005."""
+    held = ("k_attitude", "k_velocity", "k_position", "k_heave", "k_height", "k_heading")
+    hands_off = {f"pilot.{name}": 0.0 for name in held}
+    vehicle = hs.load("jr700", parameters=hands_off)
+    (record,) = hs.fly(vehicle, hs.Step(axis="lat", amplitude=0.2, duration=6.0), controller=HOLDS)
+    asked = jr700.trim.phi + 0.6 * 0.2
+    assert record["phi"][record.time > 4.0].mean() == pytest.approx(asked, abs=0.01)
+
+
+def test_its_file_says_all_of_it(tmp_path):
+    FULL.write(tmp_path / "law.toml")
+    assert read_law(tmp_path / "law.toml") == FULL
+
+
+def test_replace_changes_what_is_tuned():
+    names = FULL.parameters()
+    moved = FULL.replace({name: 1.01 * value for name, value in names.items()})
+    assert moved.parameters() == {name: 1.01 * value for name, value in names.items()}
+    with pytest.raises(UnknownNameError, match=r"'lat\.k_rat'.*did you mean lat\.k_rate"):
+        FULL.replace({"lat.k_rat": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"kind": "attitude"}, "unknown kind of law 'attitude'; available: attitude_command"),
+        ({"version": 2}, "version 2: this helisim reads version = 1"),
+        ({"rol": {}}, "unknown name in the law 'rol'"),
+        ({"ped": None}, "missing: ped"),
+        ({"lat": {"stick": 1.0}}, r"\[lat\] lacks frequency, k_angle, k_rate"),
+        ({"lat": {"k_rte": 1.0}}, r"unknown name in \[lat\] 'k_rte'.*did you mean k_rate"),
+        ({"lat": {**LAT, "k_rate": "x"}}, r"\[lat\] k_rate must be a number, got 'x'"),
+        ({"lat": {**LAT, "frequency": -1.0}}, r"\[lat\] frequency must be above 0, got -1.0"),
+        ({"lat": {**LAT, "filters": [{"kind": "led"}]}}, r"\[lat\] unknown kind of filter 'led'"),
+        ({"lat": {**LAT, "filters": [{"kind": "lead", "zero": 1.0}]}}, "needs zero, pole"),
+    ],
+)
+def test_what_is_no_law_says_what_is_wrong(change, message):
+    data = {**HOLDS.to_dict(), **change}
+    with pytest.raises(InputError, match=message):
+        law_of({name: value for name, value in data.items() if value is not None})
