@@ -61,7 +61,7 @@ def add_manoeuvre(command: argparse.ArgumentParser, *, alone: str) -> None:
     command.add_argument(
         "--at",
         metavar="PLACE",
-        help="sticks (default), servos, actuators or sensors (axis p, q or r)",
+        help="sticks (default), servos, actuators or sensors (axis p, q, r, phi, theta, psi)",
     )
     command.add_argument(
         "--duration", type=float, metavar="S", help="of the flight, s (default: a sweep's is 90)"

@@ -135,7 +135,8 @@ def draw_excitation(name: str, flown: "Excitation") -> Drawing | None:
     if any(getattr(flown, setting) is None for setting in flown.left_open):
         return None
     # here, where its manoeuvre is loaded already; a log alone needs no simulator
-    from helisim.sim.excitation import PLACES, is_foreknown
+    from helisim.sim.excitation import is_foreknown
+    from helisim.sim.places import PLACES, unit
 
     if not is_foreknown(flown):
         return None
@@ -146,11 +147,11 @@ def draw_excitation(name: str, flown: "Excitation") -> Drawing | None:
         return None
     panels = []
     for place, values in added.items():
-        unit = "rad/s" if place == "sensors" else "unitised"
         for axis, one in zip(PLACES[place], values.T):
             if np.any(one):
                 mark = Mark("line", "identified", time, one, width=0.6)
-                panels.append(Panel(f"{axis} at the {place}, {unit}", (mark,), 48.0))
+                shown = unit(place, axis).replace("1", "unitised")
+                panels.append(Panel(f"{axis} at the {place}, {shown}", (mark,), 48.0))
     title = f"{type(flown).__name__}, {flown.axis}"
     return Drawing(name, title, f"{title}, {flown.duration:g} s", tuple(panels), "time, s")
 

@@ -6,7 +6,7 @@ from helisim.physics import faults, frames
 from helisim.physics.body import rotation
 from helisim.physics.examination import STRANGE_LAW
 from helisim.physics.gyro import Seen, cyclic_law, yaw_law
-from helisim.physics.injection import add_to_commands, at_sensors
+from helisim.physics.injection import add_to_commands, at_sensors, turned
 from helisim.physics.kernel import kernel
 from helisim.physics.laws import COMMANDS, SEEN, ask, row_of
 from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, SENSOR, STATE
@@ -92,7 +92,7 @@ def command_by_own_laws(view):
     """Write the laws' commands where one is not shipped."""
     par, act = view.par, view.act
     starts = begin_tick(view)
-    seen = seen_now(view, attitude(view), felt(view), servo_positions(view))
+    seen = seen_now(view, turned(view, attitude(view)), felt(view), servo_positions(view))
     command_by_shipped_laws(view, seen)
     numbers, commands = buffer(_NUMBERS), buffer(COMMANDS)
     for k in range(SEEN):

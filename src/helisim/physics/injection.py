@@ -1,4 +1,6 @@
-"""What a manoeuvre adds at each time step: to sticks, servo commands, actuators and rates."""
+"""What a manoeuvre adds at each time step: to sticks, servo commands, actuators and sensors."""
+
+import math
 
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import CONTROL, INJECTION
@@ -52,3 +54,27 @@ def at_sensors(view, p, q, r):
         return p, q, r
     added = injected(view)
     return p + added[INJECTION.rate_p], q + added[INJECTION.rate_q], r + added[INJECTION.rate_r]
+
+
+@kernel()
+def turned(view, angles):
+    """Return the attitude that a law sees, rad: that sensed, and a manoeuvre's disturbances.
+
+    Args:
+        view: of the vehicle.
+        angles: roll, pitch and heading, rad.
+
+    Returns:
+        The same, disturbed; the heading in (-pi, pi].
+    """
+    if not is_injected(view):
+        return angles
+    added = injected(view)
+    psi = angles[2]
+    if added[INJECTION.angle_psi] != 0.0:
+        psi = math.pi - (math.pi - psi - added[INJECTION.angle_psi]) % (2.0 * math.pi)
+    return (
+        angles[0] + added[INJECTION.angle_phi],
+        angles[1] + added[INJECTION.angle_theta],
+        psi,
+    )

@@ -163,10 +163,14 @@ class InjectionIndex(NamedTuple):
     actuator_left: int
     actuator_right: int
     actuator_tail: int
-    # to the rates that the gyro reads, rad/s
+    # to the rates that the gyro reads, rad/s, those of a disturbed attitude included
     rate_p: int
     rate_q: int
     rate_r: int
+    # to the attitude that a law sees, rad
+    angle_phi: int
+    angle_theta: int
+    angle_psi: int
 
 
 INJECTION = InjectionIndex(*range(len(InjectionIndex._fields)))

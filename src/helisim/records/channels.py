@@ -48,6 +48,9 @@ IN1_SUM = tuple(f"{name}_sum" for name in IN1)
 RATE_DISTURBANCE = tuple(f"{name}_disturbance" for name in RATES)
 RATE_SUM = tuple(f"{name}_sum" for name in RATES)
 """At the gyro's sensors: what a manoeuvre adds to the rate, and what the gyro reads."""
+ATTITUDE_DISTURBANCE = tuple(f"{name}_disturbance" for name in ATTITUDES)
+ATTITUDE_SUM = tuple(f"{name}_sum" for name in ATTITUDES)
+"""Likewise of the attitude that a controller sees; a manoeuvre that turns it turns the rate too."""
 OUT = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS + POSITIONS
 
 AXES = IN1
@@ -115,6 +118,16 @@ _STANDARD = (
     *(
         Channel(f"{name}_sum", "rad/s", "OTHER", f"{name} as the gyro reads it, disturbed")
         for name in RATES
+    ),
+    *(
+        Channel(
+            f"{name}_disturbance", "rad", "OTHER", f"what is added to the {name} that is sensed"
+        )
+        for name in ATTITUDES
+    ),
+    *(
+        Channel(f"{name}_sum", "rad", "OTHER", f"{name} as a controller sees it, disturbed")
+        for name in ATTITUDES
     ),
 )
 

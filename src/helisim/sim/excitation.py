@@ -26,24 +26,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.physics.params import HISTORY, PARAM
-from helisim.records.channels import AXES, RATES
+from helisim.records.channels import AXES
+from helisim.sim.places import ENOUGH, PLACES, limit, reach, unit
 from helisim.sim.plain import UNSAID, is_number, settle, to_plain
 
 Setting = TypeVar("Setting")
 
-PLACES: dict[str, tuple[str, ...]] = {
-    "sticks": AXES,
-    "servos": (*AXES, "front", "left", "right", "tail"),
-    "actuators": (*AXES, "front", "left", "right", "tail"),
-    "sensors": RATES,
-}
-"""Where a manoeuvre can be added, and the axes that there are."""
-
-LIMITS = {"sticks": 0.5, "servos": 0.5, "actuators": 0.5, "sensors": 35.0}
-"""Greatest |value| of what is added: half a travel, unitised; the range of the gyro's rate
-sensors, 2000 deg/s, rad/s."""
-
 _OWN_AXIS = {"p": "lat", "q": "lon", "r": "ped", "tail": "ped"}
+_OWN_AXIS |= {"phi": "lat", "theta": "lon", "psi": "ped"}
 """Whose own band a vehicle has for what is no axis of a stick."""
 
 EXCITATIONS: dict[str, type["Excitation"]] = {}
@@ -57,12 +47,14 @@ class Excitation:
     Attributes:
         axis: what moves, and what records and responses are named after: of sticks "col", "lon",
             "lat" or "ped"; of servos and actuators these too, mixed, or one servo, "front",
-            "left", "right" or "tail"; of sensors "p", "q" or "r". Kinds that move several take
-            them joined, as "lat+ped".
+            "left", "right" or "tail"; of sensors "p", "q", "r", "phi", "theta" or "psi". Kinds
+            that move several take them joined, as "lat+ped".
         duration: s, of the whole flight.
         at: where it is added: to the pilot's "sticks"; to the commands that go to the "servos",
             behind the gyro; to what reaches the "actuators", behind what a recorder sees as
-            command; or to the rates of the "sensors" of the gyro, rad/s.
+            command; or to what the controller's "sensors" read: rates, rad/s, or attitudes, rad.
+            A disturbance of an attitude turns what is sensed: it is added to the angle, its
+            derivative to the rate.
 
     Raises:
         InputError: on its definition, a class has the name of an excitation from elsewhere.
@@ -125,7 +117,7 @@ class Excitation:
         return complete
 
     def wave(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what is added to the one axis, (n_time,): unitised, of sensors in rad/s.
+        """Return what is added to the one axis, (n_time,): unitised, of sensors rad/s or rad.
 
         Args:
             time: (n_time,) s from the start of the flight, one for each step of the simulation.
@@ -137,7 +129,7 @@ class Excitation:
 
         At the sticks these are COL, LON, LAT, PED, unitised, each between -0.5 and 0.5, the
         whole travel. Elsewhere they are those of `PLACES`; of servos and actuators the first
-        four are enough.
+        four are enough, of sensors the three rates.
 
         Args:
             time: (n_time,) s from the start of the flight, one for each step of the simulation.
@@ -306,16 +298,17 @@ def check_times(duration: Any, trim_time: Any, *, after: bool = True) -> None:
 
 def check_amplitude(excitation: Excitation, *, signed: bool = False) -> None:
     """Raise InputError unless an excitation's amplitude, or each of several, can be."""
-    amplitude, most = getattr(excitation, "amplitude", None), LIMITS.get(excitation.at, 0.5)
-    given = amplitude if isinstance(amplitude, tuple) else (amplitude,)
+    amplitude, at = getattr(excitation, "amplitude", None), excitation.at
     if amplitude is None:
         return
-    for one in given:
-        size = abs(one) if signed and isinstance(one, int | float) else one
+    axes = excitation.axes
+    given = amplitude if isinstance(amplitude, tuple) else (amplitude,) * len(axes)
+    for one, axis in zip(given, axes if len(given) == len(axes) else axes * len(given)):
+        size, most = abs(one) if signed and isinstance(one, int | float) else one, limit(at, axis)
         if not (isinstance(size, int | float) and 0.0 < size <= most):
-            unit = "rad/s" if excitation.at == "sensors" else "of unitised stick"
-            unit = "of unitised servo command" if excitation.at in ("servos", "actuators") else unit
-            raise InputError(f"amplitude must be in (0, {most:g}] {unit}, got {one}")
+            of = "of unitised stick" if at == "sticks" else "of unitised servo command"
+            of = unit(at, axis) if at == "sensors" else of
+            raise InputError(f"amplitude must be in (0, {most:g}] {of}, got {one}")
 
 
 def check_band(band: tuple[float, ...] | None, name: str = "band") -> None:
@@ -345,11 +338,11 @@ def checked(excitation: Excitation, given: Any, time: NDArray[np.float64]) -> ND
         InputError: it has another shape, or a value that is not finite or beyond the range.
     """
     kind, at = type(excitation).__name__, excitation.at
-    axes, most = PLACES[at], LIMITS[at]
+    axes, enough = PLACES[at], ENOUGH[at]
     given = np.asarray(given)
     wanted = (time.size, len(axes))
     names = [one.upper() for one in axes] if at == "sticks" else axes
-    short = given.shape == (time.size, len(AXES)) and at in ("servos", "actuators")
+    short = given.shape == (time.size, enough)
     if (given.shape != wanted and not short) or given.dtype.kind not in "fiub":
         raise InputError(
             f"{kind}.sticks must return an array of numbers of shape {wanted}, one row a time, "
@@ -357,14 +350,14 @@ def checked(excitation: Excitation, given: Any, time: NDArray[np.float64]) -> ND
         )
     columns = np.zeros(wanted)
     columns[:, : given.shape[1]] = given
+    most = np.array([limit(at, axis) for axis in axes])
     bad = ~(np.abs(columns) <= most)
     if bad.any():
         row, column = np.argwhere(bad)[0]
-        reason = "the travel of a stick" if at == "sticks" else "the travel of a servo"
-        reason = "rad/s, the range of the gyro's sensors" if at == "sensors" else reason
         what = getattr(excitation, "source", "") or f"{kind}.sticks"
         raise InputError(
-            f"{what} must stay between {-most:g} and {most:g}, {reason}; "
-            f"{names[column]} is {columns[row, column]:g} at {time[row]:g} s"
+            f"{what} must stay between {-most[column]:g} and {most[column]:g}, "
+            f"{reach(at, axes[column])}; {names[column]} is {columns[row, column]:g} at "
+            f"{time[row]:g} s"
         )
     return columns

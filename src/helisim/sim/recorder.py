@@ -18,6 +18,8 @@ from helisim.errors import InputError
 from helisim.records.channels import (
     ACCELERATIONS,
     AIR,
+    ATTITUDE_DISTURBANCE,
+    ATTITUDE_SUM,
     ATTITUDES,
     CHANNELS,
     CONTACT,
@@ -273,10 +275,14 @@ class _Sampling:
                     own, self._filtered(signal[:, None])[:, 0], late_as=name
                 )
                 found[both] = columns[name] + sign * found[own]
-        if flight.rates_added is not None:
-            read = flight.gyro_rates + flight.rates_added
-            for names, signals in ((RATE_DISTURBANCE, flight.rates_added), (RATE_SUM, read)):
-                for name, signal in zip(names, self._filtered(signals).T):
+        for names, sums, own, added in (
+            (RATE_DISTURBANCE, RATE_SUM, flight.gyro_rates, flight.rates_added),
+            (ATTITUDE_DISTURBANCE, ATTITUDE_SUM, flight.attitudes, flight.angles_added),
+        ):
+            if added is None:
+                continue
+            for each, signals in ((names, added), (sums, own + added)):
+                for name, signal in zip(each, self._filtered(signals).T):
                     found[name] = self._recorded(name, signal)
         return found
 

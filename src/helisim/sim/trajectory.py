@@ -19,12 +19,12 @@ from helisim.vehicle.motion import addresses
 from helisim.vehicle.swashplate import Swashplate
 
 _INJECTED = {
-    "servos": "commands_added",
-    "actuators": "actuators_added",
-    "sensors": "rates_added",
+    "commands_added": ("servos", INJECTION.command_front, 4),
+    "actuators_added": ("actuators", INJECTION.actuator_front, 4),
+    "rates_added": ("sensors", INJECTION.rate_p, 3),
+    "angles_added": ("sensors", INJECTION.angle_phi, 3),
 }
-_INJECTED_FROM = (INJECTION.command_front, INJECTION.actuator_front, INJECTION.rate_p)
-"""What the recorder doesn't see of a manoeuvre otherwise, and where it begins."""
+"""What the recorder doesn't see of a manoeuvre otherwise: its place, where it begins, how much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +95,8 @@ class Trajectory:
             where it adds nothing there.
         actuators_added: (n_time, 4) likewise to what reaches the servos.
         rates_added: (n_time, 3) likewise to the rates that the gyro reads, rad/s.
+        angles_added: (n_time, 3) likewise to the attitude that a controller sees, rad; None too
+            where only rates are disturbed.
         hold: s, for which sticks and servo commands are held; 0 if they are not.
         imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
         ground: that was below; None in a flight in the air alone.
@@ -124,6 +126,7 @@ class Trajectory:
     commands_added: NDArray[np.float64] | None = None
     actuators_added: NDArray[np.float64] | None = None
     rates_added: NDArray[np.float64] | None = None
+    angles_added: NDArray[np.float64] | None = None
     hold: float = 0.0
     ground: Ground | None = None
     end: End | None = None
@@ -138,10 +141,13 @@ class Trajectory:
         """
         if added is None:
             return self
-        columns = np.split(added[: self.time.size], _INJECTED_FROM, axis=1)[1:]
         shown = {
-            name: one for (place, name), one in zip(_INJECTED.items(), columns) if place in places
+            name: added[: self.time.size, first : first + count]
+            for name, (place, first, count) in _INJECTED.items()
+            if place in places
         }
+        if "angles_added" in shown and not shown["angles_added"].any():
+            del shown["angles_added"]
         return replace(self, **shown)
 
     def at_ticks(self) -> "Trajectory":

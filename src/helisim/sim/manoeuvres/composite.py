@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
-from helisim.sim.excitation import PLACES, Excitation, check_excitation, is_foreknown
+from helisim.sim.excitation import Excitation, check_excitation, is_foreknown
+from helisim.sim.places import PLACES
 from helisim.sim.plain import is_number, settle
 
 _DIGITS = 9

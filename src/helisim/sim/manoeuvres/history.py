@@ -17,7 +17,6 @@ from scipy.interpolate import CubicSpline
 from helisim.errors import InputError
 from helisim.records.channels import AXES
 from helisim.sim.excitation import (
-    PLACES,
     Excitation,
     check_axis,
     check_settings,
@@ -25,6 +24,7 @@ from helisim.sim.excitation import (
     split_axes,
 )
 from helisim.sim.manoeuvres.table import read_columns
+from helisim.sim.places import PLACES
 from helisim.sim.plain import in_brief
 
 Method = Literal["linear", "hold", "cubic"]
@@ -141,7 +141,7 @@ class History(Excitation):
 
         Its columns are `time` and one an axis, called as the channel: COL, LON, LAT, PED of the
         sticks (or in small letters), col, lon, lat, ped or front, left, right, tail of servos and
-        actuators, p, q, r of sensors. A heading may state a unit, as "p [deg/s]".
+        actuators, p, q, r, phi, theta, psi of sensors. A heading may state a unit, as "p [deg/s]".
 
         Args:
             path: of the file; a flight record too.

@@ -22,7 +22,6 @@ from helisim.errors import InputError
 from helisim.physics.timing import TICK_TOLERANCE
 from helisim.records.channels import AXES
 from helisim.sim.excitation import (
-    PLACES,
     Excitation,
     check_amplitude,
     check_band,
@@ -31,6 +30,7 @@ from helisim.sim.excitation import (
     complete,
     own_setting,
 )
+from helisim.sim.places import PLACES
 
 _CLIPPINGS = 600
 """Turns of clipping: twice as many lower the peak by less than a percent more."""

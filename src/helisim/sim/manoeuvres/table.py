@@ -6,17 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError, UnknownNameError
-from helisim.records.channels import IN1, IN2, RATES, SERVOS
+from helisim.records.channels import IN1, IN2, SERVOS
 from helisim.records.logs.mapping import Clock, Column, split_heading
 from helisim.records.logs.read import open_source
 from helisim.records.logs.text import TIME_NAMES
-from helisim.sim.excitation import PLACES, split_axes
+from helisim.sim.excitation import split_axes
+from helisim.sim.places import PLACES, unit
 
 _CHANNELS = {
     "sticks": dict(zip(PLACES["sticks"], IN2)),
     "servos": dict(zip(PLACES["servos"], (*IN1, *SERVOS))),
     "actuators": dict(zip(PLACES["actuators"], (*IN1, *SERVOS))),
-    "sensors": dict(zip(PLACES["sensors"], RATES)),
+    "sensors": {name: name for name in PLACES["sensors"]},
 }
 """Place -> axis -> the channel whose name and unit its column has."""
 
@@ -72,9 +73,9 @@ def read_columns(
     columns = {}
     for one in wanted:
         channel, stated = _CHANNELS[at][one], source.stated_unit(found[one])
-        unit = stated or ("rad/s" if at == "sensors" else "1")
+        own = stated or unit(at, one)
         try:
-            _, factor = Column(found[one], unit).converts(channel, stated)
+            _, factor = Column(found[one], own).converts(channel, stated)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         columns[one] = factor * source.numbers(found[one])
