@@ -1,8 +1,15 @@
+"""Predictions of the loops from records alone, against the exact sampled linearisation."""
+
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 from helisim.errors import InputError, StorageError
 from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.figures.bandwidth import bandwidth
+from helisim.handling.figures.margins import margins
+from helisim.handling.figures.rejection import rejection
 from helisim.sim import Recorder
 from helisim.study.flights import fly_sweeps
 from helisim.study.for_design import identify_for_design, servos_of
@@ -10,10 +17,122 @@ from helisim.study.swept import swept
 from helisim.vehicle import load
 from made_run import make_flight
 
+BARS = {
+    "crossover": 0.02,
+    "phase margin": np.radians(1.5),
+    "gain margin": 0.3,
+    "DRB": 0.03,
+    "DRP": 0.3,
+    "bandwidth": 0.03,
+    "phase delay": 0.005,
+}
+"""What a prediction for design may be off by: rad, dB, s, or a fraction."""
+_RELATIVE = ("crossover", "DRB", "bandwidth")
+
+
+@dataclass(frozen=True)
+class Exact:
+    """A response by names, of a linearisation or of a law faster than it."""
+
+    inputs: tuple
+    outputs: tuple
+    at: object
+
+    def response(self, frequency):
+        return self.at(frequency)
+
+
+def exact_plant(vehicle):
+    linear = vehicle.linearize("IN1")
+    system = linear.system
+    return Exact(tuple(system.input_labels), tuple(system.output_labels), linear.response)
+
+
+def shipped_law(vehicle, faster=1.0):
+    system = vehicle.gyro.system
+
+    def at(frequency):
+        point = np.exp(1j * frequency * system.dt)
+        return faster * np.asarray(system(point, squeeze=False))
+
+    return Exact(tuple(system.input_labels), tuple(system.output_labels), at)
+
+
+def figures(loop, axis):
+    cut, answer = margins(loop.broken(axis)), bandwidth(loop.command(axis))
+    rejected = rejection(loop.disturbance(axis))
+    return {
+        "crossover": cut.crossover,
+        "phase margin": cut.least_phase,
+        "gain margin": cut.least_gain,
+        "DRB": rejected.bandwidth,
+        "DRP": rejected.peak,
+        "bandwidth": answer.rate,
+        "phase delay": answer.delay,
+    }
+
+
+@pytest.fixture(scope="module")
+def flown(jr700):
+    """Five sweeps of each axis, as `helisim reproduce --flights 5` flies them."""
+    recorder = Recorder.of(jr700)
+    return fly_sweeps(jr700, 5, 2, 2, recorder, None, lambda _: None)[0]
+
+
+@pytest.fixture(scope="module")
+def plant(flown):
+    return identify_for_design(flown)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("faster", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("axis", ["lat", "lon", "ped"])
+def test_loops_are_predicted_from_records_alone(jr700, plant, axis, faster):
+    """Within half of the bars; of ten sweeps of each axis, three seeds: within a third."""
+    law = shipped_law(jr700, faster)
+    exact = figures(ClosedLoop(exact_plant(jr700), law), axis)
+    predicted = figures(ClosedLoop(plant, law), axis)
+    for name, bar in BARS.items():
+        off = predicted[name] - exact[name]
+        off = off / exact[name] if name in _RELATIVE else off
+        assert abs(off) < 0.5 * bar, (name, predicted[name], exact[name])
+
+
+@pytest.mark.slow
+def test_draws_scatter_less_than_the_bars(jr700, plant):
+    """So an interval from them says something: of crossover, the widest standard deviation."""
+    law = shipped_law(jr700)
+    for axis in ("lat", "lon", "ped"):
+        drawn = [figures(ClosedLoop(one, law), axis)["crossover"] for one in plant.draws(30)]
+        assert 0.0 < np.std(drawn) / np.mean(drawn) < BARS["crossover"]
+
+
+@pytest.mark.slow
+def test_two_axes_are_identified_without_the_others(jr700, flown):
+    """Without conditioning on pedals that the gyro moves: q/lat is then 3 % off."""
+    two = identify_for_design({axis: flown[axis] for axis in ("lat", "lon")}, axes=("lat", "lon"))
+    assert (two.inputs, two.axes) == (("lon", "lat"), ("lon", "lat"))
+    law, omega = shipped_law(jr700), np.array([8.0, 15.0, 30.0])
+    exact = exact_plant(jr700)
+    whole = exact.response(omega)
+    row, column = exact.outputs.index("p"), exact.inputs.index("lat")
+    found = two.response(omega)[two.outputs.index("p"), two.inputs.index("lat")]
+    np.testing.assert_allclose(found, whole[row, column], rtol=0.03)
+    assert ClosedLoop(two, law).axes == ("lon", "lat")
+
+
+def test_a_vehicle_without_a_bench_says_its_servos_itself():
+    vehicle = load("blade360")
+    found = servos_of(vehicle)
+    assert found["tail_omega"].value == vehicle.parameters["servo.tail_frequency"]
+    assert servos_of(None) is None
+
 
 def test_an_axis_without_sweeps_is_named_with_what_to_do():
     flights = {"lat": [make_flight()], "lon": [make_flight()], "col": [make_flight()]}
-    with pytest.raises(InputError, match=r"no sweep of ped.*--axis ped.*axes=\('lat', 'lon', 'col'"):
+    with pytest.raises(
+        InputError, match=r"no sweep of ped.*--axis ped.*axes=\('lat', 'lon', 'col'"
+    ):
         identify_for_design(flights)
     with pytest.raises(InputError, match=r"no sweep of lon.*sweeps of lat\. Fly"):
         identify_for_design({"lat": [make_flight()]}, axes=["roll"])
