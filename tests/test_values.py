@@ -111,6 +111,7 @@ def values(jr700, tmp_path_factory):
         "Verification": item.verification,
         "VerificationFigures": item.verification.figures,
         "Trace": item.verification.traces[0],
+        "Plant": hs.Plant((fit,), late={"p": 0.0035}),
         "IdentifiedModel": item,
         "Results": results,
         "Run": Run(results, (item,), {"lat": (record,)}),
@@ -155,7 +156,7 @@ NAMES = [
         "VerificationFigures",
         "Trace",
     ),
-    *("IdentifiedModel", "Results", "Run"),
+    *("Plant", "IdentifiedModel", "Results", "Run"),
 ]
 ABSTRACT = {"Excitation"}
 """Public classes without an instance of their own."""

@@ -1,5 +1,6 @@
 """The public names and where they live, read by `__init__.py`, by type checkers and editors."""
 
+from helisim.design.plant import Plant as Plant
 from helisim.ident import Fit as Fit
 from helisim.ident import FrequencyResponse as FrequencyResponse
 from helisim.ident import Mode as Mode
@@ -69,6 +70,7 @@ from helisim.sim import write_plan as write_plan
 from helisim.sim.hand import HandFlight as HandFlight
 from helisim.sim.hand import StickFeel as StickFeel
 from helisim.study.check import check_vehicle as check_vehicle
+from helisim.study.for_design import identify_for_design as identify_for_design
 from helisim.study.new_vehicle import new_vehicle as new_vehicle
 from helisim.study.reproduce import reproduce as reproduce
 from helisim.vehicle import Controller as Controller

@@ -27,7 +27,7 @@ RATES = ("p", "q", "r")
 ANGLES = ("phi", "theta", "psi")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plant(Value):
     """What identified models say of what a law senses over what it commands; it is `Linear`.
 
@@ -70,6 +70,10 @@ class Plant(Value):
                 f"no fit begins at a servo command ({', '.join(COMMANDS)}): their inputs are "
                 f"{', '.join(name for fit in fits for name in fit.structure.inputs)}"
             )
+
+    def __repr__(self) -> str:
+        fits = ", ".join(fit.structure.name for fit in self.fits)
+        return f"Plant({fits}: {', '.join(self.inputs)} -> {', '.join(self.outputs)})"
 
     @property
     def inputs(self) -> tuple[str, ...]:
