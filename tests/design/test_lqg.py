@@ -1,0 +1,255 @@
+"""LQG laws: printed and closed-form gains, separation, following, and what can't be stabilised."""
+
+import control
+import numpy as np
+import pytest
+
+from helisim.design.lqg import Tracked, Weights, lqg, regulator
+from helisim.design.stabilisable import UnstabilisableError
+from helisim.errors import InputError, UnknownNameError
+from helisim.vehicle.sampled import sample
+
+PERIOD = 0.01
+
+
+def sampled(a, b, c, *, states, inputs, outputs, period=PERIOD) -> control.StateSpace:
+    """A continuous model, its commands held each period."""
+    a, b, c = (np.asarray(one, dtype=np.float64) for one in (a, b, c))
+    held_a, held_b = sample(a, b, period)
+    names = {"states": states, "inputs": inputs, "outputs": outputs}
+    return control.StateSpace(held_a, held_b, c, 0.0, period, **names)
+
+
+def pendulum() -> control.StateSpace:
+    """The inverted pendulum of the Control Tutorials for MATLAB and Simulink."""
+    cart, mass, friction, inertia, g, length = 0.5, 0.2, 0.1, 0.006, 9.8, 0.3
+    p = inertia * (cart + mass) + cart * mass * length**2
+    turned = inertia + mass * length**2
+    a = [
+        [0, 1, 0, 0],
+        [0, -turned * friction / p, mass**2 * g * length**2 / p, 0],
+        [0, 0, 0, 1],
+        [0, -mass * length * friction / p, mass * g * length * (cart + mass) / p, 0],
+    ]
+    b = [[0], [turned / p], [0], [mass * length / p]]
+    c = [[1, 0, 0, 0], [0, 0, 1, 0]]
+    return sampled(a, b, c, states=list("xvsr"), inputs=["lat"], outputs=["v", "phi"])
+
+
+def turning(*, delay: int = 0) -> control.StateSpace:
+    """Roll by lateral cyclic: a lag of 0.05 s, then two integrals, behind whole ticks of delay."""
+    a, b = sample(
+        np.array([[0, 1, 0], [0, 0, 40.0], [0, 0, -20.0]]), np.array([[0], [0], [20.0]]), PERIOD
+    )
+    n = 3
+    whole_a, whole_b = np.zeros((n + delay, n + delay)), np.zeros((n + delay, 1))
+    whole_a[:n, :n] = a
+    if delay:
+        whole_a[:n, [n]] = b
+        whole_a[n : n + delay - 1, n + 1 :] = np.eye(delay - 1)
+        whole_b[-1] = 1.0
+    else:
+        whole_b = b
+    c = np.eye(2, n + delay)
+    states = ["phi", "p", "flap", *(f"wait_{k}" for k in range(delay))]
+    names = {"states": states, "inputs": ["lat"], "outputs": ["phi", "p"]}
+    return control.StateSpace(whole_a, whole_b, c, 0.0, PERIOD, **names)
+
+
+ROLL = Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0)
+
+
+@pytest.mark.parametrize(
+    ("position", "angle", "printed"),
+    [
+        # Control Tutorials for MATLAB and Simulink (University of Michigan, Carnegie Mellon,
+        # Detroit Mercy), "Inverted Pendulum: Digital Controller Design", printed K of both designs
+        (1.0, 1.0, (-0.9384, -1.5656, 18.0351, 3.3368)),
+        (5000.0, 100.0, (-61.9933, -33.5040, 95.0597, 18.8300)),
+    ],
+)
+def test_regulator_gains_are_those_a_tutorial_prints(position, angle, printed):
+    """The optimal gains of a sampled inverted pendulum are the printed ones."""
+    weights = Weights(output={"v": position**-0.5, "phi": angle**-0.5}, effort={"lat": 1.0})
+    found = regulator(pendulum(), (), weights)
+    assert found.gain[0] == pytest.approx(printed, abs=6e-5)  # printed to four decimals
+
+
+@pytest.mark.parametrize("index", [0.01, 0.3, 2.0])
+def test_filter_is_the_alpha_beta_filter(index):
+    """Of a position measured under random acceleration the filter's gains have a closed form.
+
+    P. Kalata, "The tracking index", IEEE Transactions on Aerospace and Electronic Systems 20,
+    1984: with the index L = T^2 s_w / s_v, r = (4 + L - sqrt(8 L + L^2)) / 4, alpha = 1 - r^2 and
+    beta = 2 (2 - alpha) - 4 sqrt(1 - alpha).
+    """
+    noise = 0.01
+    moved = sampled(
+        [[0, 1], [0, 0]], [[0], [1]], [[1, 0]], states=["x", "v"], inputs=["lat"], outputs=["phi"]
+    )
+    weights = Weights(disturbance={"lat": index * noise / PERIOD**2}, noise={"phi": noise})
+    r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
+    alpha = 1.0 - r**2
+    beta = 2.0 * (2.0 - alpha) - 4.0 * np.sqrt(1.0 - alpha)
+    gains = regulator(moved, (), weights).filter_gain[:, 0]
+    assert gains == pytest.approx([alpha, beta / PERIOD], rel=1e-6)  # rounding of the solver
+
+
+def closed(model: control.StateSpace, law) -> np.ndarray:
+    """The closed loop's matrix, put together from the model's and the law's."""
+    a, b, c = (np.asarray(getattr(model, name)) for name in "ABC")
+    rows = [["col", "lon", "lat", "ped"].index(name) for name in model.input_labels]
+    seen = slice(len(c))
+    gain, shown = law.c[rows], law.d[rows, seen]
+    return np.block([[a + b @ shown @ c, b @ gain], [law.b[:, seen] @ c, law.a]])
+
+
+@pytest.mark.parametrize("delay", [0, 4])
+def test_closed_loop_has_the_poles_of_regulator_filter_and_commands(delay):
+    """Separation: nothing but the poles of the three parts, with delays among the states."""
+    model = turning(delay=delay)
+    found, law = regulator(model, (ROLL,)), lqg(model, (ROLL,))
+    parts = [found.poles, found.filter_poles, np.full(2, np.exp(-6.0 * PERIOD))]
+    wanted = np.poly(np.concatenate(parts))
+    # coefficients, as the double pole of the command model is no smooth function of the matrix
+    assert np.poly(closed(model, law)) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_model_follows_a_step_as_the_command_model_does():
+    """A step of the stick gives 1 - (1 + w t) exp(-w t) of what it asks for, at the ticks."""
+    model = sampled(
+        [[0, 1], [0, 0]], [[0], [800.0]], [[1, 0], [0, 1]],
+        states=["phi", "p"], inputs=["lat"], outputs=["phi", "p"],
+    )  # fmt: skip
+    w, stick, steps = 6.0, 0.5, 150
+    law = lqg(model, (ROLL,))
+    roll = flown(model, law, np.full(steps, stick))
+    time = PERIOD * np.arange(steps)
+    wanted = 0.6 * stick * (1.0 - (1.0 + w * time) * np.exp(-w * time))
+    # the command is held over a tick, the wanted acceleration isn't: half of w T off at first
+    assert np.max(np.abs(roll - wanted)) < 0.02 * 0.6 * stick
+    assert roll[-1] == pytest.approx(wanted[-1], rel=1e-3)
+
+
+def flown(model, law, sticks, *, limit=np.inf, windup=None) -> np.ndarray:
+    """The first output over ticks, the law's one command at work behind its limit."""
+    a, b, c = (np.asarray(getattr(model, name)) for name in "ABC")
+    x, z, out = np.zeros(len(a)), np.zeros(law.order), []
+    windup = law.windup if windup is None else windup
+    for stick in sticks:
+        seen = np.zeros(len(law.inputs))
+        seen[: len(c)], seen[law.inputs.index("LAT")] = c @ x, stick
+        out.append((c @ x)[0])
+        whole = law.c @ z + law.d @ seen
+        given = np.clip(whole, -limit, limit)
+        x = a @ x + b[:, 0] * given[2]
+        z = law.a @ z + law.b @ seen + windup @ (given - whole)
+    return np.array(out)
+
+
+def test_regulator_keeps_the_margins_that_are_guaranteed():
+    """The return difference is at least sqrt(R / (R + B' X B)) at every frequency.
+
+    Kalman's inequality for sampled systems (B. Anderson and J. Moore, Optimal Control, 1990,
+    section 6): towards 1 with shorter ticks, which is 60 degrees and half to unbounded gain.
+    """
+    roll = Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0, settle=2.0)
+    peaks = []
+    for period in (0.01, 0.001):
+        model = sampled(
+            [[0, 1, 0], [0, 0, 40.0], [0, 0, -20.0]],
+            [[0], [0], [20.0]],
+            [[1, 0, 0], [0, 1, 0]],
+            states=["phi", "p", "flap"],
+            inputs=["lat"],
+            outputs=["phi", "p"],
+            period=period,
+        )
+        gain = regulator(model, (roll,)).gain
+        a = np.block([[np.asarray(model.A), np.zeros((3, 1))], [period * np.eye(1, 3), np.eye(1)]])
+        b = np.vstack([np.asarray(model.B), [[0.0]]])
+        points = np.exp(1j * period * np.geomspace(0.01, 0.99 * np.pi / period, 500))
+        loop = [(gain @ np.linalg.solve(z * np.eye(4) - a, b))[0, 0] for z in points]
+        peaks.append(1.0 / np.min(np.abs(1.0 + np.array(loop))))
+    assert 1.0 <= peaks[1] < 1.0 + 0.2 * (peaks[0] - 1.0)  # a tenth of the tick, a tenth of it
+    assert np.degrees(2.0 * np.arcsin(0.5 / peaks[1])) > 59.0
+
+
+def test_law_that_stood_at_its_limit_comes_back_at_once():
+    """A rate beyond what the limit gives is asked for, then none: the integral lets go at once."""
+    model = sampled([[-2.0]], [[10.0]], [[1.0]], states=["p"], inputs=["lat"], outputs=["p"])
+    law = lqg(model, (Tracked(output="p", stick="LAT", gain=1.0, frequency=8.0),))
+    sticks = np.where(np.arange(400) < 200, 1.0, 0.0)
+    kept = flown(model, law, sticks, limit=0.1)
+    wound = flown(model, law, sticks, limit=0.1, windup=np.zeros_like(law.windup))
+    # at the limit p falls from 0.5 to 0.1 in ln((0.5 + 0.5) / (0.1 + 0.5)) / 2 s, and no faster
+    fastest = np.log(1.0 / 0.6) / 2.0
+    assert kept[199] == pytest.approx(0.5, rel=0.03)  # 10 * 0.1 / 2; it lets go a little too much
+    assert fastest - PERIOD < PERIOD * np.argmax(kept[200:] < 0.1) < 1.1 * fastest
+    assert np.all(wound[200 : 200 + round(2.0 * fastest / PERIOD)] > 0.1)
+
+
+def test_model_that_no_command_moves_says_so():
+    """An unstable mode out of reach is named, with the time in which it doubles."""
+    model = sampled(
+        [[0.5, 0], [0, -1]], [[0], [1]], [[1, 0], [0, 1]],
+        states=["drift", "p"], inputs=["lat"], outputs=["phi", "p"],
+    )  # fmt: skip
+    with pytest.raises(UnstabilisableError, match=r"lat\) moves a mode of drift that doubles in 1"):
+        lqg(model, (Tracked(output="p", stick="LAT", gain=1.0, frequency=5.0),))
+
+
+def test_model_that_no_sensor_shows_says_so():
+    """An unstable mode that isn't sensed is named."""
+    model = sampled(
+        [[0.5, 0], [0, -1]], [[1], [1]], [[0, 1]],
+        states=["drift", "p"], inputs=["lat"], outputs=["p"],
+    )  # fmt: skip
+    with pytest.raises(UnstabilisableError, match="from p: they don't show a mode of drift"):
+        regulator(model, ())
+
+
+def test_integral_that_nothing_can_hold_says_so():
+    """The integral of a rate whose integral is a state besides can't be held too."""
+    model = sampled(
+        [[0, 1], [0, -1]], [[0], [1]], [[1, 0], [0, 1]],
+        states=["psi", "r"], inputs=["ped"], outputs=["psi", "r"],
+    )  # fmt: skip
+    with pytest.raises(UnstabilisableError, match="integral of r"):
+        lqg(model, (Tracked(output="r", stick="PED", gain=1.0, frequency=5.0),))
+
+
+@pytest.mark.parametrize(
+    ("tracked", "weights", "message"),
+    [
+        ((), Weights(), "nothing is tracked"),
+        ((Tracked(output="q", stick="LON", gain=1.0, frequency=5.0),), Weights(), "'q'.*phi, p"),
+        ((ROLL, Tracked(output="p", stick="LON", gain=1.0, frequency=5.0)), Weights(), "2 outputs"),
+        ((ROLL,), Weights(effort={"ped": 0.1}), "unknown effort 'ped'"),
+        ((ROLL,), Weights(noise={"phi": 0.0}), "above 0"),
+    ],
+)
+def test_wrong_input_says_what_would_do(tracked, weights, message):
+    """What can't be tracked or weighed is named."""
+    with pytest.raises(InputError, match=message):
+        lqg(turning(), tracked, weights)
+
+
+def test_model_must_be_sampled_and_late_by_a_tick():
+    """A continuous model, an unknown command, and an output within the tick are refused."""
+    model = turning()
+    with pytest.raises(InputError, match="sampled at the gyro's period"):
+        lqg(control.StateSpace(*(np.asarray(getattr(model, k)) for k in "ABCD")), (ROLL,))
+    direct = control.StateSpace(
+        model.A, model.B, model.C, [[0], [1]], PERIOD, inputs=["lat"], outputs=["phi", "p"]
+    )
+    with pytest.raises(InputError, match="p follows a command within the tick"):
+        lqg(direct, (ROLL,))
+    with pytest.raises(UnknownNameError, match="'aileron'"):
+        lqg(_renamed(model), (ROLL,))
+
+
+def _renamed(model):
+    return control.StateSpace(
+        model.A, model.B, model.C, model.D, PERIOD, inputs=["aileron"], outputs=["phi", "p"]
+    )
