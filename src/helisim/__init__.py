@@ -27,8 +27,10 @@ The house, from the ground up; each room imports only from those above it in thi
 """
 
 import ast
+import sys
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 from helisim.registration import register as _register
 
@@ -60,4 +62,13 @@ def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
 
 
+class _House(ModuleType):
+    """Keeps a public name what it is where a room has the same, as `look` does."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (isinstance(value, ModuleType) and name in _HOMES):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _House
 _register()

@@ -1,5 +1,6 @@
 """The public names and where they live, read by `__init__.py`, by type checkers and editors."""
 
+from helisim.design.design import design as design
 from helisim.design.plant import Plant as Plant
 from helisim.ident import Fit as Fit
 from helisim.ident import FrequencyResponse as FrequencyResponse

@@ -1,0 +1,202 @@
+"""Descent by linear programs: the worst of many distances, and a cost, within a trust region.
+
+Distances to specifications are a worst case over axes and models: not smooth where the worst
+changes hands. A linear program takes them as they are, each linearised by itself (Madsen, An
+algorithm for minimax solution of overdetermined systems of non-linear equations, J. Inst. Maths
+Applics 16, 1975, 321-328; with a cost, Fletcher and Sainz de la Maza, Nonlinear programming and
+nonsmooth optimization by successive linear programming, Mathematical Programming 43, 1989).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+Vector = NDArray[np.float64]
+
+_DIFFERENCE = 1e-4
+"""Of a coordinate: a curve is read between its points to some 1e-9 of it."""
+_PENALTY = 100.0
+"""Of the worst shortfall beside the cost: above any sum of multipliers met, so that it is exact."""
+_FIRST, _LARGEST, _LEAST = 0.25, 0.8, 2e-3
+"""Radius of trust: at first, at most, and where the descent ends."""
+_ACCEPTED, _GOOD = 0.05, 0.6
+"""Share of the improvement foreseen from which on a step is taken, and the radius doubled."""
+_WORTHWHILE = 1e-4
+"""Improvement foreseen below which the descent ends, in units of distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What one law is worth.
+
+    Attributes:
+        distances: (n_distance,) of each specification in each model, positive inside Level 1.
+        cost: to be made small where the distances allow it.
+    """
+
+    distances: Vector
+    cost: float
+
+
+class Worth(Protocol):
+    """What coordinates, (n,), are worth; None where a loop is unstable: distances mean nothing."""
+
+    def __call__(self, at: Vector, /, near: bool = False) -> Trial | None:
+        """Return it; `near` is a point beside one that is stable."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """What distances are wanted.
+
+    Attributes:
+        distances: (n_distance,) wanted; -inf asks for nothing.
+        rigour: (n_distance,) by which a shortfall counts.
+        cost: by which the cost counts, 0 where only shortfalls do.
+    """
+
+    distances: Vector
+    rigour: Vector
+    cost: float = 0.0
+
+    def shortfall(self, trial: Trial) -> float:
+        """Return the worst shortfall, 0 where nothing is short."""
+        return max(0.0, float(np.max(self.rigour * (self.distances - trial.distances))))
+
+    def merit(self, trial: Trial) -> float:
+        """Return what is descended."""
+        return self.cost * trial.cost + _PENALTY * self.shortfall(trial)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Coordinates, (n,), and what they are worth."""
+
+    at: Vector
+    trial: Trial
+
+
+def descend(
+    worth: Worth,
+    start: Point,
+    goal: Goal,
+    box: tuple[Vector, Vector],
+    *,
+    steps: int,
+    on_step: Callable[[Point], None] | None = None,
+) -> Point:
+    """Return the best point that is reached from a start.
+
+    Without a cost it ends as soon as nothing is short.
+
+    Args:
+        worth: of coordinates.
+        start: where every loop is stable.
+        goal: what is wanted.
+        box: lowest and highest coordinates, (n,) each.
+        steps: at most.
+        on_step: called with each point that is accepted.
+    """
+    here, radius = start, _FIRST
+    slopes: tuple[NDArray[np.float64], Vector] | None = None
+    for _ in range(steps):
+        if goal.cost == 0.0 and goal.shortfall(here.trial) == 0.0:
+            break
+        if slopes is None:
+            slopes = _slopes(worth, here, box)
+        step, foreseen = _step(here, slopes, goal, box, radius)
+        if foreseen < _WORTHWHILE:
+            break
+        there, gained = _taken(worth, here, step, goal, box)
+        if there is not None and gained <= _ACCEPTED * foreseen:
+            bent = there.trial.distances - here.trial.distances - slopes[0] @ step
+            step, _ = _step(here, slopes, goal, box, radius, bent)
+            there, gained = _taken(worth, here, step, goal, box)
+        if there is not None and gained > _ACCEPTED * foreseen:
+            here, slopes = there, None
+            if on_step is not None:
+                on_step(here)
+            if gained > _GOOD * foreseen:
+                radius = min(2.0 * radius, _LARGEST)
+        else:
+            radius = 0.4 * min(radius, float(np.max(np.abs(step))))
+            if radius < _LEAST:
+                break
+    return here
+
+
+def _taken(
+    worth: Worth, here: Point, step: Vector, goal: Goal, box: tuple[Vector, Vector]
+) -> tuple[Point | None, float]:
+    """Return the point that a step leads to, None where it is unstable, and what is gained."""
+    there = np.clip(here.at + step, *box)
+    trial = worth(there)
+    if trial is None:
+        return None, -np.inf
+    return Point(there, trial), goal.merit(here.trial) - goal.merit(trial)
+
+
+def _slopes(
+    worth: Worth, here: Point, box: tuple[Vector, Vector]
+) -> tuple[NDArray[np.float64], Vector]:
+    """Return the derivatives of distances, (n_distance, n), and of the cost, (n,)."""
+    n = here.at.size
+    jacobian, gradient = np.zeros((here.trial.distances.size, n)), np.zeros(n)
+    for k in range(n):
+        forward = here.at[k] + _DIFFERENCE <= box[1][k]
+        for step in (_DIFFERENCE, -_DIFFERENCE) if forward else (-_DIFFERENCE,):
+            there = here.at.copy()
+            there[k] += step
+            trial = worth(there, near=True)
+            if trial is not None:
+                jacobian[:, k] = (trial.distances - here.trial.distances) / step
+                gradient[k] = (trial.cost - here.trial.cost) / step
+                break
+    return jacobian, gradient
+
+
+def _step(
+    here: Point,
+    slopes: tuple[NDArray[np.float64], Vector],
+    goal: Goal,
+    box: tuple[Vector, Vector],
+    radius: float,
+    bent: Vector | None = None,
+) -> tuple[Vector, float]:
+    """Return the step that the linear program asks for, and the improvement it foresees.
+
+    Args:
+        here: where it begins.
+        slopes: of distances and cost.
+        goal: what is wanted.
+        box: lowest and highest coordinates.
+        radius: of trust, of each coordinate.
+        bent: (n_distance,) by which a step before found distances off their slopes: a second
+            step that allows for it follows a curved boundary, where the first would creep.
+    """
+    jacobian, gradient = slopes
+    wanted = np.isfinite(goal.distances)
+    short = goal.distances - here.trial.distances
+    if bent is not None:
+        short = short - bent
+    rigour, short = goal.rigour[wanted], short[wanted]
+    rows = np.hstack([-jacobian[wanted] * rigour[:, None], -np.ones((short.size, 1))])
+    low = np.maximum(-radius, box[0] - here.at)
+    high = np.minimum(radius, box[1] - here.at)
+    found = linprog(
+        np.append(goal.cost * gradient, _PENALTY),
+        A_ub=rows,
+        b_ub=-rigour * short,
+        bounds=[*zip(low.tolist(), high.tolist()), (0.0, None)],
+        method="highs",
+    )
+    if found.x is None:
+        return np.zeros(here.at.size), 0.0
+    after = float(found.fun or 0.0)
+    before = goal.merit(here.trial) - goal.cost * here.trial.cost
+    return np.asarray(found.x[:-1], dtype=np.float64), before - after

@@ -1,0 +1,125 @@
+"""What phase margin costs in disturbance rejection: one axis, as a curve."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.design.descent import Goal, Point, Trial, Vector, descend
+from helisim.design.problem import Problem, slowest
+from helisim.handling.axis import axis_of
+from helisim.handling.figures.margins import margins
+from helisim.handling.figures.rejection import rejection
+from helisim.handling.loop import Loop, NoResponse
+from helisim.records.value import Value
+from helisim.units import RAD_PER_DEG
+
+FLOORS = (30.0, 37.5, 45.0, 52.5, 60.0, 67.5)
+"""Phase margins that are kept, degree."""
+_LEAST_GAIN = 6.0
+"""dB, kept at every point."""
+_GAIN_UNIT, _PHASE_UNIT = 3.0, 22.5 * RAD_PER_DEG
+"""dB and rad, that count as one unit of distance: those between Levels 1 and 2."""
+_STEPS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class TradeOff(Value):
+    """The most disturbance rejection that an axis has at each phase margin. Read-only.
+
+    Other axes and what the law does there stay as designed, gain margins of 6 dB are kept, and
+    hard constraints of other kinds.
+
+    Attributes:
+        axis: of control, by its command.
+        phase_margin: (n_point,) rad, at the actuator, least first.
+        bandwidth: (n_point,) rad/s, of disturbance rejection.
+        peak: (n_point,) dB, of disturbance rejection.
+        design: phase margin, rad, and bandwidth, rad/s, of the designed law.
+    """
+
+    axis: str
+    phase_margin: NDArray[np.float64]
+    bandwidth: NDArray[np.float64]
+    peak: NDArray[np.float64]
+    design: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        for name in ("phase_margin", "bandwidth", "peak"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain JSON data."""
+        return {
+            "axis": self.axis,
+            "phase_margin_rad": self.phase_margin.tolist(),
+            "bandwidth_rad_s": self.bandwidth.tolist(),
+            "peak_db": self.peak.tolist(),
+            "design": list(self.design),
+        }
+
+
+def trade_off(
+    problem: Problem,
+    at: Vector,
+    axis: str,
+    *,
+    floors: Sequence[float] = FLOORS,
+    on_point: Callable[[str], None] | None = None,
+) -> TradeOff:
+    """Return the curve of one axis, each point found by a constraint on the phase margin.
+
+    Args:
+        problem: of the design; its nominal model is used.
+        at: coordinates of the designed law, (n_free,).
+        axis: of control.
+        floors: phase margins, degree.
+        on_point: called with a word after each point.
+
+    Raises:
+        NoResponse: the loop has no such axis, or the law nothing that is free in it.
+    """
+    name = axis_of(axis).name
+    own = tuple(one for one in problem.free if one.name.startswith(f"{name}."))
+    if not own:
+        raise NoResponse(f"the law has no free parameter of {name}: they begin with '{name}.'")
+    specs = tuple(one for one in problem.specs if one.kind == "hard" and one.criterion.axis != name)
+    alone = replace(problem, law=problem.law_at(at), specs=specs, free=own)
+    seen = _figures(alone.loops(alone.start)[0], name)
+    points, here = [], alone.start
+    for floor in sorted(floors, reverse=True):
+        here = _most(alone, here, name, floor * RAD_PER_DEG)
+        points.append(_figures(alone.loops(here)[0], name))
+        if on_point is not None:
+            on_point(f"trade-off {name} {floor:g} deg")
+    phase, bandwidth, peak = np.array(points)[::-1, [1, 2, 3]].T
+    return TradeOff(name, phase, bandwidth, peak, (seen[1], seen[2]))
+
+
+def _most(problem: Problem, start: Vector, axis: str, floor: float) -> Vector:
+    """Return the law with the most bandwidth at a phase margin, rad."""
+
+    def worth(at: Vector, near: bool = False) -> Trial | None:
+        loop = problem.loops(at)[0]
+        if not near and slowest(loop) > 0.0:
+            return None
+        gain, phase, bandwidth, _ = _figures(loop, axis)
+        kept = [(gain - _LEAST_GAIN) / _GAIN_UNIT, (phase - floor) / _PHASE_UNIT]
+        others = [one.distance for one in problem.rate(loop)]
+        return Trial(np.array(kept + others), -float(np.log(bandwidth)))
+
+    trial = worth(start)
+    if trial is None:
+        return start
+    count = trial.distances.size
+    goal = Goal(np.zeros(count), np.ones(count), 1.0)
+    return descend(worth, Point(start, trial), goal, problem.box, steps=_STEPS).at
+
+
+def _figures(loop: Loop, axis: str) -> tuple[float, float, float, float]:
+    """Return gain margin, dB, phase margin, rad, bandwidth, rad/s, and peak, dB."""
+    kept, rejected = margins(loop.broken(axis)), rejection(loop.disturbance(axis))
+    return kept.least_gain, kept.least_phase, rejected.bandwidth, rejected.peak

@@ -1,0 +1,67 @@
+"""Specifications of the small aircraft; see `small_design`."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from helisim.handling.criteria import Criterion, Limit, Rating, StabilityMargins
+from helisim.handling.figures.margins import margins
+from helisim.handling.figures.rejection import rejection
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rejects(Criterion):
+    """Bandwidth of disturbance rejection alone."""
+
+    bandwidth: Limit
+    name: ClassVar[str] = "rejects"
+    units: ClassVar[dict[str, str]] = {"bandwidth": "rad/s"}
+
+    def rate(self, loop) -> Rating:
+        """Return the bandwidth."""
+        found = rejection(loop.disturbance(self.axis)).bandwidth
+        return self.rated({"bandwidth": found}, [self.bandwidth.distance(found)])
+
+    def chart(self):
+        """Not drawn."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crosses(Criterion):
+    """Crossover at the actuator."""
+
+    crossover: Limit
+    name: ClassVar[str] = "crosses"
+    units: ClassVar[dict[str, str]] = {"crossover": "rad/s"}
+
+    def rate(self, loop) -> Rating:
+        """Return the crossover."""
+        found = margins(loop.broken(self.axis)).crossover
+        return self.rated({"crossover": found}, [self.crossover.distance(found)])
+
+    def chart(self):
+        """Not drawn."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A criterion, and what it is in a design."""
+
+    criterion: Criterion
+    kind: str
+
+
+def small_specs(*, lat: float = 16.0, lon: float = 11.0) -> tuple[Asked, ...]:
+    """Margins of both axes, rejection, least crossover.
+
+    Args:
+        lat: rad/s, least bandwidth of rejection in roll.
+        lon: rad/s, in pitch.
+    """
+    wanted = {"lat": Limit(lat, 0.5 * lat), "lon": Limit(lon, 0.5 * lon)}
+    return (
+        *(Asked(StabilityMargins(axis=axis), "hard") for axis in wanted),
+        *(Asked(Rejects(axis=axis, bandwidth=limit), "soft") for axis, limit in wanted.items()),
+        *(Asked(Crosses(axis=axis, crossover=Limit(20.0, 40.0)), "objective") for axis in wanted),
+    )
