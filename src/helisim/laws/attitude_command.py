@@ -236,10 +236,9 @@ class AttitudeCommand(Law):
         settings[GENERAL.phi], settings[GENERAL.theta] = trim.phi, trim.theta
         settings[_PLATE] = numbers
         return Controller(
-            kernel.attitude_law,
+            kernel.COMPILED,
             states=states,
             settings=settings,
-            reset=kernel.attitude_start,
             name=self.name,
             written=self,
         )

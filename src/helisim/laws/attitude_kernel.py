@@ -8,10 +8,9 @@ stand one after the other in arrays; the layouts here say where.
 
 from typing import NamedTuple
 
-import numba
-
 from helisim.physics.gyro import rotate, winds_up
 from helisim.physics.kernel import kernel, known
+from helisim.physics.known_laws import KnownLaw
 from helisim.physics.pilot import wrap_to_pi
 from helisim.physics.servo import mix, unmix
 
@@ -258,7 +257,7 @@ def late(state, settings, col, lon, lat, ped):
     return old
 
 
-@numba.njit
+@kernel()
 def attitude_law(seen, state, settings):
     """Return the commands of the front, left, right and tail servo."""
     roll = asked(settings, LAT, seen.LAT, settings[GENERAL.phi])
@@ -290,14 +289,13 @@ def attitude_law(seen, state, settings):
     return front, left, right, ped
 
 
-@numba.njit
+@kernel()
 def attitude_start(seen, state, settings):
     """Begin where the vehicle is: the models with its motion, the integrals with its servos."""
     begin(state, settings, LAT, seen.phi, seen.p)
     begin(state, settings, LON, seen.theta, seen.q)
     begin(state, settings, PED, seen.psi, seen.r)
-    plate = settings[GENERAL.plate : GENERAL.plate + 21]
-    col, lon, lat = unmix(plate, seen.front, seen.left, seen.right)
+    col, lon, lat = unmix(settings, seen.front, seen.left, seen.right, GENERAL.plate)
     state[int(settings[LAT + ATTITUDE.state]) + INTEGRAL] = lat
     state[int(settings[LON + ATTITUDE.state]) + INTEGRAL] = lon
     ped = seen.tail - settings[COL + HEAVE.to_ped] * seen.COL
@@ -320,3 +318,6 @@ def begin(state, settings, block, angle, rate):
     for k in range(int(settings[block + ATTITUDE.wait])):
         state[at + LINE + 2 * k] = angle
         state[at + LINE + 2 * k + 1] = rate
+
+
+COMPILED = KnownLaw(attitude_law, attitude_start)

@@ -65,7 +65,7 @@ class AttitudeLinear(Value):
     def sampled(self) -> SampledLaw:
         """The compiled law's matrices, without states that nothing moves, such as trims."""
         settings, states = self.law.numbers(self.period)
-        return probed(kernel.attitude_law, settings, states, self.period, self.inputs)
+        return probed(kernel.COMPILED, settings, states, self.period, self.inputs)
 
 
 def _axis(law: AttitudeCommand, name: str, z: Response, period: float) -> dict[str, Response]:

@@ -120,22 +120,31 @@ class Called:
         self._function, self._reset = copied(law)
 
     def start(self, seen: Seen, state: NDArray[np.float64]) -> None:
-        """Let the law give itself a state to start with, (n_state,), as far as it has a reset."""
-        if self._reset is not None:
+        """Let the law give itself a state to start with, (n_state,), as far as it has a reset.
+
+        A native one is asked for the commands of its first tick.
+        """
+        if is_native(self._function):
+            self._asked(seen, state, starts=True)
+        elif self._reset is not None:
             self._reset(*(seen, state, self.law.settings)[: arity(self._reset)])
 
     def __call__(self, seen: Seen, state: NDArray[np.float64]) -> tuple[float, ...]:
         """Return what the law commands; the state, (n_state,), moves on."""
         law, function = self.law, self._function
         if is_native(function):
-            numbers = np.array([*seen, 0.0])
-            commands = np.full(COMMANDS, np.nan)
-            settings = law.settings if law.settings.size else np.zeros(1)
-            function.ctypes(*map(_pointer_to, (numbers, state, settings, commands)))
-            first = 3 if law.place == "tail" else 0
-            return tuple(commands[first : first + len(PLACES[law.place])].tolist())
+            return self._asked(seen, state, starts=False)
         given = (seen, state, law.settings)[: arity(function)]
         return checked(function(*given), law.place)
+
+    def _asked(self, seen: Seen, state: NDArray[np.float64], *, starts: bool) -> tuple[float, ...]:
+        """Return what a native law commands; the state, (n_state,), moves on."""
+        law = self.law
+        numbers, commands = np.array([*seen, float(starts)]), np.full(COMMANDS, np.nan)
+        settings = law.settings if law.settings.size else np.zeros(1)
+        self._function.ctypes(*map(_pointer_to, (numbers, state, settings, commands)))
+        first = 3 if law.place == "tail" else 0
+        return tuple(commands[first : first + len(PLACES[law.place])].tolist())
 
 
 def watched_failures() -> list[str]:

@@ -28,15 +28,17 @@ def mix(plate, col, lon, lat, first=0):
 
 
 @kernel()
-def unmix(plate, front, left, right):
+def unmix(plate, front, left, right, first=0):
     """Return collective, longitudinal and lateral from three servo positions; undoes `mix`.
 
     Each row is whole numbers over a divisor where the geometry allows it, as at 120 degrees.
+    `plate` and `first` are those of `mix`.
     """
+    k = first
     return (
-        (plate[9] * front + plate[10] * left + plate[11] * right) / plate[12],
-        (plate[13] * front + plate[14] * left + plate[15] * right) / plate[16],
-        (plate[17] * front + plate[18] * left + plate[19] * right) / plate[20],
+        (plate[k + 9] * front + plate[k + 10] * left + plate[k + 11] * right) / plate[k + 12],
+        (plate[k + 13] * front + plate[k + 14] * left + plate[k + 15] * right) / plate[k + 16],
+        (plate[k + 17] * front + plate[k + 18] * left + plate[k + 19] * right) / plate[k + 20],
     )
 
 

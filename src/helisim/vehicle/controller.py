@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.errors import InputError, ModelError
 from helisim.physics import laws
 from helisim.physics.compiled_laws import Place, arity, is_compiled, is_native
+from helisim.physics.known_laws import KnownLaw
 from helisim.physics.layout import FIRST_LAW_STATE, STATE, SWASH_STATES, TAIL_STATES, rotor_states
 from helisim.physics.native import check_is_model
 from helisim.physics.own_laws import Failure, OwnLaw, Registered
@@ -154,6 +155,8 @@ class Controller(Value):
         if not isinstance(states, int) or not 0 <= states <= _MOST:
             raise InputError(f"controller {law_name(law)!r}: states is {states!r}, no whole number")
         assert isinstance(self.settings, np.ndarray)
+        if isinstance(law, KnownLaw):  # it starts by itself
+            return OwnLaw(law.native, place, states, self.settings, None, law_name(law))
         return OwnLaw(law, place, states, self.settings, reset, law_name(law))
 
     def plan_for(self, par: NDArray[np.float64], commands: Sequence[float]) -> None:
@@ -194,11 +197,12 @@ class Controller(Value):
         for place, slot in (("swash", self.swash), ("tail", self.tail)):
             if self.law is None and (slot is None or slot == SHIPPED):
                 facts[place] = "shipped" if slot == SHIPPED else "none"
-        for one in self.laws:
+        for one, (_, law) in zip(self.laws, self._own()):
+            reset = law.reset if isinstance(law, KnownLaw) else one.reset
             facts[one.place] = {
-                "law": qualified_name(one.function),
+                "law": qualified_name(law),
                 "states": one.states,
-                "source_digest": source_digest(one.function, one.reset),
+                "source_digest": source_digest(law, reset),
             }
         if self.written is not None:
             facts["written"] = self.written.to_dict()

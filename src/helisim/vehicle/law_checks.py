@@ -7,6 +7,7 @@ from typing import Any
 
 from helisim.errors import InputError
 from helisim.physics.compiled_laws import arity, is_compiled, is_native
+from helisim.physics.known_laws import KnownLaw
 
 
 def source_digest(*functions: Any) -> str:
@@ -26,6 +27,8 @@ def source_digest(*functions: Any) -> str:
 
 def described(function: Any) -> Any:
     """Return the function or class that a law is written as."""
+    if isinstance(function, KnownLaw):
+        return function.function
     if is_compiled(function):
         return function.py_func
     if is_native(function):
