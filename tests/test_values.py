@@ -15,6 +15,10 @@ import pytest
 
 import helisim as hs
 from helisim.errors import DivergedError, HelisimError, RecordError, UnknownNameError
+from helisim.handling.measured.driven import Driven
+from helisim.handling.measured.interval import Interval
+from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
+from helisim.handling.measured.margins import MeasuredFigure
 from helisim.ident import Reduction
 from helisim.ident.verifying.verification import Trace
 from helisim.records.value import FrozenMap, Value, same
@@ -51,6 +55,8 @@ def values(jr700, tmp_path_factory):
         ),
     )
     fit = item.fit
+    cut = hs.Cut("roll", "sensors", "phi_disturbance", "phi_sum")
+    driven = Driven("phi_disturbance", ("phi_sum",), [1.0, 2.0], [[0.1, 1.0j]], 0.01 * np.eye(2))
     return {
         "Vehicle": jr700,
         "Linearization": jr700.linearize(),
@@ -111,6 +117,12 @@ def values(jr700, tmp_path_factory):
         "Verification": item.verification,
         "VerificationFigures": item.verification.figures,
         "Trace": item.verification.traces[0],
+        "Cut": cut,
+        "MeasuredMargins": hs.MeasuredMargins(
+            MeasuredLoop(MeasuredCurves((driven,), (cut,))),
+            (MeasuredFigure("DRP", "lat", "sensors", "dB", Interval(3.0, 2.5, 3.5)),),
+            ("short",),
+        ),
         "Plant": hs.Plant((fit,), late={"p": 0.0035}),
         "IdentifiedModel": item,
         "Results": results,
@@ -156,7 +168,7 @@ NAMES = [
         "VerificationFigures",
         "Trace",
     ),
-    *("Plant", "IdentifiedModel", "Results", "Run"),
+    *("Cut", "MeasuredMargins", "Plant", "IdentifiedModel", "Results", "Run"),
 ]
 ABSTRACT = {"Excitation"}
 """Public classes without an instance of their own."""

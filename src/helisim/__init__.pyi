@@ -2,6 +2,9 @@
 
 from helisim.design.design import design as design
 from helisim.design.plant import Plant as Plant
+from helisim.handling.measured.cut import Cut as Cut
+from helisim.handling.measured.margins import MeasuredMargins as MeasuredMargins
+from helisim.handling.measured.margins import margins as margins
 from helisim.ident import Fit as Fit
 from helisim.ident import FrequencyResponse as FrequencyResponse
 from helisim.ident import Mode as Mode

@@ -99,12 +99,14 @@ class Read(NamedTuple):
 
 def read_logs(
     options: argparse.Namespace,
-    wanted: Sequence[str],
+    wanted: Sequence[str] | None,
     advance: Callable[[str], None],
     *,
     moving: bool = False,
 ) -> Read:
     """Read all logs: uniform, with all wanted channels, which must move somewhere if `moving`.
+
+    None wants all that the options name, or else all that state their units.
 
     Raises:
         LogError: all that is wrong with them; the message names files, columns and rows.
@@ -115,7 +117,7 @@ def read_logs(
     logs = read_logs(
         options.logs,
         channels=channels,
-        wanted=wanted,
+        wanted=wanted or (),
         moving=moving,
         time=time,
         resample_hz=options.resample,
@@ -159,12 +161,14 @@ def reports(logs: "Sequence[Log]") -> list[dict[str, Any]]:
 
 
 def _columns(
-    options: argparse.Namespace, wanted: Sequence[str]
-) -> "tuple[Map | tuple[str, ...], Clock | None]":
+    options: argparse.Namespace, wanted: Sequence[str] | None
+) -> "tuple[Map | tuple[str, ...] | None, Clock | None]":
     """Return the map, or the wanted names where none is given, and the clock."""
     from helisim.records.logs import Column
 
     given, time = given_columns(options)
+    if wanted is None:
+        return (given if given.channels else None), time
     if options.map is None and not options.channel:
         return tuple(wanted), time
     return (

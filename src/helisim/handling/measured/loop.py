@@ -1,0 +1,188 @@
+"""A closed loop as flight records show it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from helisim.handling.axis import BY_NAME, axis_of
+from helisim.handling.curve import Curve
+from helisim.handling.loop import History, NoResponse
+from helisim.handling.measured.cut import Cut
+from helisim.handling.measured.driven import Complex, Driven
+from helisim.handling.measured.measured_curve import MeasuredCurve
+from helisim.records.value import Value
+
+DRAWS = 400
+"""How many draws there are: their standard deviation is known to 1 / sqrt(2 x 400), 3.5 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredCurves(Value):
+    """What was measured, as curves with their draws. Each is made once.
+
+    Attributes:
+        driven: responses to each signal that was injected, sticks too.
+        cuts: where loops were cut.
+        count: of draws.
+        seed: of the draws.
+    """
+
+    driven: tuple[Driven, ...]
+    cuts: tuple[Cut, ...]
+    count: int = DRAWS
+    seed: int = 1
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes of which something was measured."""
+        by_stick = {axis.stick: name for name, axis in BY_NAME.items()}
+        cut = {one.axis for one in self.cuts if one.injected in self._drives}
+        swept = {by_stick[name] for name in self._drives if name in by_stick}
+        return tuple(name for name in BY_NAME if name in cut | swept)
+
+    def broken(self, axis: str, at: str = "actuators") -> MeasuredCurve:
+        """Return the loop L of one axis, all others closed. Raises NoResponse."""
+        return self._at_cut(self._cut(axis, at), "L")
+
+    def disturbance(self, axis: str) -> MeasuredCurve:
+        """Return the sensitivity S at the attitude. Raises NoResponse."""
+        return self._at_cut(self._cut(axis, "sensors"), "S")
+
+    def command(self, axis: str, output: str | None = None) -> MeasuredCurve:
+        """Return an output over the axis's stick. Raises NoResponse.
+
+        An angle that wasn't recorded follows from its rate.
+        """
+        one = axis_of(axis)
+        wanted = output or one.angle
+        driven = self._driven(one.stick)
+        rate = {other.angle: other.rate for other in BY_NAME.values()}.get(wanted)
+        if wanted not in driven.outputs and rate in driven.outputs:
+            return self._over(one.stick, str(rate), integrated=True)
+        return self._over(one.stick, wanted)
+
+    def actuator(self, axis: str, by: str = "stick") -> MeasuredCurve:
+        """Return the axis's servo command over its stick or its disturbance. Raises NoResponse."""
+        one = axis_of(axis)
+        drive = one.stick if by == "stick" else self._cut(one.name, "sensors").injected
+        return self._over(drive, one.name)
+
+    @cached_property
+    def _drives(self) -> dict[str, Driven]:
+        return {one.drive: one for one in self.driven}
+
+    @cached_property
+    def _drawn(self) -> dict[str, Complex]:
+        return {}
+
+    @cached_property
+    def _curves(self) -> dict[tuple[str, ...], MeasuredCurve]:
+        return {}
+
+    def _driven(self, drive: str) -> Driven:
+        if drive not in self._drives:
+            there = ", ".join(self._drives) or "nothing"
+            raise NoResponse(f"{drive} was not moved on purpose in the records: {there} was")
+        return self._drives[drive]
+
+    def _cut(self, axis: str, at: str) -> Cut:
+        name = axis_of(axis).name
+        used = [cut for cut in self.cuts if cut.injected in self._drives]
+        for cut in used:
+            if (cut.axis, cut.at) == (name, at):
+                return cut
+        there = ", ".join(f"{cut.axis} at {cut.at}" for cut in used) or "no cut"
+        raise NoResponse(f"nothing was injected into {name} at {at}; there is {there}")
+
+    def _at_cut(self, cut: Cut, kind: str) -> MeasuredCurve:
+        """Return L or S at a cut, from what goes on behind it and what comes back."""
+        driven = self._driven(cut.injected)
+        total, returned = (
+            None if name is None else driven.outputs.index(name)
+            for name in (cut.total, cut.returned)
+        )
+
+        def made(response: Complex) -> Complex:
+            back = None if returned is None else response[..., returned, :]
+            behind = (
+                response[..., total, :] if total is not None else 1.0 + response[..., returned, :]
+            )
+            if kind == "S":
+                return behind
+            return -(behind - 1.0 if back is None else back) / behind
+
+        return self._kept((kind, cut.axis, cut.at), driven, made)
+
+    def _over(self, drive: str, output: str, *, integrated: bool = False) -> MeasuredCurve:
+        driven = self._driven(drive)
+        if output not in driven.outputs:
+            there = ", ".join(driven.outputs)
+            raise NoResponse(
+                f"{output} was not recorded while {drive} was moved; there are {there}"
+            )
+        row = driven.outputs.index(output)
+        factor = 1.0 / (1j * driven.frequency) if integrated else 1.0
+        key = (output, drive, "integrated" if integrated else "")
+        return self._kept(key, driven, lambda response: response[..., row, :] * factor)
+
+    def _kept(
+        self, key: tuple[str, ...], driven: Driven, made: Callable[[Complex], Complex]
+    ) -> MeasuredCurve:
+        if driven.drive not in self._drawn:
+            seed = self.seed + 1000 * list(self._drives).index(driven.drive)
+            self._drawn[driven.drive] = driven.drawn(self.count, seed)
+        if key not in self._curves:
+            drawn = self._drawn[driven.drive]
+            name = " ".join(filter(None, key))
+            self._curves[key] = MeasuredCurve.of(
+                name, driven.frequency, made, driven.response, drawn
+            )
+        return self._curves[key]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredLoop(Value):
+    """A `Loop` measured in flight, or one of the draws of it that are as likely.
+
+    Attributes:
+        curves: what was measured.
+        draw: which of the draws this is; None for the measurement itself.
+    """
+
+    curves: MeasuredCurves = field(repr=False)
+    draw: int | None = None
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes of which something was measured."""
+        return self.curves.axes
+
+    @property
+    def draws(self) -> "Iterator[MeasuredLoop]":
+        """Loops as likely as this one, all errors belonging together as they were measured."""
+        return (MeasuredLoop(self.curves, number) for number in range(self.curves.count))
+
+    def broken(self, axis: str, at: str = "actuators") -> Curve:
+        """Return the loop L of one axis, all others closed; see `Loop`."""
+        return self.curves.broken(axis, at).curve(self.draw)
+
+    def disturbance(self, axis: str) -> Curve:
+        """Return the sensed angle over a disturbance of it; see `Loop`."""
+        return self.curves.disturbance(axis).curve(self.draw)
+
+    def command(self, axis: str, output: str | None = None) -> Curve:
+        """Return an output over the axis's stick; see `Loop`."""
+        return self.curves.command(axis, output).curve(self.draw)
+
+    def actuator(self, axis: str, by: str = "stick") -> Curve:
+        """Return the axis's servo command over its stick or its disturbance; see `Loop`."""
+        return self.curves.actuator(axis, by).curve(self.draw)
+
+    @property
+    def poles(self) -> Complex:
+        """The poles: not known from responses alone."""
+        raise NoResponse("responses that were measured have no poles")
+
+    def step(self, axis: str, *, size: float, duration: float) -> History:
+        """Not known: a step is flown."""
+        raise NoResponse(f"no step of {axis} follows from responses that were measured; fly one")

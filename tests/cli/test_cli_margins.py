@@ -1,0 +1,83 @@
+"""`helisim margins`: a closed loop's margins, from logs alone."""
+
+import json
+
+import numpy as np
+import pytest
+
+from closed_loops import flown, known_loop
+from helisim.cli import main
+from helisim.records.storage import write_record
+
+
+@pytest.fixture(scope="module")
+def record():
+    """A flight of a known loop."""
+    return flown(known_loop(), seed=3, noise=0.02)
+
+
+def test_a_record_needs_no_option(record, tmp_path, capsys):
+    """The table has the three figures of the loop; so has the JSON, with intervals."""
+    path, out = tmp_path / "loop.parquet", tmp_path / "found.json"
+    write_record(record, path)
+    assert (
+        main(
+            [
+                "margins",
+                str(path),
+                "--band",
+                "4",
+                "20",
+                "--draws",
+                "20",
+                "--json",
+                str(out),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
+    text = capsys.readouterr().out
+    assert all(words in text for words in ("phase margin", "gain margin", "crossover", "lat"))
+    figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
+    assert figures["phase_margin"]["low"] < 51.4 < figures["phase_margin"]["high"]  # the loop's own
+    assert figures["phase_margin"]["unit"] == "deg"
+
+
+def test_columns_of_ones_own_are_named(record, tmp_path, capsys):
+    """A CSV by anyone, times in ms, the sum with the other sign."""
+    path, out = tmp_path / "own.csv", tmp_path / "found.json"
+    table = np.column_stack([1e3 * record.time, record.values[:, 0], -record.values[:, 1]])
+    np.savetxt(path, table, delimiter=",", header="t,dither,mixer", comments="")
+    words = ["--time", "t:ms", "--channel", "dither=dither:1", "--channel", "mixer=mixer:1:sign=-1"]
+    given = ["--axis", "roll", "--injected", "dither", "--total", "mixer", "--band", "4", "9"]
+    json_ = ["--draws", "20", "--json", str(out)]
+    assert main(["margins", str(path), *words, *given, *json_, "--quiet"]) == 0
+    figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
+    assert figures["phase_margin"]["value"] == pytest.approx(51.4, abs=3.0)  # three deviations
+    assert "gain_margin of lat at actuators isn't within" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--axis", "pet"], "unknown axis 'pet'"),
+        (["--at", "wings"], "unknown place of a cut 'wings'"),
+        (["--total", "lat"], "--total and --returned need --injected"),
+        (["--injected", "lat_disturbance"], "--axis 0"),
+        (["--axis", "lat", "--injected", "lat_disturbance"], "what follows 'lat_disturbance'"),
+        (["--axis", "lat", "--injected", "foo", "--total", "lat_sum"], "'foo'"),
+        (["--band", "9", "4"], "0 < lower < upper"),
+        (["--late", "lat"], "--late takes NAME=VALUE"),
+        (["--draws", "1"], "draws is 1"),
+        (["--json", "found.txt"], ".json"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(record, tmp_path, capsys, words, said):
+    """Status 2, one line, nothing written."""
+    path = tmp_path / "loop.parquet"
+    write_record(record, path)
+    assert main(["margins", str(path), "--quiet", *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
