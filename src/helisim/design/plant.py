@@ -8,23 +8,25 @@ the gyro's put in, and the angles follow from the rates.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.design.drawn import draw
+from helisim.design.sampled_plant import Part, SampledPlant, Ticks, sampled_plant
 from helisim.errors import InputError
 from helisim.handling.axis import BY_NAME
+from helisim.handling.loop import NoResponse
 from helisim.ident.fitting.result import Fit
 from helisim.ident.model import evaluate
+from helisim.ident.responses.threads import one_blas_thread
+from helisim.records.channels import ATTITUDES as ANGLES
+from helisim.records.channels import IN1, RATES
 from helisim.records.value import FrozenMap, Value
 
 Array = NDArray[np.float64]
 Response = NDArray[np.complex128]
-
-COMMANDS = ("col", "lon", "lat", "ped")
-RATES = ("p", "q", "r")
-ANGLES = ("phi", "theta", "psi")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +69,7 @@ class Plant(Value):
             )
         if not self.inputs:
             raise InputError(
-                f"no fit begins at a servo command ({', '.join(COMMANDS)}): their inputs are "
+                f"no fit begins at a servo command ({', '.join(IN1)}): their inputs are "
                 f"{', '.join(name for fit in fits for name in fit.structure.inputs)}"
             )
 
@@ -78,7 +80,7 @@ class Plant(Value):
     @property
     def inputs(self) -> tuple[str, ...]:
         """The commands that some model has."""
-        return _in_order(COMMANDS, (fit.structure.inputs for fit in self.fits))
+        return _in_order(IN1, (fit.structure.inputs for fit in self.fits))
 
     @property
     def sensed(self) -> tuple[str, ...]:
@@ -116,18 +118,41 @@ class Plant(Value):
         """Return what the models tell, their records' latencies taken out, in order of `sensed`."""
         rows, columns = self.sensed, self.inputs
         found = np.zeros((len(rows), len(columns), omega.size), dtype=np.complex128)
-        told: set[tuple[str, str]] = set()
-        for fit, values in zip(self.fits, self.values):
+        for fit, values, told in zip(self.fits, self.values, self._told):
+            if not told:
+                continue
             one = evaluate.response(fit.structure, values, omega)
-            for j, output in enumerate(fit.structure.outputs):
-                for k, name in enumerate(fit.structure.inputs):
-                    if output not in rows or name not in columns or (output, name) in told:
-                        continue
-                    told.add((output, name))
-                    early = self.late.get(output, 0.0) - self.late.get(name, 0.0)
-                    shifted = one[j, k] * np.exp(1j * omega * early)
-                    found[rows.index(output), columns.index(name)] = shifted
+            for output, name in told:
+                early = self.late.get(output, 0.0) - self.late.get(name, 0.0)
+                j, k = fit.structure.outputs.index(output), fit.structure.inputs.index(name)
+                shifted = one[j, k] * np.exp(1j * omega * early)
+                found[rows.index(output), columns.index(name)] = shifted
         return found
+
+    @cached_property
+    def _told(self) -> tuple[tuple[tuple[str, str], ...], ...]:
+        """The outputs and inputs that each fit tells of."""
+        known: set[tuple[str, str]] = set()
+        shares = []
+        for fit in self.fits:
+            outputs = [name for name in fit.structure.outputs if name in self.sensed]
+            inputs = [name for name in fit.structure.inputs if name in self.inputs]
+            pairs = [(y, u) for y in outputs for u in inputs if (y, u) not in known]
+            known |= set(pairs)
+            shares.append(tuple(pairs))
+        return tuple(shares)
+
+    @cached_property
+    def sampled(self) -> SampledPlant:
+        """It at the gyro's ticks, delays exact. Raises NoResponse: it has no state space."""
+        parts = [
+            _part(fit, values, told)
+            for fit, values, told in zip(self.fits, self.values, self._told)
+            if told
+        ]
+        ticks = Ticks(self.period, self.latency, self.late)
+        with one_blas_thread():  # matrices are small: a hundred times as fast
+            return sampled_plant(parts, ticks, turned(self.tilt), self.inputs, self.outputs)
 
     def draws(self, count: int, *, seed: int = 1) -> "tuple[Plant, ...]":
         """Return plants as likely as this one, their parameters drawn by the fits' covariances.
@@ -143,6 +168,17 @@ class Plant(Value):
         """
         rng = np.random.default_rng(seed)
         return tuple(replace(self, values=draw(self.fits, rng)) for _ in range(count))
+
+
+def _part(fit: Fit, values: Mapping[str, float], told: tuple[tuple[str, str], ...]) -> Part:
+    outputs = tuple(dict.fromkeys(output for output, _ in told))
+    inputs = tuple(dict.fromkeys(name for _, name in told))
+    if len(told) != len(outputs) * len(inputs):
+        raise NoResponse(
+            f"the model {fit.structure.name!r} tells {', '.join(map('/'.join, told))} only, the "
+            "rest of it is told by others: no poles"
+        )
+    return Part(fit.structure, values, outputs, inputs)
 
 
 def turned(tilt: tuple[float, float]) -> Array:

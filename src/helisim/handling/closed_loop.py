@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from helisim.handling.axis import Axis, axis_of
 from helisim.handling.curve import Curve
 from helisim.handling.loop import GRID, History, NoResponse
+from helisim.handling.sampled_loop import SampledLoop, sampled_form
 
 Response = NDArray[np.complex128]
 Added = Mapping[int, Response]
@@ -116,14 +117,25 @@ class ClosedLoop:
             return self._curve(self._by_stick(axis)[:, place, 0])
         return self._curve(self._by_sensors(self._turned(axis))[:, place])
 
-    @cached_property
+    @property
     def poles(self) -> NDArray[np.complex128]:
-        """The poles, (n_pole,) rad/s: not known from responses alone."""
-        raise NoResponse("responses alone have no poles")
+        """The poles of the whole, (n_pole,) rad/s, where plant and law are known at their ticks.
+
+        Either has then a `sampled`, or is, what `helisim.handling.sampled_loop.Sampled` describes.
+        Raises NoResponse.
+        """
+        return self._sampled.poles
 
     def step(self, axis: str, *, size: float, duration: float) -> History:
-        """Not known yet."""
-        raise NoResponse(f"no step of {axis} is known from responses alone")
+        """Return stick, commands and what is sensed after a step of a stick; see `Loop`.
+
+        Known where the poles are.
+        """
+        return self._sampled.step(axis, size=size, duration=duration)
+
+    @cached_property
+    def _sampled(self) -> SampledLoop:
+        return SampledLoop(sampled_form(self.plant, "plant"), sampled_form(self.law, "law"))
 
     def _curve(self, values: Response) -> Curve:
         return Curve(self.frequency, values)

@@ -1,0 +1,138 @@
+"""Poles and steps of a sampled loop, against closed forms and the vehicle's own closing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from helisim.errors import InputError
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.loop import NoResponse
+from helisim.vehicle.linearize import OUTPUTS
+from helisim.vehicle.sampled import close, sample
+
+PERIOD, GAIN = 0.01, 20.0
+
+
+@dataclass(frozen=True)
+class Ticked:
+    """A system at its ticks."""
+
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    d: np.ndarray
+    inputs: tuple
+    outputs: tuple
+    period: float = PERIOD
+
+    def response(self, frequency):
+        point = np.exp(1j * frequency * self.period)[:, None, None]
+        states = np.linalg.solve(point * np.eye(len(self.a)) - self.a, self.b[None])
+        return np.moveaxis(self.c @ states + self.d, 0, -1)
+
+
+@dataclass(frozen=True)
+class Within:
+    """A system that has its matrices as another."""
+
+    sampled: Ticked
+
+
+def numbers(*rows):
+    return np.array(rows, dtype=float)
+
+
+INTEGRAL = Ticked(
+    numbers([1.0]), numbers([PERIOD]), numbers([1.0]), numbers([0.0]), ("lat",), ("phi",)
+)
+HOLD = Ticked(
+    np.zeros((0, 0)),
+    np.zeros((0, 2)),
+    np.zeros((1, 0)),
+    numbers([-GAIN, GAIN]),
+    ("phi", "LAT"),
+    ("lat",),
+)
+"""It commands a rate of GAIN times what is left to the stick."""
+
+
+def test_an_integral_that_is_held_goes_as_a_power():
+    """Each tick leaves 1 - k T of what was left: y = 1 - (1 - k T)^n, one pole."""
+    loop = ClosedLoop(Within(INTEGRAL), HOLD)
+    np.testing.assert_allclose(loop.poles, [np.log(1.0 - GAIN * PERIOD) / PERIOD], rtol=1e-12)
+    history = loop.step("roll", size=0.3, duration=0.5)
+    left = (1.0 - GAIN * PERIOD) ** np.arange(51)
+    np.testing.assert_allclose(history.time, np.arange(51) * PERIOD)
+    np.testing.assert_allclose(history.signals["phi"], 0.3 * (1.0 - left), atol=1e-14)
+    np.testing.assert_allclose(history.signals["lat"], 0.3 * GAIN * left, atol=1e-13)
+    assert set(history.signals) == {"LAT", "lat", "phi"}
+
+
+def test_what_a_command_moves_at_once_is_in_the_loop():
+    """Of u = k (s - y) and y = u is left y = k s / (1 + k)."""
+    at_once = Ticked(
+        np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), numbers([1.0]), ("lat",), ("phi",)
+    )
+    history = ClosedLoop(at_once, HOLD).step("lat", size=1.0, duration=0.02)
+    np.testing.assert_allclose(history.signals["phi"], GAIN / (1.0 + GAIN), rtol=1e-12)
+
+
+def test_it_is_the_loop_that_a_vehicle_closes_by_itself(jr700):
+    """Its own closing, `vehicle.sampled.close`, is another way to the same loop."""
+    gyro = jr700.gyro
+    base = jr700.linearize("IN1").system
+    a, b = sample(np.asarray(base.A), np.asarray(base.B), gyro.period)
+    shown = slice(len(OUTPUTS))
+    plant = Ticked(
+        a,
+        b,
+        np.asarray(base.C)[shown],
+        np.asarray(base.D)[shown],
+        tuple(base.input_labels),
+        OUTPUTS,
+        gyro.period,
+    )
+    law = Ticked(
+        *(np.asarray(getattr(gyro.system, name)) for name in "ABCD"),
+        tuple(gyro.system.input_labels),
+        tuple(gyro.system.output_labels),
+        gyro.period,
+    )
+    whole = close(jr700.linearize("IN1"), gyro)
+    loop = ClosedLoop(plant, law)
+    own = np.linalg.eigvals(np.asarray(whole.A)).astype(complex)
+    own = np.log(own[np.abs(own) > 0.01]) / gyro.period  # apart from what is over within a tick
+    fast = loop.poles[np.abs(loop.poles) > 0.02]  # of its place nothing is held: poles near 0
+    own = own[np.abs(own) > 0.02]
+    np.testing.assert_allclose(np.sort_complex(fast)[-15:], np.sort_complex(own)[-15:], rtol=1e-6)
+    history = loop.step("pitch", size=0.1, duration=1.0)
+    state, stick = np.zeros(len(whole.A)), whole.input_labels.index("LON")
+    moved = []
+    for _ in history.time:
+        moved.append(whole.C @ state + whole.D[:, stick] * 0.1)
+        state = whole.A @ state + whole.B[:, stick] * 0.1
+    for name in ("q", "theta", "p", "lon"):
+        expected = np.array(moved)[:, whole.output_labels.index(name)]
+        np.testing.assert_allclose(history.signals[name], expected, atol=1e-10)
+
+
+def test_responses_alone_have_no_poles():
+    class Seen:
+        inputs, outputs = ("lat",), ("phi",)
+
+        def response(self, frequency):
+            return np.ones((1, 1, frequency.size), dtype=complex)
+
+    with pytest.raises(NoResponse, match="the plant is known by its responses alone"):
+        _ = ClosedLoop(Seen(), HOLD).poles
+    with pytest.raises(NoResponse, match="the law is known by its responses alone"):
+        ClosedLoop(INTEGRAL, Seen()).step("lat", size=1.0, duration=1.0)
+
+
+def test_other_ticks_and_an_unknown_stick_are_refused():
+    slow = Ticked(HOLD.a, HOLD.b, HOLD.c, HOLD.d, HOLD.inputs, HOLD.outputs, 0.02)
+    with pytest.raises(InputError, match=r"each 0\.01 s, the law each 0\.02 s"):
+        _ = ClosedLoop(INTEGRAL, slow).poles
+    with pytest.raises(NoResponse, match="the law has no stick 'PED': it has phi, LAT"):
+        ClosedLoop(INTEGRAL, HOLD).step("yaw", size=1.0, duration=1.0)
