@@ -8,17 +8,20 @@ Control, 1996, ch. 9; the law of Army/NASA's "explicit model following" helicopt
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.errors import InputError
 from helisim.laws import attitude_kernel as kernel
 from helisim.laws.attitude_kernel import ATTITUDE, GENERAL, HEAVE
-from helisim.laws.filters import Filter, filter_of
-from helisim.laws.law import Law, check_names, register
+from helisim.laws.filters import Filter
+from helisim.laws.law import register
+from helisim.laws.tables import TabledLaw
+from helisim.vehicle.swashplate import as_it_is
 
 if TYPE_CHECKING:
     from helisim.laws.attitude_linear import AttitudeLinear
@@ -117,22 +120,12 @@ class HeaveAxis:
     limit: float = LIMIT
 
 
-Axis = AttitudeAxis | YawAxis | HeaveAxis
-OneAxis = TypeVar("OneAxis", AttitudeAxis, YawAxis, HeaveAxis)
-_AXES: dict[str, type[Axis]] = {
-    "lat": AttitudeAxis,
-    "lon": AttitudeAxis,
-    "ped": YawAxis,
-    "col": HeaveAxis,
-}
-_POSITIVE = ("most", "frequency", "damping", "limit", "washout")
-_NOT_TUNED = ("most", "limit", "ff_delay", "filters")
 _BLOCKS = {"lon": kernel.LON, "lat": kernel.LAT, "ped": kernel.PED}
 
 
 @register
 @dataclass(frozen=True, kw_only=True)
-class AttitudeCommand(Law):
+class AttitudeCommand(TabledLaw):
     """Attitude command and attitude hold by explicit model following.
 
     Attributes:
@@ -147,6 +140,12 @@ class AttitudeCommand(Law):
     """
 
     kind: ClassVar[str] = "attitude_command"
+    tables: ClassVar[Mapping[str, type]] = MappingProxyType(
+        {"lat": AttitudeAxis, "lon": AttitudeAxis, "ped": YawAxis, "col": HeaveAxis}
+    )
+    positive: ClassVar[tuple[str, ...]] = ("most", "frequency", "damping", "limit", "washout")
+    not_negative: ClassVar[tuple[str, ...]] = ("ff_delay", "delay")
+    not_tuned: ClassVar[tuple[str, ...]] = ("most", "limit", "ff_delay", "delay")
     lat: AttitudeAxis
     lon: AttitudeAxis
     ped: YawAxis
@@ -156,69 +155,13 @@ class AttitudeCommand(Law):
     name: str = "attitude_command"
 
     def __post_init__(self) -> None:
-        for name, expected in _AXES.items():
-            axis = getattr(self, name)
-            if not isinstance(axis, expected):
-                raise InputError(f"{name} must be a {expected.__name__}, got {axis!r:.60}")
-            _check_axis(name, axis)
-        _number("phase", self.phase)
-        _number("delay", self.delay, least=0.0)
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Return a law of what stands in its file, kind and version left out.
-
-        Raises:
-            InputError: a table or a number is missing, unknown or of the wrong kind.
-        """
-        check_names("the law", content, [one.name for one in fields(cls)])
-        given = dict(content)
-        missing = [name for name in ("lat", "lon", "ped") if name not in given]
-        if missing:
-            raise InputError(
-                f"an {cls.kind} law has tables lat, lon and ped, and col if heave is more than "
-                f"its stick; missing: {', '.join(missing)}"
-            )
-        for name, axis in _AXES.items():
-            if name in given:
-                given[name] = _axis_of(name, axis, given[name])
-        return cls(**given)
-
-    def content(self) -> dict[str, Any]:
-        """Return what stands in its file, kind and version left out."""
-        plain = {"name": self.name, "phase": self.phase, "delay": self.delay}
-        return {**plain, **{name: _written(getattr(self, name)) for name in _AXES}}
-
-    def parameters(self) -> dict[str, float]:
-        """Return the numbers that are tuned, by name, such as "lat.k_rate"."""
-        tuned = {"phase": self.phase}
-        for name in _AXES:
-            axis = getattr(self, name)
-            numbers = {key: value for key, value in vars(axis).items() if key not in _NOT_TUNED}
-            tuned |= {f"{name}.{key}": float(value) for key, value in numbers.items()}
-            for k, one in enumerate(getattr(axis, "filters", ()), start=1):
-                tuned |= {f"{name}.filter_{k}.{key}": value for key, value in vars(one).items()}
-        return tuned
-
-    def replace(self, changes: Mapping[str, float]) -> Self:
-        """Return a copy with some of its `parameters` changed.
-
-        Raises:
-            UnknownNameError: it has no such parameter.
-            InputError: a number is out of its range.
-        """
-        known = self.parameters()
-        for name in changes:
-            if name not in known:
-                raise UnknownNameError("parameter of the law", name, known)
-        whole: dict[str, Any] = {}
-        for name in _AXES:
-            own = {key: value for key, value in changes.items() if key.startswith(f"{name}.")}
-            if own:
-                whole[name] = _changed(getattr(self, name), own)
-        if "phase" in changes:
-            whole["phase"] = changes["phase"]
-        return replace(self, **whole)
+        super().__post_init__()
+        for name in ("lat", "lon", "ped"):
+            count = len(getattr(self, name).filters)
+            if count > kernel.MOST_FILTERS:
+                raise InputError(
+                    f"[{name}] has {count} filters, and at most {kernel.MOST_FILTERS} fly"
+                )
 
     def linear(self, period: float) -> "AttitudeLinear":
         """Return what it does about a trim, at ticks that are a period (s) apart."""
@@ -257,7 +200,7 @@ class AttitudeCommand(Law):
             math.cos(self.phase),
             math.sin(self.phase),
         )
-        settings[_PLATE] = _AS_IT_IS
+        settings[_PLATE] = as_it_is().numbers
         states = 0
         for name, first in _BLOCKS.items():
             axis = getattr(self, name)
@@ -274,10 +217,6 @@ class AttitudeCommand(Law):
         heave[HEAVE.to_ped] = self.col.to_ped
         settings[GENERAL.line] = states + kernel.HEAVE_STATES
         return settings, states + kernel.HEAVE_STATES + 4 * round(self.delay / period)
-
-
-_AS_IT_IS = np.concatenate([np.eye(3).ravel(), np.hstack([np.eye(3), np.ones((3, 1))]).ravel()])
-"""Of a swashplate: front, left and right are col, lon and lat."""
 
 
 def command_model(axis: AttitudeAxis | YawAxis, period: float) -> tuple[NDArray[np.float64], ...]:
@@ -319,75 +258,3 @@ def _fill(block: NDArray[np.float64], axis: AttitudeAxis | YawAxis, period: floa
     for k, one in enumerate(axis.filters):
         first = ATTITUDE.first_filter + 5 * k
         block[first : first + 5] = one.coefficients(period)
-
-
-def _written(axis: Axis) -> dict[str, Any]:
-    content = asdict(axis)
-    if "filters" in content:
-        content["filters"] = [one.to_dict() for one in axis.filters]
-    return content
-
-
-def _axis_of(name: str, kind: type[OneAxis], content: Any) -> OneAxis:
-    """Return an axis of its table. Raises InputError."""
-    if not isinstance(content, Mapping):
-        raise InputError(f"{name} must be a table, [{name}], got {content!r:.60}")
-    check_names(f"[{name}]", content, [one.name for one in fields(kind)])
-    given = dict(content)
-    if "filters" in given:
-        if not isinstance(given["filters"], list | tuple):
-            raise InputError(f"[{name}] filters must be a list, got {given['filters']!r:.60}")
-        try:
-            given["filters"] = tuple(filter_of(one) for one in given["filters"])
-        except InputError as error:
-            raise InputError(f"[{name}] {error}") from None
-    try:
-        return kind(**given)
-    except TypeError:
-        needed = [one.name for one in fields(kind) if one.default is one.default_factory]
-        lacks = ", ".join(key for key in needed if key not in given)
-        raise InputError(f"[{name}] lacks {lacks}") from None
-
-
-def _changed(axis: OneAxis, changes: Mapping[str, float]) -> OneAxis:
-    """Return an axis with numbers changed, by names such as "lat.k_rate"."""
-    own: dict[str, Any] = {}
-    filters = list(getattr(axis, "filters", ()))
-    for name, value in changes.items():
-        _, key, *inner = name.split(".")
-        if inner:
-            place = int(key.removeprefix("filter_")) - 1
-            filters[place] = replace(filters[place], **{inner[0]: float(value)})
-        else:
-            own[key] = float(value)
-    if filters:
-        own["filters"] = tuple(filters)
-    return replace(axis, **own)
-
-
-def _check_axis(name: str, axis: Axis) -> None:
-    for key, value in vars(axis).items():
-        if key == "filters":
-            if not all(isinstance(one, Filter) for one in value):
-                raise InputError(f"[{name}] filters must be of {', '.join(_FILTER_NAMES)}")
-            if len(value) > kernel.MOST_FILTERS:
-                raise InputError(
-                    f"[{name}] has {len(value)} filters, and at most {kernel.MOST_FILTERS} fly"
-                )
-            continue
-        _number(f"[{name}] {key}", value)
-        if key in _POSITIVE and not value > 0.0:
-            raise InputError(f"[{name}] {key} must be above 0, got {value!r}")
-        if key == "ff_delay":
-            _number(f"[{name}] {key}", value, least=0.0)
-
-
-_FILTER_NAMES = ("Lead", "Lowpass", "Notch")
-
-
-def _number(name: str, value: Any, *, least: float = -math.inf) -> None:
-    real = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (real and math.isfinite(value)):
-        raise InputError(f"{name} must be a number, got {value!r:.60}")
-    if value < least:
-        raise InputError(f"{name} must be {least:g} at least, got {value!r}")

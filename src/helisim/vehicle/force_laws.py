@@ -229,15 +229,13 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
         for answer in ("p", "q"):
             commanded = parameters[f"gyro.{answer}_per_{stick}"] * _travel(parameters, rate)
             block[getattr(PARAM, f"gyro_{answer}_per_{stick}")] = commanded
-    period, lead = parameters["gyro.period"], parameters["gyro.lead_filter"]
-    fast, slow = parameters["gyro.filter"], parameters["gyro.derivative_filter"]
-    block[PARAM.gyro_lead_share] = filter_share(lead, period)
-    block[PARAM.gyro_lead_lag] = held_lag(lead, period)
-    block[PARAM.gyro_filter_share] = filter_share(fast, period)
-    block[PARAM.gyro_filter_mean] = filter_mean(fast, period)
-    block[PARAM.gyro_derivative_share] = filter_share(slow, period)
-    block[PARAM.gyro_derivative_through] = filter_through(fast, slow, period)
-    block[PARAM.gyro_derivative_lag] = held_lag(slow, period)
+    write_gyro_filters(
+        block,
+        period=parameters["gyro.period"],
+        lead=parameters["gyro.lead_filter"],
+        fast=parameters["gyro.filter"],
+        slow=parameters["gyro.derivative_filter"],
+    )
     block[PARAM.gyro_on] = 1.0
     block[PARAM.swash_law] = block[PARAM.tail_law] = SHIPPED_LAW
     block[PARAM.swash_states], block[PARAM.tail_states] = SWASH_STATES, TAIL_STATES
@@ -318,6 +316,27 @@ def _write_surfaces(parameters: Parameters, block: NDArray[np.float64]) -> None:
         below = (parameters[z] - parameters["main_rotor.hub_z"]) / radius
         coefficients = np.array(wash_coefficients(*_in_shaft(parameters, ahead, below)))
         block[first : first + WASH] = parameters["airframe.tail_wash"] * coefficients
+
+
+def write_gyro_filters(
+    block: NDArray[np.float64], *, period: float, lead: float, fast: float, slow: float
+) -> None:
+    """Write what the gyro's filters are at its ticks.
+
+    Args:
+        block: a vehicle's numbers, (n_param,), written.
+        period: s.
+        lead: time constant of the lead of the yaw rate, s.
+        fast: time constant of the filter of the cyclic rates, s.
+        slow: time constant of that of their derivatives, s.
+    """
+    block[PARAM.gyro_lead_share] = filter_share(lead, period)
+    block[PARAM.gyro_lead_lag] = held_lag(lead, period)
+    block[PARAM.gyro_filter_share] = filter_share(fast, period)
+    block[PARAM.gyro_filter_mean] = filter_mean(fast, period)
+    block[PARAM.gyro_derivative_share] = filter_share(slow, period)
+    block[PARAM.gyro_derivative_through] = filter_through(fast, slow, period)
+    block[PARAM.gyro_derivative_lag] = held_lag(slow, period)
 
 
 def _travel(parameters: Parameters, rate: str) -> float:

@@ -89,6 +89,12 @@ class Swashplate:
         return cyclic / float(np.abs(columns).sum(axis=1).max())
 
 
+def as_it_is() -> Swashplate:
+    """Return one whose front, left and right servo are col, lon and lat themselves."""
+    back = np.hstack([np.eye(3), np.ones((3, 1))])
+    return Swashplate(np.concatenate([np.eye(3).ravel(), back.ravel()]))
+
+
 def _row(parameters: Mapping[str, float], name: str) -> list[float]:
     arm = parameters[f"swashplate.{name}_arm"]
     if not arm > 0.0:

@@ -226,12 +226,27 @@ def _settle_drive(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim
 
 def _settle_gyro(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim) -> None:
     """Give the shipped laws the integrals with which they command a trim; others start at zero."""
+    p_integral, q_integral, r_integral = gyro_integrals(par, trim)
     if par[PARAM.swash_law] == SHIPPED_LAW:
         cyclic = act[FIRST_LAW_STATE:]
-        cosine, sine = par[PARAM.gyro_phase_cosine], par[PARAM.gyro_phase_sine]
-        lat, lon = gyro.rotate(cosine, -sine, trim.lat, trim.lon)
-        cyclic[gyro.CYCLIC.p_integral] = float(lat) / float(par[PARAM.gyro_ki_lat])
-        cyclic[gyro.CYCLIC.q_integral] = float(lon) / float(par[PARAM.gyro_ki_lon])
+        cyclic[gyro.CYCLIC.p_integral] = p_integral
+        cyclic[gyro.CYCLIC.q_integral] = q_integral
     if par[PARAM.tail_law] == SHIPPED_LAW:
         yaw = act[FIRST_LAW_STATE + int(par[PARAM.swash_states]) :]
-        yaw[gyro.YAW.r_integral] = trim.ped / float(par[PARAM.gyro_k_i])
+        yaw[gyro.YAW.r_integral] = r_integral
+
+
+def gyro_integrals(par: NDArray[np.float64], trim: Trim) -> tuple[float, float, float]:
+    """Return the gyro's integrals of p, q and r with which it commands a trim.
+
+    Args:
+        par: a vehicle's numbers, (n_param,).
+        trim: the steady flight.
+    """
+    cosine, sine = par[PARAM.gyro_phase_cosine], par[PARAM.gyro_phase_sine]
+    lat, lon = gyro.rotate(cosine, -sine, trim.lat, trim.lon)
+    return (
+        float(lat) / float(par[PARAM.gyro_ki_lat]),
+        float(lon) / float(par[PARAM.gyro_ki_lon]),
+        trim.ped / float(par[PARAM.gyro_k_i]),
+    )
