@@ -21,6 +21,11 @@ from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
 from helisim.ident import suspicions as suspicions
 from helisim.ident import verify as verify
+from helisim.laws import AttitudeCommand as AttitudeCommand
+from helisim.laws import Law as Law
+from helisim.laws import RateCommand as RateCommand
+from helisim.laws import law_of as law_of
+from helisim.laws import read_law as read_law
 from helisim.look import look as look
 from helisim.output.hand.fly import fly_by_hand as fly_by_hand
 from helisim.physics.gyro import Seen as Seen

@@ -1,44 +1,15 @@
 """The attitude command law: read, written, linearised and flown."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from small_laws import FULL, HOLDS, LAT
 
 import helisim as hs
 from helisim.errors import InputError, UnknownNameError
-from helisim.laws.attitude_command import AttitudeAxis, AttitudeCommand, HeaveAxis, YawAxis
-from helisim.laws.filters import Lead, Lowpass, Notch
 from helisim.laws.law import law_of, read_law
 from helisim.vehicle.law import linearize_law
 
 OMEGA = np.geomspace(0.2, 150.0, 60)
-HOLDS = AttitudeCommand(
-    lat=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=0.6, k_rate=0.05, k_integral=0.3),
-    lon=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=1.0, k_rate=0.1, k_integral=0.3),
-    ped=YawAxis(stick=3.0, frequency=8.0, k_angle=1.0, k_rate=0.2, k_integral=0.5),
-    phase=0.365,
-)
-"""Gains found by hand."""
-LAT = {"stick": 0.6, "frequency": 6.0, "k_angle": 0.6, "k_rate": 0.05}
-FULL = replace(
-    HOLDS,
-    lat=replace(
-        HOLDS.lat,
-        k_angle_cross=0.02,
-        k_rate_cross=0.01,
-        ff_acceleration=0.001,
-        ff_rate=0.01,
-        ff_delay=0.01,
-        damping=0.7,
-        filters=(Lead(zero=20.0, pole=80.0),),
-    ),
-    lon=replace(HOLDS.lon, filters=(Notch(frequency=60.0), Lowpass(frequency=300.0)), damping=1.4),
-    ped=replace(HOLDS.ped, ff_delay=0.01, ff_rate=0.02, ff_acceleration=0.003),
-    col=HeaveAxis(k_velocity=0.01, to_ped=0.1),
-    delay=0.004,
-)
-"""With all that the law can do."""
 
 
 def test_linear_form_is_the_compiled_law_differentiated(jr700):
@@ -85,7 +56,7 @@ def test_replace_changes_what_is_tuned():
         ({"kind": "attitude"}, "unknown kind of law 'attitude'; available: attitude_command"),
         ({"version": 2}, "version 2: this helisim reads version = 1"),
         ({"rol": {}}, "unknown name in the law 'rol'"),
-        ({"ped": None}, "missing: ped"),
+        ({"ped": None}, r"a law of kind attitude_command lacks \[ped\]"),
         ({"lat": {"stick": 1.0}}, r"\[lat\] lacks frequency, k_angle, k_rate"),
         ({"lat": {"k_rte": 1.0}}, r"unknown name in \[lat\] 'k_rte'.*did you mean k_rate"),
         ({"lat": {**LAT, "k_rate": "x"}}, r"\[lat\] k_rate must be a number, got 'x'"),

@@ -178,10 +178,10 @@ def add_controller(command: argparse.ArgumentParser) -> None:
     """Add --controller."""
     command.add_argument(
         "--controller",
-        metavar="MODULE:NAME",
-        help="fly by this control law in place of the gyro: a function of (seen, state, settings) "
-        "or a helisim.Controller of module.py, here or installed; none: the servos stay at the "
-        "trim",
+        metavar="LAW",
+        help="fly by this control law in place of the gyro: a file, law.toml, or MODULE:NAME, a "
+        "function of (seen, state, settings) or a helisim.Controller of module.py, here or "
+        "installed; none: the servos stay at the trim",
     )
 
 
@@ -190,7 +190,12 @@ def controlled(vehicle: "Vehicle", options: argparse.Namespace) -> "Vehicle":
     asked = options.controller
     if asked is None:
         return vehicle
-    law = None if asked == "none" else imported("--controller", asked)
+    if asked.lower().endswith(".toml"):
+        from helisim.laws.law import read_law
+
+        law: Any = read_law(asked)
+    else:
+        law = None if asked == "none" else imported("--controller", asked)
     try:
         return vehicle.with_controller(law)
     except InputError as error:

@@ -1,1 +1,54 @@
-"""Control laws as data: a file that can be read, compared, linearised and flown."""
+"""Control laws as data: a file that can be read, compared, tuned, linearised and flown."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from helisim.laws.attitude_command import AttitudeAxis, AttitudeCommand, HeaveAxis, YawAxis
+    from helisim.laws.filters import Filter, Lead, Lowpass, Notch
+    from helisim.laws.law import Law, law_of, read_law, register
+    from helisim.laws.probed import probed
+    from helisim.laws.rate_command import CollectiveAxis, RateAxis, RateCommand, YawRateAxis
+    from helisim.laws.sampled_law import LinearLaw, SampledLaw
+    from helisim.laws.state_space import StateSpaceLaw
+
+_HOMES = {
+    "attitude_command": ("AttitudeAxis", "AttitudeCommand", "HeaveAxis", "YawAxis"),
+    "filters": ("Filter", "Lead", "Lowpass", "Notch"),
+    "law": ("Law", "law_of", "read_law", "register"),
+    "probed": ("probed",),
+    "rate_command": ("CollectiveAxis", "RateAxis", "RateCommand", "YawRateAxis"),
+    "sampled_law": ("LinearLaw", "SampledLaw"),
+    "state_space": ("StateSpaceLaw",),
+}
+"""Module -> what it has; loaded on first use, as reading a file needs no simulator."""
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "AttitudeAxis",
+    "AttitudeCommand",
+    "CollectiveAxis",
+    "Filter",
+    "HeaveAxis",
+    "Law",
+    "Lead",
+    "LinearLaw",
+    "Lowpass",
+    "Notch",
+    "RateAxis",
+    "RateCommand",
+    "SampledLaw",
+    "StateSpaceLaw",
+    "YawAxis",
+    "YawRateAxis",
+    "law_of",
+    "probed",
+    "read_law",
+    "register",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'helisim.laws' has no attribute {name!r}")
+    return getattr(import_module(f"helisim.laws.{_HOME_OF[name]}"), name)

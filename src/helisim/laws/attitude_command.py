@@ -124,7 +124,7 @@ _BLOCKS = {"lon": kernel.LON, "lat": kernel.LAT, "ped": kernel.PED}
 
 
 @register
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class AttitudeCommand(TabledLaw):
     """Attitude command and attitude hold by explicit model following.
 

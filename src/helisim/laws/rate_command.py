@@ -86,7 +86,7 @@ class CollectiveAxis:
 
 
 @register
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class RateCommand(TabledLaw):
     """Rate command, attitude hold, as the vehicles' gyros have it.
 

@@ -10,7 +10,7 @@ from helisim.laws.filters import Filter, filter_of
 from helisim.laws.law import Law, check_names
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class TabledLaw(Law):
     """A law with a table, a frozen dataclass of numbers and filters, for each axis.
 
@@ -20,6 +20,7 @@ class TabledLaw(Law):
         not_negative: names of numbers that aren't below 0.
         not_tuned: names of numbers that no tuning changes.
         flags: names of what is true or false.
+        name: for messages and records.
     """
 
     tables: ClassVar[Mapping[str, type]]
@@ -27,6 +28,7 @@ class TabledLaw(Law):
     not_negative: ClassVar[tuple[str, ...]] = ()
     not_tuned: ClassVar[tuple[str, ...]] = ()
     flags: ClassVar[tuple[str, ...]] = ()
+    name: str
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():
@@ -38,6 +40,9 @@ class TabledLaw(Law):
                 raise InputError(f"{key} must be a {kind.__name__}, got {value!r:.60}")
             for name, one in vars(value).items():
                 self._check(f"[{key}] {name}", name, one)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, {len(self.parameters())} parameters)"
 
     def _check(self, where: str, name: str, value: Any) -> None:
         """Raise InputError if one of its values is none that it can have."""

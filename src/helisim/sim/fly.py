@@ -58,8 +58,8 @@ def fly(
         plan: of the flights; a bare manoeuvre or mission, or a function of time in s that gives
             what is added to the four sticks, is a plan with all else default.
         controller: that flies in place of the vehicle's own: a law of (seen, state, settings), a
-            `Controller`, or None: then the servos stay where they are trimmed, but for what the
-            plan adds to their commands.
+            `Controller`, a law as data such as `read_law` gives, or None: then the servos stay
+            where they are trimmed, but for what the plan adds to their commands.
         count: number of flights.
         seed: of pilots, turbulence and sensors; flight k of a seed is always the same.
         jobs: threads; all processors if None.

@@ -5,6 +5,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import TypeVar
 
 import mujoco
@@ -144,7 +145,8 @@ def _powered(vehicle: Vehicle, plan: FlightPlan) -> Vehicle:
     model = copy.copy(vehicle.model)
     model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = MOTOR
     trim = find_trim(model, height=vehicle.trim.height, near=vehicle.trim)
-    return Vehicle(vehicle.folder, vehicle.parameters, model, trim, vehicle.controller)
+    powered = Vehicle(vehicle.folder, vehicle.parameters, model, trim, vehicle.controller)
+    return replace(powered, controller=vehicle.controller.on(powered))
 
 
 def _placed(vehicle: Vehicle, plan: FlightPlan) -> tuple[Vehicle, mujoco.MjModel]:

@@ -322,7 +322,7 @@ def as_controller(given: ControllerLike, vehicle: "Vehicle | None" = None) -> Co
     """
     if given is None:
         return DIRECT
-    if isinstance(given, WrittenLaw):
+    if isinstance(given, WrittenLaw) and not isinstance(given, type):
         if vehicle is not None:
             return given.on(vehicle)
         if not isinstance(given, Controller):

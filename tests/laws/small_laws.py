@@ -1,0 +1,32 @@
+"""Control laws that the tests fly."""
+
+from dataclasses import replace
+
+from helisim.laws import AttitudeAxis, AttitudeCommand, HeaveAxis, Lead, Lowpass, Notch, YawAxis
+
+HOLDS = AttitudeCommand(
+    lat=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=0.6, k_rate=0.05, k_integral=0.3),
+    lon=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=1.0, k_rate=0.1, k_integral=0.3),
+    ped=YawAxis(stick=3.0, frequency=8.0, k_angle=1.0, k_rate=0.2, k_integral=0.5),
+    phase=0.365,
+)
+"""Gains found by hand."""
+LAT = {"stick": 0.6, "frequency": 6.0, "k_angle": 0.6, "k_rate": 0.05}
+FULL = replace(
+    HOLDS,
+    lat=replace(
+        HOLDS.lat,
+        k_angle_cross=0.02,
+        k_rate_cross=0.01,
+        ff_acceleration=0.001,
+        ff_rate=0.01,
+        ff_delay=0.01,
+        damping=0.7,
+        filters=(Lead(zero=20.0, pole=80.0),),
+    ),
+    lon=replace(HOLDS.lon, filters=(Notch(frequency=60.0), Lowpass(frequency=300.0)), damping=1.4),
+    ped=replace(HOLDS.ped, ff_delay=0.01, ff_rate=0.02, ff_acceleration=0.003),
+    col=HeaveAxis(k_velocity=0.01, to_ped=0.1),
+    delay=0.004,
+)
+"""With all that the law can do."""
