@@ -61,9 +61,13 @@ class AttitudeLinear(Value):
             rows["col"][place["az"]] += law.col.k_velocity * law.col.washout * slow * (1.0 - slow)
         return np.stack([rows[name] for name in IN1]) * z ** -round(law.delay / self.period)
 
-    @cached_property
+    @property
     def sampled(self) -> SampledLaw:
         """The compiled law's matrices, without states that nothing moves, such as trims."""
+        return self._sampled
+
+    @cached_property
+    def _sampled(self) -> SampledLaw:
         settings, states = self.law.numbers(self.period)
         return probed(kernel.COMPILED, settings, states, self.period, self.inputs)
 

@@ -79,7 +79,8 @@ class SampledLaw(Value):
         """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
         point = np.exp(1j * np.asarray(frequency) * self.period)[:, None, None]
         states = np.linalg.solve(point * np.eye(len(self.a)) - self.a, self.b[None])
-        return np.moveaxis(self.c @ states + self.d, 0, -1)
+        whole = np.asarray(self.c @ states + self.d, dtype=np.complex128)
+        return np.moveaxis(whole, 0, -1)
 
     @property
     def system(self) -> "control.StateSpace":
