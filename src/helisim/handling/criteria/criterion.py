@@ -3,54 +3,21 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from helisim.errors import InputError
 from helisim.handling.axis import axis_of
 from helisim.handling.chart import Chart, Level
 from helisim.handling.loop import Loop
+from helisim.records.display import shower
 from helisim.records.value import FrozenMap
+
+if TYPE_CHECKING:
+    from helisim.records.display import Axes, Figure
 
 MOST = 10.0
 """Distances end here to either side: an optimiser needs no more, and none may be infinite."""
-
-
-@dataclass(frozen=True)
-class Limit:
-    """The borders of a figure's levels: more is better if `level1` is more than `level2`.
-
-    Attributes:
-        level1: border of Level 1, in the figure's unit.
-        level2: border between Levels 2 and 3.
-
-    Raises:
-        InputError: the borders are the same, or not finite.
-    """
-
-    level1: float
-    level2: float
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.level1) and math.isfinite(self.level2)):
-            raise InputError(f"borders of levels must be finite, got {self.level1}, {self.level2}")
-        if self.level1 == self.level2:
-            raise InputError(
-                f"Level 1 and Level 2 can't end at the same value, {self.level1:g}: between them "
-                "lies the unit of distance"
-            )
-
-    def distance(self, value: float) -> float:
-        """Return 0 at the border of Level 1, -1 at that of Level 2, positive in Level 1."""
-        return (value - self.level1) / abs(self.level1 - self.level2) * self._better
-
-    def scaled(self, factor: float) -> "Limit":
-        """Return it with both borders multiplied."""
-        return Limit(self.level1 * factor, self.level2 * factor)
-
-    @property
-    def _better(self) -> float:
-        return 1.0 if self.level1 > self.level2 else -1.0
 
 
 @dataclass(frozen=True)
@@ -80,17 +47,17 @@ class Criterion(ABC):
     Attributes:
         axis: of control, by its command or word; `Loop.axes` has those of a loop.
         scale: N, length of the vehicle that the source speaks of over that of the one that is
-            rated: by Froude's law frequencies of its borders are multiplied by sqrt N and times
-            divided by it; 1: as printed. See `froude`.
+            rated; 1: borders as printed. By Froude's law frequencies of the borders are
+            multiplied by sqrt N and times divided by it. See `froude`.
     """
 
     axis: str
-    scale: float = field(default=1.0)
+    scale: float = 1.0
 
     name: ClassVar[str]
     """By which files call it."""
     source: ClassVar[str]
-    """Document, paragraph and figure."""
+    """Document, paragraph and figure, and what of it is a choice of ours."""
     units: ClassVar[Mapping[str, str]]
     """Figure -> unit: SI, or dB."""
 
@@ -111,10 +78,25 @@ class Criterion(ABC):
     def chart(self) -> Chart:
         """Return its standard chart, borders scaled."""
 
+    def plot(self, ratings: Any, *, axes: "Axes | None" = None) -> "Figure":
+        """Draw ratings on the standard chart.
+
+        Args:
+            ratings: one, or several (a cloud of draws), or a mapping from a label to either, of
+                several the first the nominal one.
+            axes: of Matplotlib, to draw on.
+        """
+        return shower().plot_ratings(self, ratings, axes)
+
     @property
     def faster(self) -> float:
         """By what frequencies of its source are multiplied: sqrt N."""
         return math.sqrt(self.scale)
+
+    @property
+    def word(self) -> str:
+        """The axis as pilots call it."""
+        return axis_of(self.axis).word
 
     def rated(
         self, figures: Mapping[str, float], distances: Iterable[float], remark: str = ""
@@ -129,9 +111,3 @@ def level_of(distance: float) -> Level:
     if distance >= 0.0:
         return 1
     return 2 if distance >= -1.0 else 3
-
-
-def values_of(criterion: Criterion) -> dict[str, Any]:
-    """Return a criterion's own numbers by name, the axis and the scale left out."""
-    own = vars(criterion)
-    return {name: own[name] for name in own if name not in ("axis", "scale")}

@@ -1,4 +1,4 @@
-"""Margins that a loop keeps to instability."""
+"""Gain and phase margin."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,9 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from helisim.handling.axis import axis_of
-from helisim.handling.chart import Chart, ChartAxis, Level, Region
-from helisim.handling.criteria.criterion import Criterion, Limit, Rating
+from helisim.handling.chart import Chart, ChartAxis
+from helisim.handling.criteria.criterion import Criterion, Rating
+from helisim.handling.criteria.limit import Limit
+from helisim.handling.criteria.regions import corner
 from helisim.handling.figures.margins import margins
 from helisim.handling.loop import Loop
 from helisim.units import RAD_PER_DEG
@@ -35,7 +36,8 @@ class StabilityMargins(Criterion):
 
     name: ClassVar[str] = "stability_margins"
     source: ClassVar[str] = (
-        "MIL-DTL-9490E and SAE AS94900, 3.1.3.6: 6 dB and 45 deg; half of it ends Level 2"
+        "MIL-DTL-9490E, 3.1.3.6.1, and SAE AS94900, 3.1.3.6: 6 dB and 45 deg below the first "
+        "aeroelastic mode; that half of it ends Level 2 is a choice of ours"
     )
     units: ClassVar[Mapping[str, str]] = {
         "gain_margin": "dB",
@@ -54,35 +56,5 @@ class StabilityMargins(Criterion):
         """Return phase margin over gain margin."""
         across = ChartAxis("gain_margin", "gain margin", "dB", 0.0, 20.0)
         up = ChartAxis("phase_margin", "phase margin", "rad", 0.0, np.pi / 2.0)
-        gain, phase = self.gain, self.phase
-        return Chart(
-            f"Stability margins, {axis_of(self.axis).word}, cut at {self.at}",
-            across,
-            up,
-            regions=(
-                quadrant(1, gain.level1, phase.level1),
-                quadrant_less(2, gain.level2, phase.level2, gain.level1, phase.level1),
-                lower_left(3, gain.level2, phase.level2),
-            ),
-            source=self.source,
-        )
-
-
-def quadrant(level: Level, x: float, y: float) -> Region:
-    """Return all that is above a corner in both figures."""
-    far = np.inf
-    return Region(level, np.array([x, far, far, x]), np.array([y, y, far, far]))
-
-
-def quadrant_less(level: Level, x: float, y: float, x1: float, y1: float) -> Region:
-    """Return the quadrant above a corner less that above a better one."""
-    far = np.inf
-    across = np.array([x, far, far, x1, x1, x])
-    return Region(level, across, np.array([y, y, y1, y1, far, far]))
-
-
-def lower_left(level: Level, x: float, y: float) -> Region:
-    """Return all that is not above a corner in both figures."""
-    far = np.inf
-    across = np.array([-far, far, far, x, x, -far])
-    return Region(level, across, np.array([-far, -far, y, y, far, far]))
+        title = f"Stability margins, {self.word}, cut at {self.at}"
+        return corner(title, across, up, self.gain, self.phase, self.source)

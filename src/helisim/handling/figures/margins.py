@@ -20,7 +20,9 @@ from helisim.handling.figures.crossings import Crossings, crossings, peak
 Real = NDArray[np.float64]
 
 MOST_GAIN = 60.0
-"""dB, of a loop whose phase never reaches -180 deg in its band: no more can be said."""
+"""dB: more gain margin than that is said to be that."""
+_GAIN_PER_RADIAN = 20.0
+"""dB of gain margin that a radian to -180 deg at an end of the band counts for."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,10 @@ class Margins:
             where negative, by how much it can fall, before -1 is met.
         phase: ((rad/s, rad), ...) at each gain of one: the lag that meets -1, and where negative,
             the lead, in [-pi, pi).
+        open_gain: dB, no less than which the gain margin at a crossing outside of the band is: the
+            gain at either end, and 20 dB more for each radian from -180 deg there.
+        open_phase: rad, likewise of a crossing of gain that isn't in the band: the phase where
+            the gain is nearest to one, wider the lower the gain; pi if there is a crossing.
         beyond: how often more the curve passes the real axis left of -1 clockwise than back.
         crossover: rad/s, the highest frequency at which the gain falls through one. Without one,
             where it would by a slope of 20 dB a decade from its nearest point.
@@ -39,6 +45,8 @@ class Margins:
 
     gain: tuple[tuple[float, float], ...]
     phase: tuple[tuple[float, float], ...]
+    open_gain: float
+    open_phase: float
     beyond: int
     crossover: float
 
@@ -50,12 +58,14 @@ class Margins:
     @property
     def least_gain(self) -> float:
         """The gain margin, dB, to either side; negative of an unstable loop."""
-        return self._signed(min((abs(value) for _, value in self.gain), default=MOST_GAIN))
+        seen = (abs(value) for _, value in self.gain)
+        return self._signed(min(*seen, self.open_gain, MOST_GAIN))
 
     @property
     def least_phase(self) -> float:
         """The phase margin, rad, to either side; negative of an unstable loop."""
-        return self._signed(min((abs(value) for _, value in self.phase), default=np.pi))
+        seen = (abs(value) for _, value in self.phase)
+        return self._signed(min(*seen, self.open_phase, np.pi))
 
     def _signed(self, size: float) -> float:
         return size if self.stable else -size
@@ -100,6 +110,8 @@ def margins(loop: Curve) -> Margins:
     return Margins(
         gain=tuple(zip(turns.frequency.tolist(), (-sizes).tolist())),
         phase=tuple(zip(ones.frequency.tolist(), _between(ones, behind).tolist())),
+        open_gain=_open_gain(decibel, behind),
+        open_phase=np.pi if ones.index.size else _open_phase(decibel, behind),
         beyond=int(np.count_nonzero(left & ~turns.rising) - np.count_nonzero(left & turns.rising)),
         crossover=_crossover(frequency, decibel, ones),
     )
@@ -111,6 +123,19 @@ def _between(where: Crossings, angle: Real) -> Real:
     step = angle[where.index + 1] - low
     step -= 2.0 * np.pi * np.round(step / (2.0 * np.pi))
     return (low + where.share * step + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _open_gain(decibel: Real, behind: Real) -> float:
+    ends = np.abs(decibel[[0, -1]]) + _GAIN_PER_RADIAN * np.abs(behind[[0, -1]])
+    return float(ends.min())
+
+
+def _open_phase(decibel: Real, behind: Real) -> float:
+    if decibel[-1] > 0.0:
+        return abs(float(behind[-1]))
+    top = int(np.argmax(decibel))
+    there = abs(float(behind[top]))
+    return float(np.pi - (np.pi - there) * 10.0 ** (decibel[top] / 20.0))
 
 
 def _crossover(frequency: Real, decibel: Real, ones: Crossings) -> float:
