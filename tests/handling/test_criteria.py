@@ -150,7 +150,7 @@ def test_an_own_criterion_needs_a_rate_and_a_chart():
         def rate(self, loop):
             angle = loop.step(self.axis, size=0.1, duration=5.0).signals["phi"]
             found = float(angle.max() / angle[-1] - 1.0)
-            return self.rated({"overshoot": found}, (Limit(0.2, 0.4).distance(found),))
+            return self.rated({"overshoot": found}, [Limit(0.2, 0.4).distance(found)])
 
         def chart(self):
             raise NotImplementedError

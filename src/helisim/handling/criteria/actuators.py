@@ -54,6 +54,11 @@ class ActuatorOnset(Criterion):
         "gain": "dB",
     }
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the margin."""
+        return {"margin": self.margin}
+
     def rate(self, loop: Loop) -> Rating:
         """Return the point, and how far it is below the border."""
         found = onset(
@@ -70,7 +75,7 @@ class ActuatorOnset(Criterion):
             "gain": found.gain,
         }
         remark = "" if found.reached else "the rate limit is not met: the worst frequency counts"
-        return self.rated(figures, (self.margin.distance(below),), remark)
+        return self.rated(figures, remark=remark)
 
     def chart(self) -> Chart:
         """Return the border on a Nichols chart."""
@@ -112,14 +117,18 @@ class ActuatorUse(Criterion):
     )
     units: ClassVar[Mapping[str, str]] = {"position": "", "rate": ""}
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of both shares."""
+        return {"position": self.position, "rate": self.rate_share}
+
     def rate(self, loop: Loop) -> Rating:
         """Return rms of position and rate, over their limits, within the response's band."""
         moved = loop.actuator(self.axis, by="disturbance")
         noise = coloured(moved.frequency, rms=self.rms, corner=self.corner * self.faster)
         found = motion(moved, noise)
         position, rate = found.position / self.travel, found.rate / self.rate_limit
-        parts = (self.position.distance(position), self.rate_share.distance(rate))
-        return self.rated({"position": position, "rate": rate}, parts)
+        return self.rated({"position": position, "rate": rate})
 
     def chart(self) -> Chart:
         """Return the share of rate over that of position."""

@@ -76,6 +76,14 @@ class AttitudeBandwidth(Criterion):
                 "roll, pitch or yaw"
             )
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of bandwidth and phase delay."""
+        return {
+            "bandwidth": (self.bandwidth or TASKS[self.task][self.axis]).scaled(self.faster),
+            "phase_delay": self.delay.scaled(1.0 / self.faster),
+        }
+
     def rate(self, loop: Loop) -> Rating:
         """Return bandwidths, phase delay and the frequency of -180 deg."""
         found = bandwidth(loop.command(self.axis), fit=self.fit, sign=self.sign)
@@ -92,21 +100,12 @@ class AttitudeBandwidth(Criterion):
             remarks.append("the response ends before all is seen: what is missing was continued")
         if self.command == "attitude" and found.gain_limited:
             remarks.append("the gain's bandwidth is below the phase's: look for oscillations")
-        parts = (self._least.distance(counted), self._most.distance(found.delay))
-        return self.rated(figures, parts, "; ".join(remarks))
+        return self.rated(figures, remark="; ".join(remarks))
 
     def chart(self) -> Chart:
         """Return phase delay over bandwidth."""
-        least, most = self._least, self._most
+        least, most = self.limits["bandwidth"], self.limits["phase_delay"]
         across = ChartAxis("bandwidth", "bandwidth", "rad/s", 0.0, 3.0 * least.level1)
         up = ChartAxis("phase_delay", "phase delay", "s", 0.0, 1.5 * most.level2)
         title = f"Bandwidth, {self.word}, {self.task.replace('_', ' ')}"
         return corner(title, across, up, least, most, self.source)
-
-    @property
-    def _least(self) -> Limit:
-        return (self.bandwidth or TASKS[self.task][self.axis]).scaled(self.faster)
-
-    @property
-    def _most(self) -> Limit:
-        return self.delay.scaled(1.0 / self.faster)

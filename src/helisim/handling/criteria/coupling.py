@@ -49,6 +49,11 @@ class Coupling(Criterion):
             raise InputError(f"coupling of {self.word} onto what? give another axis as `onto`")
         object.__setattr__(self, "onto", other)
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the ratio."""
+        return {"ratio": self.ratio}
+
     def rate(self, loop: Loop) -> Rating:
         """Return the ratio."""
         after = self.after / self.faster
@@ -57,7 +62,7 @@ class Coupling(Criterion):
         if own not in seen.signals or other not in seen.signals:
             raise NoResponse(f"a step of {self.axis} shows no {own} and {other}")
         found = coupling(seen.time, seen.signals[own], seen.signals[other], after=after)
-        return self.rated({"ratio": found}, (self.ratio.distance(found),))
+        return self.rated({"ratio": found})
 
     def chart(self) -> Chart:
         """Return a strip of the ratio."""

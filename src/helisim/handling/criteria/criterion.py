@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from helisim.errors import InputError
 from helisim.handling.axis import axis_of
 from helisim.handling.chart import Chart, Level
+from helisim.handling.criteria.limit import Border, Limit
 from helisim.handling.loop import Loop
 from helisim.records.display import shower
 from helisim.records.value import FrozenMap
@@ -89,6 +90,11 @@ class Criterion(ABC):
         return shower().plot_ratings(self, ratings, axes)
 
     @property
+    def limits(self) -> Mapping[str, Limit | Border]:
+        """Borders of levels by the figure that they are of, scaled; figures without are told."""
+        return {}
+
+    @property
     def faster(self) -> float:
         """By what frequencies of its source are multiplied: sqrt N."""
         return math.sqrt(self.scale)
@@ -99,11 +105,32 @@ class Criterion(ABC):
         return axis_of(self.axis).word
 
     def rated(
-        self, figures: Mapping[str, float], distances: Iterable[float], remark: str = ""
+        self,
+        figures: Mapping[str, float],
+        distances: Iterable[float] | None = None,
+        *,
+        remark: str = "",
+        along: float = 0.0,
     ) -> Rating:
-        """Return a rating: the worst of its parts' distances, and the level that this is."""
-        distance = min(max(min(distances), -MOST), MOST)
+        """Return a rating: the worst distance, and the level that this is.
+
+        Args:
+            figures: all of them.
+            distances: of its parts; None: of the figures to their `limits`.
+            remark: what a reader of the figures should know.
+            along: where a limit that is a `Border` is asked.
+        """
+        parts = self._distances(figures, along) if distances is None else distances
+        distance = min(max(min(parts), -MOST), MOST)
         return Rating(self, FrozenMap(figures), level_of(distance), distance, remark)
+
+    def _distances(self, figures: Mapping[str, float], along: float) -> list[float]:
+        return [
+            limit.distance(figures[name], along)
+            if isinstance(limit, Border)
+            else limit.distance(figures[name])
+            for name, limit in self.limits.items()
+        ]
 
 
 def level_of(distance: float) -> Level:
@@ -111,3 +138,9 @@ def level_of(distance: float) -> Level:
     if distance >= 0.0:
         return 1
     return 2 if distance >= -1.0 else 3
+
+
+def values_of(criterion: Criterion) -> dict[str, Any]:
+    """Return a criterion's own numbers by name, the axis and the scale left out."""
+    own = vars(criterion)
+    return {name: own[name] for name in own if name not in ("axis", "scale")}

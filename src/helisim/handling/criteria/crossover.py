@@ -35,21 +35,22 @@ class Crossover(Criterion):
     )
     units: ClassVar[Mapping[str, str]] = {"crossover": "rad/s"}
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the crossover."""
+        return {"crossover": self.frequency.scaled(self.faster)}
+
     def rate(self, loop: Loop) -> Rating:
         """Return the crossover, continued beyond the band."""
         found = margins(loop.broken(self.axis, self.at)).crossover
-        return self.rated({"crossover": found}, (self._limit.distance(found),))
+        return self.rated({"crossover": found})
 
     def chart(self) -> Chart:
         """Return a strip of frequency."""
-        limit = self._limit
+        limit = self.limits["crossover"]
         top = 2.0 * max(limit.level1, limit.level2)
         axis = ChartAxis("crossover", "crossover frequency", "rad/s", 0.0, top)
         return strip(f"Crossover, {self.word}, cut at {self.at}", axis, limit, self.source)
-
-    @property
-    def _limit(self) -> Limit:
-        return self.frequency.scaled(self.faster)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +74,18 @@ class CrossoverOrder(Criterion):
     )
     units: ClassVar[Mapping[str, str]] = {"order": "", "departure": "", "crossover": "rad/s"}
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the departure."""
+        return {"departure": self.departure}
+
     def rate(self, loop: Loop) -> Rating:
         """Return the slope over -20 dB a decade, and how far it is from 1."""
         broken = loop.broken(self.axis, self.at)
         middle = margins(broken).crossover
         order = slope_order(broken, middle, span=self.span)
         figures = {"order": order, "departure": abs(order - 1.0), "crossover": middle}
-        return self.rated(figures, (self.departure.distance(abs(order - 1.0)),))
+        return self.rated(figures)
 
     def chart(self) -> Chart:
         """Return a strip of the departure."""

@@ -34,20 +34,21 @@ class AttitudeHold(Criterion):
     )
     units: ClassVar[Mapping[str, str]] = {"time": "s"}
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the time."""
+        return {"time": self.time.scaled(1.0 / self.faster)}
+
     def rate(self, loop: Loop) -> Rating:
         """Return the time; see `figures.history.held`."""
-        limit = self._limit
+        limit = self.limits["time"]
         longest = 1.5 * max(limit.level1, limit.level2)
         found = held(loop.disturbance(self.axis), share=self.share, longest=longest)
-        return self.rated({"time": found}, (limit.distance(found),))
+        return self.rated({"time": found})
 
     def chart(self) -> Chart:
         """Return a strip of time."""
-        limit = self._limit
+        limit = self.limits["time"]
         top = 1.5 * max(limit.level1, limit.level2)
         axis = ChartAxis("time", f"time to within {self.share:.0%}", "s", 0.0, top)
         return strip(f"Attitude hold, {self.word}", axis, limit, self.source)
-
-    @property
-    def _limit(self) -> Limit:
-        return self.time.scaled(1.0 / self.faster)

@@ -58,11 +58,16 @@ class NicholsExclusion(Criterion):
         if self.shape not in SHAPES:
             raise UnknownNameError("shape of a zone", self.shape, SHAPES)
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the zone."""
+        return {"size": self.size}
+
     def rate(self, loop: Loop) -> Rating:
         """Return the zone that the loop touches, and where it does."""
         found = approach(loop.broken(self.axis, self.at), self.gauge)
         figures = {"size": found.size, "frequency": found.frequency}
-        return self.rated(figures, (self.size.distance(found.size),))
+        return self.rated(figures)
 
     @property
     def gauge(self) -> Gauge:
@@ -117,6 +122,11 @@ class DiskMargin(Criterion):
         "frequency": "rad/s",
     }
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the disk."""
+        return {"alpha": self.alpha}
+
     def rate(self, loop: Loop) -> Rating:
         """Return the disk, what it allows of gain and of phase alone, and where it is met."""
         found = disk_margin(loop.broken(self.axis, self.at), skew=self.skew)
@@ -126,7 +136,7 @@ class DiskMargin(Criterion):
             "phase": found.phase,
             "frequency": found.frequency,
         }
-        return self.rated(figures, (self.alpha.distance(found.alpha),))
+        return self.rated(figures)
 
     def chart(self) -> Chart:
         """Return a strip of the disk's size."""

@@ -60,12 +60,17 @@ class Damping(_OfPoles):
     )
     units: ClassVar[Mapping[str, str]] = {"damping": "", "frequency": "rad/s"}
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the damping ratio."""
+        return {"damping": self.ratio}
+
     def rate(self, loop: Loop) -> Rating:
         """Return the damping ratio and the natural frequency of the pole."""
         band = {"low": self.low * self.faster, "high": self.high * self.faster}
         found = least_damped(loop.poles, **band)
         figures = {"damping": found.damping, "frequency": found.frequency}
-        return self.rated(figures, (self.ratio.distance(found.damping),))
+        return self.rated(figures)
 
     def chart(self) -> Chart:
         """Return a strip of the damping ratio."""
@@ -96,20 +101,20 @@ class PoleLimits(_OfPoles):
     )
     units: ClassVar[Mapping[str, str]] = {"growth": "1/s", "fastest": "rad/s"}
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of growth, and of the fastest pole if that is limited."""
+        return {"growth": self.growth.scaled(self.faster)} | (
+            {} if self.fastest is None else {"fastest": self.fastest}
+        )
+
     def rate(self, loop: Loop) -> Rating:
         """Return the greatest real part and the highest natural frequency."""
         poles = loop.poles
         growth, quick = slowest(poles, low=self.low * self.faster), fastest(poles)
-        parts = [self._limit.distance(growth)]
-        if self.fastest is not None:
-            parts.append(self.fastest.distance(quick))
-        return self.rated({"growth": growth, "fastest": quick}, parts)
+        return self.rated({"growth": growth, "fastest": quick})
 
     def chart(self) -> Chart:
         """Return a strip of the greatest real part."""
         axis = ChartAxis("growth", "greatest real part of a pole", "1/s", -2.0, 1.0)
-        return strip(f"Poles, {self.word}", axis, self._limit, self.source)
-
-    @property
-    def _limit(self) -> Limit:
-        return self.growth.scaled(self.faster)
+        return strip(f"Poles, {self.word}", axis, self.limits["growth"], self.source)

@@ -73,6 +73,11 @@ class AttitudeQuickness(Criterion):
                 f"ADS-33 has no quickness of {self.word}: give a border, or rate roll, pitch or yaw"
             )
 
+    @property
+    def limits(self) -> Mapping[str, Border]:
+        """Of quickness, along the least change."""
+        return {"quickness": (self.border or BORDERS[self.axis]).scaled(value=self.faster)}
+
     def rate(self, loop: Loop) -> Rating:
         """Return the quickness, and the changes of attitude that it is of."""
         seen = loop.step(self.axis, size=self.size, duration=self.duration)
@@ -85,15 +90,11 @@ class AttitudeQuickness(Criterion):
             rate = pulse(rate - rate[0], seen.time, self.width)
         found = quickness(angle, rate)
         figures = {"quickness": found.ratio, "least": found.least, "peak": found.peak}
-        return self.rated(figures, (self._border.distance(found.ratio, found.least),))
+        return self.rated(figures, along=found.least)
 
     def chart(self) -> Chart:
         """Return quickness over the least change of attitude."""
-        border = self._border
+        border = self.limits["quickness"]
         across = ChartAxis("least", "least change of attitude", "rad", 0.0, border.along[-1])
         up = ChartAxis("quickness", "quickness", "1/s", 0.0, 2.0 * max(border.level1))
         return above(f"Attitude quickness, {self.word}", across, up, border, self.source)
-
-    @property
-    def _border(self) -> Border:
-        return (self.border or BORDERS[self.axis]).scaled(value=self.faster)

@@ -43,6 +43,14 @@ class DisturbanceRejection(Criterion):
     )
     units: ClassVar[Mapping[str, str]] = {"drb": "rad/s", "drp": "dB", "peak_frequency": "rad/s"}
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of DRB and DRP."""
+        return {
+            "drb": (self.bandwidth or BANDWIDTH[self.axis]).scaled(self.faster),
+            "drp": self.peak,
+        }
+
     def rate(self, loop: Loop) -> Rating:
         """Return DRB and DRP; see `figures.rejection`."""
         found = rejection(loop.disturbance(self.axis))
@@ -51,19 +59,14 @@ class DisturbanceRejection(Criterion):
             "drp": found.peak,
             "peak_frequency": found.peak_frequency,
         }
-        parts = (self._limit.distance(found.bandwidth), self.peak.distance(found.peak))
-        return self.rated(figures, parts)
+        return self.rated(figures)
 
     def chart(self) -> Chart:
         """Return DRP over DRB."""
-        limit = self._limit
+        limit = self.limits["drb"]
         across = ChartAxis(
             "drb", "disturbance rejection bandwidth", "rad/s", 0.0, 4.0 * limit.level1
         )
         up = ChartAxis("drp", "disturbance rejection peak", "dB", 0.0, 10.0)
         title = f"Disturbance rejection, {self.word}"
         return corner(title, across, up, limit, self.peak, self.source)
-
-    @property
-    def _limit(self) -> Limit:
-        return (self.bandwidth or BANDWIDTH[self.axis]).scaled(self.faster)

@@ -45,12 +45,17 @@ class StabilityMargins(Criterion):
         "crossover": "rad/s",
     }
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of both margins."""
+        return {"gain_margin": self.gain, "phase_margin": self.phase}
+
     def rate(self, loop: Loop) -> Rating:
         """Return margins and crossover; see `figures.margins`."""
         found = margins(loop.broken(self.axis, self.at))
         gain, phase = found.least_gain, found.least_phase
         figures = {"gain_margin": gain, "phase_margin": phase, "crossover": found.crossover}
-        return self.rated(figures, (self.gain.distance(gain), self.phase.distance(phase)))
+        return self.rated(figures)
 
     def chart(self) -> Chart:
         """Return phase margin over gain margin."""

@@ -80,10 +80,10 @@ def limited(excess: Real) -> NDArray[np.complex128]:
     (OLOP) Criterion", AFIT/GAE/ENY/01M-02, 2001, after Duda.
 
     Args:
-        excess: (n,) x, the rate that is asked for over the limit, 0 and more.
+        excess: (n_freq,) x, the rate that is asked for over the limit, 0 and more.
 
     Returns:
-        (n,) output over input, 1 up to x = 1.
+        (n_freq,) output over input, 1 up to x = 1.
     """
     x = np.asarray(excess, dtype=np.float64)
     size = np.polyval((0.2908, -1.4396, 1.9232, 0.2230), x)
