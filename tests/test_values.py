@@ -131,6 +131,12 @@ def values(jr700, tmp_path_factory):
             ("short",),
         ),
         "Plant": hs.Plant((fit,), late={"p": 0.0035}),
+        "Tracked": hs.Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0),
+        "LqgWeights": hs.LqgWeights(effort={"lat": 0.1}),
+        "StateSpaceLaw": hs.StateSpaceLaw(
+            period=0.002, inputs=("p",), a=[[0.5]], b=[[1.0]], c=[[0.1]] * 4, d=[[0.2]] * 4
+        ),
+        "ArduPilotModel": hs.ArduPilotModel({"Nr": -2.0, "Nped": 63.0}),
         "IdentifiedModel": item,
         "Results": results,
         "Run": Run(results, (item,), {"lat": (record,)}),
@@ -176,7 +182,8 @@ NAMES = [
         "VerificationFigures",
         "Trace",
     ),
-    *("Cut", "MeasuredMargins", "Plant", "IdentifiedModel", "Results", "Run"),
+    *("Cut", "MeasuredMargins", "Plant", "Tracked", "LqgWeights", "StateSpaceLaw"),
+    *("ArduPilotModel", "IdentifiedModel", "Results", "Run"),
 ]
 ABSTRACT = {"Excitation"}
 """Public classes without an instance of their own."""

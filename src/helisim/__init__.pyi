@@ -1,6 +1,9 @@
 """The public names and where they live, read by `__init__.py`, by type checkers and editors."""
 
 from helisim.design.design import design as design
+from helisim.design.lqg import LqgWeights as LqgWeights
+from helisim.design.lqg import Tracked as Tracked
+from helisim.design.lqg import lqg as lqg
 from helisim.design.plant import Plant as Plant
 from helisim.handling.measured.cut import Cut as Cut
 from helisim.handling.measured.margins import MeasuredMargins as MeasuredMargins
@@ -21,11 +24,13 @@ from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
 from helisim.ident import suspicions as suspicions
 from helisim.ident import verify as verify
+from helisim.ident.fitting.ardupilot import ArduPilotModel as ArduPilotModel
 from helisim.laws import AttitudeCommand as AttitudeCommand
 from helisim.laws import Law as Law
 from helisim.laws import RateCommand as RateCommand
 from helisim.laws import law_of as law_of
 from helisim.laws import read_law as read_law
+from helisim.laws.state_space import StateSpaceLaw as StateSpaceLaw
 from helisim.look import look as look
 from helisim.output.hand.fly import fly_by_hand as fly_by_hand
 from helisim.physics.gyro import Seen as Seen

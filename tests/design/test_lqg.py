@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from helisim.design.lqg import Tracked, Weights, lqg, regulator
+from helisim.design.lqg import LqgWeights, Tracked, lqg, regulator
 from helisim.design.stabilisable import UnstabilisableError
 from helisim.errors import InputError, UnknownNameError
 from helisim.vehicle.sampled import sample
@@ -70,7 +70,7 @@ ROLL = Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0)
 )
 def test_regulator_gains_are_those_a_tutorial_prints(position, angle, printed):
     """The optimal gains of a sampled inverted pendulum are the printed ones."""
-    weights = Weights(output={"v": position**-0.5, "phi": angle**-0.5}, effort={"lat": 1.0})
+    weights = LqgWeights(output={"v": position**-0.5, "phi": angle**-0.5}, effort={"lat": 1.0})
     found = regulator(pendulum(), (), weights)
     assert found.gain[0] == pytest.approx(printed, abs=6e-5)  # printed to four decimals
 
@@ -87,7 +87,7 @@ def test_filter_is_the_alpha_beta_filter(index):
     moved = sampled(
         [[0, 1], [0, 0]], [[0], [1]], [[1, 0]], states=["x", "v"], inputs=["lat"], outputs=["phi"]
     )
-    weights = Weights(disturbance={"lat": index * noise / PERIOD**2}, noise={"phi": noise})
+    weights = LqgWeights(disturbance={"lat": index * noise / PERIOD**2}, noise={"phi": noise})
     r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
     alpha = 1.0 - r**2
     beta = 2.0 * (2.0 - alpha) - 4.0 * np.sqrt(1.0 - alpha)
@@ -222,11 +222,15 @@ def test_integral_that_nothing_can_hold_says_so():
 @pytest.mark.parametrize(
     ("tracked", "weights", "message"),
     [
-        ((), Weights(), "nothing is tracked"),
-        ((Tracked(output="q", stick="LON", gain=1.0, frequency=5.0),), Weights(), "'q'.*phi, p"),
-        ((ROLL, Tracked(output="p", stick="LON", gain=1.0, frequency=5.0)), Weights(), "2 outputs"),
-        ((ROLL,), Weights(effort={"ped": 0.1}), "unknown effort 'ped'"),
-        ((ROLL,), Weights(noise={"phi": 0.0}), "above 0"),
+        ((), LqgWeights(), "nothing is tracked"),
+        ((Tracked(output="q", stick="LON", gain=1.0, frequency=5.0),), LqgWeights(), "'q'.*phi, p"),
+        (
+            (ROLL, Tracked(output="p", stick="LON", gain=1.0, frequency=5.0)),
+            LqgWeights(),
+            "2 outputs",
+        ),
+        ((ROLL,), LqgWeights(effort={"ped": 0.1}), "unknown effort 'ped'"),
+        ((ROLL,), LqgWeights(noise={"phi": 0.0}), "above 0"),
     ],
 )
 def test_wrong_input_says_what_would_do(tracked, weights, message):

@@ -3,9 +3,9 @@
 import control
 import numpy as np
 import pytest
-from closed_loops import PERIOD, chirp, flown, known_loop
 
 import helisim as hs
+from closed_loops import PERIOD, chirp, flown, known_loop
 from helisim.errors import IdentificationError, InputError, UnknownNameError
 from helisim.handling.loop import NoResponse
 from helisim.handling.measured.interval import intervals

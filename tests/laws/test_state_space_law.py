@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.design.lqg import Tracked, Weights, lqg
+from helisim.design.lqg import LqgWeights, Tracked, lqg
 from helisim.errors import InputError, UnknownNameError
 from helisim.laws.law import law_of, read_law
 from helisim.laws.state_space import StateSpaceLaw
@@ -43,7 +43,7 @@ def test_compiled_law_is_its_matrices_within_limits_and_cuts_off_beyond(jr700):
     law = random_law()
     controller = law.on(vehicle)
     settings, trim = np.asarray(controller.settings), vehicle.trim
-    call = controller.law.py_func
+    call = controller.law
     rng = np.random.default_rng(2)
     state, x = np.zeros(law.order), np.zeros(law.order)
     steady = hs.Seen(*([0.0] * 18))._replace(phi=trim.phi, theta=trim.theta)
@@ -77,8 +77,8 @@ def test_restart_moves_no_servo(jr700):
     servos = (0.1, -0.05, 0.02, 0.15)
     seen = hs.Seen(0.0, 0.01, 0, 0, 0.05, 0, 0, 0, 0, -9.8, *servos, 0, 0, 0, 0)
     state = np.zeros(4)
-    controller.reset.py_func(seen, state, controller.settings)
-    assert controller.law.py_func(seen, state, controller.settings) == pytest.approx(servos)
+    controller.law.reset(seen, state, controller.settings)
+    assert controller.law(seen, state, controller.settings) == pytest.approx(servos)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ TRACKED = (
     Tracked(output="phi", stick="LAT", gain=0.6, frequency=8.0),
     Tracked(output="r", stick="PED", gain=3.0, frequency=8.0, error=0.3),
 )
-WEIGHTS = Weights(output={"p": 1.0, "q": 1.0})
+WEIGHTS = LqgWeights(output={"p": 1.0, "q": 1.0})
 
 
 @pytest.mark.slow

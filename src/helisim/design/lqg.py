@@ -22,6 +22,8 @@ from helisim.design.stabilisable import check_moved, check_shown
 from helisim.errors import InputError, UnknownNameError
 from helisim.laws.state_space import LIMIT, StateSpaceLaw
 from helisim.records.channels import IN1, IN2
+from helisim.records.provenance import made_by
+from helisim.records.value import FrozenMap
 
 if TYPE_CHECKING:
     import control
@@ -75,7 +77,7 @@ class Tracked:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weights:
+class LqgWeights:
     """What an LQG design weighs. Each number is a size: of what counts as much as any other's.
 
     Attributes:
@@ -93,6 +95,10 @@ class Weights:
     effort: Mapping[str, float] = field(default_factory=dict)
     disturbance: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, sizes in vars(self).items():
+            object.__setattr__(self, name, FrozenMap(sizes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +121,7 @@ class Regulator:
 
 
 def regulator(
-    model: "control.StateSpace", tracked: Sequence[Tracked], weights: Weights | None = None
+    model: "control.StateSpace", tracked: Sequence[Tracked], weights: LqgWeights | None = None
 ) -> Regulator:
     """Return the optimal regulator and filter of a model.
 
@@ -131,7 +137,7 @@ def regulator(
     """
     import control
 
-    weights = weights or Weights()
+    weights = weights or LqgWeights()
     a, b, c = _checked(model, tracked)
     commands, sensed = model.input_labels, model.output_labels
     held = [sensed.index(one.output) for one in tracked]
@@ -169,7 +175,7 @@ def regulator(
 def lqg(
     model: "control.StateSpace",
     tracked: Sequence[Tracked],
-    weights: Weights | None = None,
+    weights: LqgWeights | None = None,
     *,
     name: str = "lqg",
     limit: float = LIMIT,
@@ -189,7 +195,7 @@ def lqg(
         InputError: the model isn't sampled, or a name or number is none.
         UnstabilisableError: no command moves, or no sensor shows, what doesn't decay.
     """
-    weights = weights or Weights()
+    weights = weights or LqgWeights()
     if not tracked:
         raise InputError("nothing is tracked: name at least one output that a stick commands")
     found = regulator(model, tracked, weights)
@@ -218,11 +224,11 @@ def lqg(
         start=start,
         limits=(limit,) * 4,
         name=name,
-        provenance={
-            "made_by": "lqg",
-            "tracked": {one.output: dict(vars(one)) for one in tracked},
-            "weights": {key: dict(sizes) for key, sizes in vars(weights).items() if sizes},
-        },
+        provenance=made_by(
+            "LQG",
+            tracked={one.output: dict(vars(one)) for one in tracked},
+            weights={key: dict(sizes) for key, sizes in vars(weights).items() if sizes},
+        ),
     )
 
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from helisim.errors import InputError, UnknownNameError
 from helisim.laws.law import Law, check_names, register
 from helisim.laws.sampled_law import SampledLaw
-from helisim.laws.state_space_kernel import start_state, state_space_law, state_space_settings
+from helisim.laws.state_space_kernel import COMPILED, state_space_settings
 from helisim.physics.gyro import Seen
 from helisim.records.channels import ACCELERATIONS, IN1
-from helisim.records.value import Value
+from helisim.records.value import FrozenMap, Value
 
 if TYPE_CHECKING:
     from helisim.vehicle import Controller, Vehicle
@@ -79,6 +79,7 @@ class StateSpaceLaw(Law, Value):
         object.__setattr__(self, "limits", _limits(self.limits))
         if not isinstance(self.name, str) or not isinstance(self.provenance, Mapping):
             raise InputError("name must be a text, and provenance a table")
+        object.__setattr__(self, "provenance", _frozen(self.provenance))
         n = _states(self.a)
         shapes = {
             "a": (n, n),
@@ -125,7 +126,7 @@ class StateSpaceLaw(Law, Value):
         for name in ("windup", "start"):
             if np.any(getattr(self, name)):
                 plain[name] = getattr(self, name).tolist()
-        return {**plain, **({"provenance": dict(self.provenance)} if self.provenance else {})}
+        return {**plain, **({"provenance": _plain(self.provenance)} if self.provenance else {})}
 
     def parameters(self) -> dict[str, float]:
         """Return none: its matrices belong together, and `lqg` makes them of its own numbers."""
@@ -176,13 +177,26 @@ class StateSpaceLaw(Law, Value):
             plate.numbers,
         )
         return Controller(
-            state_space_law,
+            COMPILED,
             states=self.order,
             settings=settings,
-            reset=start_state,
             name=self.name,
             written=self,
         )
+
+
+def _frozen(data: Any) -> Any:
+    """Return plain data that can't be changed."""
+    if isinstance(data, Mapping):
+        return FrozenMap({str(key): _frozen(item) for key, item in data.items()})
+    return tuple(map(_frozen, data)) if isinstance(data, list | tuple) else data
+
+
+def _plain(data: Any) -> Any:
+    """Return what `_frozen` made as plain data."""
+    if isinstance(data, Mapping):
+        return {key: _plain(item) for key, item in data.items()}
+    return list(map(_plain, data)) if isinstance(data, tuple) else data
 
 
 def _names(given: Any) -> tuple[str, ...]:

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numba
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from helisim.physics.kernel import kernel, known
+from helisim.physics.known_laws import KnownLaw
 from helisim.physics.pilot import wrap_to_pi
 from helisim.physics.servo import mix, unmix
 
@@ -75,7 +76,7 @@ def row_times(settings, first, count, values):
     return total
 
 
-@numba.njit
+@register_jitable(error_model="numpy")  # no `kernel`: it keeps arrays of its own
 def state_space_law(seen, state, settings):
     """Return the commands of the front, left, right and tail servo."""
     n, count = int(settings[LAYOUT.states]), int(settings[LAYOUT.inputs])
@@ -105,7 +106,7 @@ def state_space_law(seen, state, settings):
     return front, left, right, given[3]
 
 
-@numba.njit
+@register_jitable(error_model="numpy")
 def start_state(seen, state, settings):
     """Begin with the state that commands what stands, as far as the law has states for it."""
     n, count = int(settings[LAYOUT.states]), int(settings[LAYOUT.inputs])
@@ -114,11 +115,13 @@ def start_state(seen, state, settings):
         inputs[k] = sensed(seen, settings, k)
     d = LAYOUT.rest + 2 * count + n * n + n * count + 4 * n
     start = d + 4 * count + 4 * n
-    plate = settings[LAYOUT.plate : LAYOUT.rest]
-    missing[0], missing[1], missing[2] = unmix(plate, seen.front, seen.left, seen.right)
-    missing[3] = seen.tail
+    col, lon, lat = unmix(settings, seen.front, seen.left, seen.right, LAYOUT.plate)
+    missing[0], missing[1], missing[2], missing[3] = col, lon, lat, seen.tail
     for k in range(4):
         missing[k] -= settings[LAYOUT.trim + k]
         missing[k] -= row_times(settings, d + k * count, count, inputs)
     for k in range(n):
         state[k] = row_times(settings, start + 4 * k, 4, missing)
+
+
+COMPILED = KnownLaw(state_space_law, start_state)
