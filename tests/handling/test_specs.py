@@ -1,0 +1,151 @@
+"""Specifications as TOML: what is written is read again, and what is wrong is said in one line."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from attitude_loop import AttitudeLoop
+
+from helisim.errors import HelisimError, InputError
+from helisim.handling import criteria
+from helisim.handling.criteria import Border, Limit
+from helisim.handling.froude import Froude
+from helisim.handling.spec import CRITERIA, KINDS, Spec, read_specs, specs_to_toml, write_specs
+from helisim.handling.standards import STANDARDS, standard
+
+EVERY = (
+    Spec(criteria.StabilityMargins(axis="lat", phase=Limit(0.7, 0.3)), "hard"),
+    Spec(criteria.Crossover(axis="lon", frequency=Limit(20.0, 40.0)), "objective"),
+    Spec(criteria.CrossoverOrder(axis="lon", at="sensors")),
+    Spec(criteria.NicholsExclusion(axis="ped", shape="ellipse", scale=4.0), "check"),
+    Spec(criteria.DiskMargin(axis="ped", skew=1.0)),
+    Spec(criteria.DisturbanceRejection(axis="lat", bandwidth=Limit(12.9, 6.0))),
+    Spec(criteria.AttitudeBandwidth(axis="lon", fit=True, sign=-1)),
+    Spec(criteria.AttitudeQuickness(axis="lat", border=Border((0.1, 0.5), (2, 1), (1, 0.5)))),
+    Spec(criteria.AttitudeHold(axis="lat")),
+    Spec(criteria.Damping(low=1.0)),
+    Spec(criteria.PoleLimits(fastest=Limit(100.0, 200.0))),
+    Spec(criteria.ActuatorOnset(axis="lat", rate_limit=3.0)),
+    Spec(criteria.ActuatorUse(axis="lat", rate_limit=3.0)),
+    Spec(criteria.Coupling(axis="ped", onto="lat")),
+)
+
+
+def test_every_criterion_is_read_as_it_was_written(tmp_path):
+    assert {one.criterion.name for one in EVERY} == set(CRITERIA)
+    write_specs(EVERY, tmp_path / "specs.toml")
+    assert read_specs(tmp_path / "specs.toml") == EVERY
+    assert specs_to_toml(EVERY) == (tmp_path / "specs.toml").read_text()
+
+
+def test_what_people_write_is_read(tmp_path):
+    """A scale for all, words for axes, degrees where a name says so, whole numbers."""
+    path = tmp_path / "specs.toml"
+    path.write_text(
+        'scale = 9\n[[spec]]\ncriterion = "stability_margins"\naxis = "roll"\nkind = "hard"\n'
+        'phase_deg = [50, 25]\n[[spec]]\ncriterion = "damping"\nscale = 1.0\n'
+    )
+    margins, damping = read_specs(path)
+    assert margins.criterion.phase.level1 == pytest.approx(np.radians(50.0), rel=1e-15)
+    assert (margins.criterion.axis, margins.criterion.scale, margins.kind) == ("lat", 9.0, "hard")
+    assert (damping.criterion.scale, damping.kind) == (1.0, "soft")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", r"no specification: each is a table \[\[spec\]\]"),
+        ("spec = 3\n", "no specification"),
+        ("sepc = 3\n", "did you mean spec"),
+        ('[[spec]]\naxis = "lat"\n', "spec 1: unknown criterion None"),
+        ('[[spec]]\ncriterion = "margins"\n', "did you mean stability_margins"),
+        ('[[spec]]\ncriterion = "damping"\nkind = "firm"\n', "hard, soft, objective, check"),
+        (
+            '[[spec]]\ncriterion = "damping"\nhigh = "x"\n',
+            "spec 1, damping: high = 'x'",
+        ),
+        ('[[spec]]\ncriterion = "damping"\nratio = 0.5\n', "two numbers, where Levels 1 and 2"),
+        ('[[spec]]\ncriterion = "damping"\nratio = [0.5, 0.5]\n', "can't end at the same value"),
+        ('[[spec]]\ncriterion = "damping"\nlowest = 2.0\n', "unknown number 'lowest'"),
+        ('[[spec]]\ncriterion = "crossover"\naxis = "lat"\n', "it needs frequency"),
+        ('[[spec]]\ncriterion = "crossover"\n', "it needs axis and frequency"),
+        ('[[spec]]\ncriterion = "disk_margin"\naxis = "rol"\n', "did you mean roll"),
+        ('[[spec]]\ncriterion = "disk_margin"\naxis = 3\n', "axis = 3: expected a text"),
+        ('scale = true\n[[spec]]\ncriterion = "damping"\n', "scale = True: expected a number"),
+        ('scale = -1.0\n[[spec]]\ncriterion = "damping"\n', "above 0"),
+        (
+            '[[spec]]\ncriterion = "attitude_quickness"\naxis = "lat"\nborder = [1.0]\n',
+            "along, level1, level2",
+        ),
+        (
+            '[[spec]]\ncriterion = "attitude_bandwidth"\naxis = "lat"\nfit = 1\n',
+            "fit = 1: expected true or false",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(text, words, tmp_path):
+    path = tmp_path / "specs.toml"
+    path.write_text(text)
+    with pytest.raises(HelisimError, match=words) as caught:
+        read_specs(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", STANDARDS)
+def test_a_standard_rates_a_loop(name):
+    """Each of its specifications, at full scale and scaled, gives a rating of a loop."""
+    loop = AttitudeLoop()
+    for scale in (1.0, 10.7):
+        specs = standard(name, axes=("roll",), scale=scale)
+        assert specs
+        for one in specs:
+            assert one.kind in KINDS
+            assert one.criterion.scale == scale
+            assert one.criterion.rate(loop).level in (1, 2, 3)
+    assert len(standard(name)) > len(specs)
+
+
+def test_an_unknown_standard_is_said():
+    with pytest.raises(InputError, match="did you mean margins"):
+        standard("margin")
+
+
+def test_froude_keeps_the_froude_number_and_what_follows_from_it():
+    """Speed squared over length and g; frequency times time; a pendulum of the rotor's length."""
+    law = Froude.of(1.534)
+    assert law.ratio == pytest.approx(10.67, rel=1e-3)
+    assert law.speed**2 / law.length == pytest.approx(1.0)
+    assert law.frequency * law.time == pytest.approx(1.0)
+    pendulum = np.sqrt(9.81 / 1.534) / np.sqrt(9.81 / 16.36)
+    assert law.frequency == pytest.approx(pendulum)
+    assert law.speed / law.time == pytest.approx(law.acceleration)
+    assert law.angular_acceleration == pytest.approx(law.frequency**2)
+    assert law.inertia == pytest.approx(law.mass * law.length**2)
+    for wrong in (lambda: Froude(0.0), lambda: Froude.of(-1.0)):
+        with pytest.raises(InputError, match="above 0"):
+            wrong()
+
+
+def test_a_scaled_criterion_rates_a_scaled_loop_alike():
+    """A loop sqrt N times as fast, rated by the scaled criteria, has the same distances."""
+    ratio = 10.67
+    faster = np.sqrt(ratio)
+    slow = AttitudeLoop(b=4.0, k=2.0, k_rate=1.6, lag=0.05, delay=0.03)
+    fast = AttitudeLoop(
+        b=4.0 * ratio,
+        k=2.0,
+        k_rate=1.6 / faster,
+        lag=0.05 / faster,
+        delay=0.03 / faster,
+        frequency=tuple(faster * np.array(slow.frequency)),
+    )
+    for one in EVERY:
+        criterion = replace(one.criterion, scale=1.0)
+        if criterion.name in ("actuator_onset", "actuator_use", "pole_limits"):
+            continue  # the servo is what it is
+        if criterion.name == "attitude_quickness":
+            criterion = replace(criterion, duration=8.0)
+        here = criterion.rate(slow)
+        there = replace(criterion, scale=ratio).rate(fast)
+        assert there.distance == pytest.approx(here.distance, rel=2e-2, abs=1e-6), criterion
