@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from helisim.handling.chart import ChartAxis
 from helisim.handling.criteria import Criterion, Limit, Rating, StabilityMargins
+from helisim.handling.criteria.regions import strip
 from helisim.handling.figures.margins import margins
 from helisim.handling.figures.rejection import rejection
 
@@ -19,11 +21,17 @@ class Rejects(Criterion):
     def rate(self, loop) -> Rating:
         """Return the bandwidth."""
         found = rejection(loop.disturbance(self.axis)).bandwidth
-        return self.rated({"bandwidth": found}, [self.bandwidth.distance(found)])
+        return self.rated({"bandwidth": found})
+
+    @property
+    def limits(self):
+        """Of the bandwidth."""
+        return {"bandwidth": self.bandwidth}
 
     def chart(self):
-        """Not drawn."""
-        raise NotImplementedError
+        """Return a strip."""
+        axis = ChartAxis("bandwidth", "", "rad/s", 0.0, 50.0)
+        return strip("", axis, self.bandwidth, "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +45,17 @@ class Crosses(Criterion):
     def rate(self, loop) -> Rating:
         """Return the crossover."""
         found = margins(loop.broken(self.axis)).crossover
-        return self.rated({"crossover": found}, [self.crossover.distance(found)])
+        return self.rated({"crossover": found})
+
+    @property
+    def limits(self):
+        """Of the crossover."""
+        return {"crossover": self.crossover}
 
     def chart(self):
-        """Not drawn."""
-        raise NotImplementedError
+        """Return a strip."""
+        axis = ChartAxis("crossover", "", "rad/s", 0.0, 50.0)
+        return strip("", axis, self.crossover, "")
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
+from scipy.sparse import csr_array
 
 Vector = NDArray[np.float64]
 
@@ -21,6 +22,10 @@ _DIFFERENCE = 1e-4
 """Of a coordinate: a curve is read between its points to some 1e-9 of it."""
 _PENALTY = 100.0
 """Of the worst shortfall beside the cost: above any sum of multipliers met, so that it is exact."""
+_EACH = 0.1
+"""Weight of each shortfall beside the worst: axes that are not the worst go on meanwhile."""
+_SHORTEST = 1e-2
+"""Weight of a step's length, in units of what is descended: what changes nothing stays."""
 _FIRST, _LARGEST, _LEAST = 0.25, 0.8, 2e-3
 """Radius of trust: at first, at most, and where the descent ends."""
 _ACCEPTED, _GOOD = 0.05, 0.6
@@ -64,13 +69,19 @@ class Goal:
     rigour: Vector
     cost: float = 0.0
 
+    def shortfalls(self, trial: Trial) -> Vector:
+        """Return every shortfall, (n_distance,), 0 where nothing is short."""
+        return np.maximum(0.0, self.rigour * (self.distances - trial.distances))
+
     def shortfall(self, trial: Trial) -> float:
         """Return the worst shortfall, 0 where nothing is short."""
-        return max(0.0, float(np.max(self.rigour * (self.distances - trial.distances))))
+        return float(np.max(self.shortfalls(trial)))
 
     def merit(self, trial: Trial) -> float:
-        """Return what is descended."""
-        return self.cost * trial.cost + _PENALTY * self.shortfall(trial)
+        """Return what is descended: cost, the worst shortfall, and a little of each."""
+        short = self.shortfalls(trial)
+        penalty = _PENALTY * (float(np.max(short)) + _EACH * float(np.sum(short)))
+        return self.cost * trial.cost + penalty
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,18 +196,27 @@ def _step(
     if bent is not None:
         short = short - bent
     rigour, short = goal.rigour[wanted], short[wanted]
-    rows = np.hstack([-jacobian[wanted] * rigour[:, None], -np.ones((short.size, 1))])
-    low = np.maximum(-radius, box[0] - here.at)
-    high = np.minimum(radius, box[1] - here.at)
+    n, m = here.at.size, short.size
+    # the unknowns: steps up, steps down, the worst shortfall, each shortfall
+    moved = -jacobian[wanted] * rigour[:, None]
+    worst = np.hstack([moved, -moved, -np.ones((m, 1)), np.zeros((m, m))])
+    each = np.hstack([moved, -moved, np.zeros((m, 1)), -np.eye(m)])
+    down = np.minimum(radius, here.at - box[0])
+    up = np.minimum(radius, box[1] - here.at)
+    length = np.full(n, _SHORTEST * (1.0 if goal.cost else _PENALTY))
+    weighed = goal.cost * gradient
+    price = np.concatenate(
+        [length + weighed, length - weighed, [_PENALTY], np.full(m, _PENALTY * _EACH)]
+    )
     found = linprog(
-        np.append(goal.cost * gradient, _PENALTY),
-        A_ub=rows,
-        b_ub=-rigour * short,
-        bounds=[*zip(low.tolist(), high.tolist()), (0.0, None)],
+        price,
+        A_ub=csr_array(np.vstack([worst, each])),
+        b_ub=np.tile(-rigour * short, 2),
+        bounds=[*((0.0, one) for one in (*up.tolist(), *down.tolist())), *[(0.0, None)] * (m + 1)],
         method="highs",
     )
     if found.x is None:
-        return np.zeros(here.at.size), 0.0
-    after = float(found.fun or 0.0)
-    before = goal.merit(here.trial) - goal.cost * here.trial.cost
-    return np.asarray(found.x[:-1], dtype=np.float64), before - after
+        return np.zeros(n), 0.0
+    step = np.asarray(found.x[:n] - found.x[n : 2 * n], dtype=np.float64)
+    after = float(price[2 * n :] @ found.x[2 * n :]) + float(weighed @ step)
+    return step, goal.merit(here.trial) - goal.cost * here.trial.cost - after

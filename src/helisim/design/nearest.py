@@ -1,6 +1,5 @@
 """What stands in the way of a design: the specification that can't be met, and what can."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,16 +7,13 @@ import numpy as np
 from helisim.design.descent import Goal, Point, Trial, Vector, descend
 from helisim.design.problem import Problem
 from helisim.errors import HelisimError
-from helisim.handling.axis import axis_of
 from helisim.handling.criteria import Limit, Rating
-from helisim.handling.criteria.criterion import values_of
 from helisim.units import RAD_PER_DEG
 
 _CLOSE = 0.05
-"""Distance by which others may be better than the worst and still be in the way."""
+"""Distance below which a specification is in the way: it misses Level 1, or holds others off."""
 _MET = -1e-3
 _STEPS = 60
-_RIGOUR = 10.0
 _RIGID = 200.0
 """By which shortfalls of what holds count beside those of what can't."""
 
@@ -53,8 +49,7 @@ def infeasible(problem: Problem, at: Vector) -> InfeasibleError:
     assert trial is not None  # the phases end with a law that is stable
     asked = problem.of_kind("hard", "soft")
     short = np.where(asked, trial.distances, np.inf)
-    rank = np.where(problem.of_kind("hard"), _RIGOUR, 1.0) * short
-    in_the_way = [int(k) for k in np.argsort(rank) if rank[k] < min(0.0, rank.min() + _CLOSE)]
+    in_the_way = [int(k) for k in np.argsort(short) if short[k] < _CLOSE]
     soft_first = sorted(in_the_way, key=lambda k: problem.specs[k].kind == "hard")
     found = [one for one in (_relaxed(problem, at, k) for k in soft_first) if one is not None]
     if found:
@@ -65,12 +60,13 @@ def infeasible(problem: Problem, at: Vector) -> InfeasibleError:
 
 def _together(problem: Problem, at: Vector, in_the_way: list[int]) -> InfeasibleError:
     """Return what to say of specifications that no one stands for: all as near as may be."""
-    soft = [k for k in in_the_way if problem.specs[k].kind == "soft"] or in_the_way
+    missing = [k for k in in_the_way if problem.specs[k].kind == "soft"] or in_the_way
+    trial = problem.trial(at, (0,))
+    assert trial is not None
+    soft = [k for k in missing if trial.distances[k] < _MET] or missing
     rigour = np.full(len(problem.specs), _RIGID)
     rigour[soft] = 1.0
     goal = Goal(np.where(problem.of_kind("hard", "soft"), 0.0, -np.inf), rigour)
-    trial = problem.trial(at, (0,))
-    assert trial is not None
 
     def worth(there: Vector, near: bool = False) -> Trial | None:
         return problem.trial(there, (0,), near=near)
@@ -112,33 +108,24 @@ def _one_alone(rating: Rating) -> str:
 
 
 def _name(rating: Rating) -> str:
-    return f"{rating.criterion.name} of {axis_of(rating.criterion.axis).word}"
+    return f"{rating.criterion.name} of {rating.criterion.word}"
 
 
 def _figures(rating: Rating) -> str:
-    units = rating.criterion.units
-    return ", ".join(
-        f"{name} {_told(value, units.get(name, ''))}" for name, value in rating.figures.items()
-    )
+    """Return the figures that are limited."""
+    shown = [name for name in rating.criterion.limits if name in rating.figures]
+    return ", ".join(_told(name, rating.figures[name], rating) for name in shown)
 
 
 def _limits(rating: Rating) -> str:
-    """Return the borders of Level 1 that a criterion states."""
-    borders = {
-        name: value.level1
-        for name, value in values_of(rating.criterion).items()
-        if isinstance(value, Limit)
-    }
-    units = rating.criterion.units
-    told = []
-    for name, border in borders.items():
-        unit = next((units[one] for one in units if one.startswith(name)), "")
-        told.append(f"{name} {_told(border, unit)}")
+    """Return where Level 1 begins, of limits that don't depend on another figure."""
+    borders = rating.criterion.limits.items()
+    told = [_told(name, one.level1, rating) for name, one in borders if isinstance(one, Limit)]
     return ", ".join(told) or "Level 1"
 
 
-def _told(value: float, unit: str) -> str:
+def _told(name: str, value: float, rating: Rating) -> str:
+    unit = rating.criterion.units.get(name, "")
     if unit == "rad":
         value, unit = value / RAD_PER_DEG, "deg"
-    number = f"{value:.3g}" if math.isfinite(value) else str(value)
-    return f"{number} {unit}".rstrip()
+    return f"{name} {value:.3g} {unit}".rstrip()

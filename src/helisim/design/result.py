@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from helisim.design.asked import Spec
 from helisim.design.phases import Step
 from helisim.design.tradeoff import TradeOff
-from helisim.handling.axis import axis_of
 from helisim.handling.criteria import Rating
 from helisim.laws.law import Law
 from helisim.records.display import Displayed, shower
@@ -93,7 +92,7 @@ class DesignResult(Value, Displayed):
         """One sentence for each level that is missed, in the nominal or a drawn model."""
         asked = [one for one in self.judged if one.spec.kind in ("hard", "soft")]
         return tuple(
-            f"{one.nominal.criterion.name} of {axis_of(one.nominal.criterion.axis).word}: Level 1 "
+            f"{one.nominal.criterion.name} of {one.nominal.criterion.word}: Level 1 "
             f"in {100.0 * one.share:.3g} % of the models drawn"
             for one in asked
             if one.share < 1.0 or one.nominal.level > 1
