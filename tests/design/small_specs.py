@@ -8,6 +8,7 @@ from helisim.handling.criteria import Criterion, Limit, Rating, StabilityMargins
 from helisim.handling.criteria.regions import strip
 from helisim.handling.figures.margins import margins
 from helisim.handling.figures.rejection import rejection
+from helisim.handling.spec import Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,15 +59,7 @@ class Crosses(Criterion):
         return strip("", axis, self.crossover, "")
 
 
-@dataclass(frozen=True)
-class Asked:
-    """A criterion, and what it is in a design."""
-
-    criterion: Criterion
-    kind: str
-
-
-def small_specs(*, lat: float = 16.0, lon: float = 11.0) -> tuple[Asked, ...]:
+def small_specs(*, lat: float = 16.0, lon: float = 11.0) -> tuple[Spec, ...]:
     """Margins of both axes, rejection, least crossover.
 
     Args:
@@ -75,7 +68,7 @@ def small_specs(*, lat: float = 16.0, lon: float = 11.0) -> tuple[Asked, ...]:
     """
     wanted = {"lat": Limit(lat, 0.5 * lat), "lon": Limit(lon, 0.5 * lon)}
     return (
-        *(Asked(StabilityMargins(axis=axis), "hard") for axis in wanted),
-        *(Asked(Rejects(axis=axis, bandwidth=limit), "soft") for axis, limit in wanted.items()),
-        *(Asked(Crosses(axis=axis, crossover=Limit(20.0, 40.0)), "objective") for axis in wanted),
+        *(Spec(StabilityMargins(axis=axis), "hard") for axis in wanted),
+        *(Spec(Rejects(axis=axis, bandwidth=limit), "soft") for axis, limit in wanted.items()),
+        *(Spec(Crosses(axis=axis, crossover=Limit(20.0, 40.0)), "objective") for axis in wanted),
     )

@@ -14,7 +14,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
-from scipy.sparse import csr_array
 
 Vector = NDArray[np.float64]
 
@@ -210,7 +209,7 @@ def _step(
     )
     found = linprog(
         price,
-        A_ub=csr_array(np.vstack([worst, each])),
+        A_ub=np.vstack([worst, each]),
         b_ub=np.tile(-rigour * short, 2),
         bounds=[*((0.0, one) for one in (*up.tolist(), *down.tolist())), *[(0.0, None)] * (m + 1)],
         method="highs",

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from helisim.design.asked import Spec
 from helisim.design.descent import Vector
 from helisim.design.free import free_parameters
 from helisim.design.nearest import infeasible
@@ -17,6 +16,7 @@ from helisim.design.tradeoff import TradeOff, trade_off
 from helisim.errors import InputError
 from helisim.handling.closed_loop import Linear
 from helisim.handling.loop import GRID, Loop, NoResponse
+from helisim.handling.spec import Spec
 from helisim.ident.fitting.result import Fit
 from helisim.ident.responses.threads import one_blas_thread
 from helisim.laws.law import Law

@@ -7,13 +7,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.design.asked import Spec
 from helisim.design.descent import Trial
 from helisim.design.free import Free, box, coordinates, values
 from helisim.design.kept import Kept
 from helisim.handling.closed_loop import ClosedLoop, Linear
 from helisim.handling.criteria import Rating
 from helisim.handling.loop import Loop
+from helisim.handling.spec import Spec
 from helisim.laws.law import Law
 
 Vector = NDArray[np.float64]

@@ -5,10 +5,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from helisim.design.asked import Spec
 from helisim.design.phases import Step
 from helisim.design.tradeoff import TradeOff
 from helisim.handling.criteria import Rating
+from helisim.handling.spec import Spec
 from helisim.laws.law import Law
 from helisim.records.display import Displayed, shower
 from helisim.records.files import write_json

@@ -149,7 +149,7 @@ def _inverse(response: Response, period: float) -> _Inverse:
     for late in delays.tolist():
         without = response * np.exp(1j * _INVERTED * late)
         columns = np.stack([without, 1j * _INVERTED * without], axis=1)
-        both = np.concatenate([columns.real, columns.imag])
+        both = np.concatenate([np.real(columns), np.imag(columns)])
         wanted = np.concatenate([np.ones(response.size), np.zeros(response.size)])
         found, *_ = np.linalg.lstsq(both, wanted)
         left = float(np.sum((both @ found - wanted) ** 2))
