@@ -1,5 +1,6 @@
 """What the poles of a closed loop say: how damped it is, how stable, how fast."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,8 @@ def least_damped(poles: Complex, *, low: float = 0.0, high: float = np.inf) -> M
         return Mode(1.0, 0.0)
     frequency = frequency[kept]
     damping = -poles[kept].real / frequency
-    outside = np.maximum(np.log(max(low, 1e-12) / frequency), np.log(frequency / high))
+    size = np.log(frequency)
+    outside = np.maximum(math.log(max(low, 1e-12)) - size, size - math.log(high))
     fade = np.clip(outside / _FADE, 0.0, 1.0)
     damping = damping + fade * (1.0 - damping)
     least = int(np.argmin(damping))

@@ -1,0 +1,253 @@
+"""Figures against published ones: responses that are printed, with the figures printed of them.
+
+A tolerance is half of the last printed digit, and what straight lines between the points of the
+grid add where that is more.
+"""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.curve import Curve
+from helisim.handling.figures.actuators import limited
+from helisim.handling.figures.bandwidth import bandwidth
+from helisim.handling.figures.history import quickness, stepped
+from helisim.handling.figures.margins import disk_margin, margins
+from helisim.handling.figures.poles import least_damped
+from helisim.handling.figures.rejection import rejection
+from helisim.handling.loop import GRID
+
+FINE = np.geomspace(0.05, 300.0, 2000)
+
+
+def curve(response, frequency=FINE):
+    return Curve(frequency, response(1j * frequency))
+
+
+def test_margins_of_a_textbook():
+    """Ogata, Modern Control Engineering, 5th edition, 2010, chapter 7, MATLAB's margins.
+
+    G = 20 (s + 1) / (s (s + 5) (s^2 + 2 s + 10)): 9.9293 dB at 4.0131 rad/s, 103.6573 deg at
+    0.4426 rad/s.
+    """
+    found = margins(curve(lambda s: 20.0 * (s + 1.0) / (s * (s + 5.0) * (s**2 + 2.0 * s + 10.0))))
+    ((turn, gain),), ((one, phase),) = found.gain, found.phase
+    assert gain == pytest.approx(9.9293, abs=3e-4)
+    assert turn == pytest.approx(4.0131, abs=1e-4)
+    assert np.degrees(phase) == pytest.approx(103.6573, abs=5e-4)
+    assert one == pytest.approx(0.4426, abs=1e-4)
+    assert found.crossover == one
+
+
+def test_margins_of_a_sampled_loop():
+    """The MathWorks, Control System Toolbox, reference page of `margin`.
+
+    H(z) = (0.04798 z + 0.0464) / (z^2 - 1.81 z + 0.9048) at 0.1 s: 2.0517 at 5.4374 rad/s,
+    13.5711 deg at 4.3544 rad/s.
+    """
+    omega = np.geomspace(0.5, 31.0, 2000)
+    z = np.exp(0.1j * omega)
+    found = margins(Curve(omega, (0.04798 * z + 0.0464) / (z**2 - 1.81 * z + 0.9048)))
+    ((turn, gain),), ((one, phase),) = found.gain, found.phase
+    assert 10.0 ** (gain / 20.0) == pytest.approx(2.0517, abs=1e-4)
+    assert turn == pytest.approx(5.4374, abs=1e-4)
+    assert np.degrees(phase) == pytest.approx(13.5711, abs=2e-4)
+    assert one == pytest.approx(4.3544, abs=1e-4)
+
+
+def test_margins_to_both_sides_of_a_conditionally_stable_vehicle():
+    """Ye, Quadrotor-Attitude-Control (github.com/Ye-Dehuo), README, yaw of a Quanser quadrotor.
+
+    2185 (s^2 + 2.687 s + 2.985) / (s^5 + 34.8 s^4 + 452 s^3): gain margins 0.29 and 5.75, phase
+    margin 36.22 deg, stable. Its root locus leaves stability at gains of 640 and 12564, that is
+    at 0.2929 and 5.750; three digits of its polynomial are worth 2 % of the lower.
+    """
+    found = margins(
+        curve(lambda s: 2185.0 * (s**2 + 2.687 * s + 2.985) / (s**5 + 34.8 * s**4 + 452.0 * s**3))
+    )
+    lower, upper = (10.0 ** (gain / 20.0) for _, gain in found.gain)
+    assert lower == pytest.approx(0.29, abs=0.005)
+    assert lower == pytest.approx(640.0 / 2185.0, rel=0.02)
+    assert upper == pytest.approx(5.75, abs=0.006)
+    assert np.degrees(found.least_phase) == pytest.approx(36.22, abs=0.005)
+    assert found.least_gain == pytest.approx(-20.0 * np.log10(lower))  # the nearer of both
+    assert found.stable
+
+
+def test_a_disk_margin():
+    """Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (5), 2020, its example.
+
+    L = 25 / (s^3 + 10 s^2 + 10 s + 10): gain margin 3.6, phase margin 29.1 deg; disk margin
+    0.46, which allows gains from 0.63 to 1.59 or phases to 26 deg.
+    """
+    loop = curve(lambda s: 25.0 / (s**3 + 10.0 * s**2 + 10.0 * s + 10.0))
+    classical, disk = margins(loop), disk_margin(loop)
+    assert 10.0 ** (classical.least_gain / 20.0) == pytest.approx(3.6, abs=0.05)
+    assert np.degrees(classical.least_phase) == pytest.approx(29.1, abs=0.05)
+    assert disk.alpha == pytest.approx(0.46, abs=0.005)
+    assert 10.0 ** (disk.gain / 20.0) == pytest.approx(1.59, abs=0.005)
+    assert 10.0 ** (-disk.gain / 20.0) == pytest.approx(0.63, abs=0.005)
+    assert np.degrees(disk.phase) == pytest.approx(26.0, abs=0.5)
+
+
+def test_modes_of_a_helicopter():
+    """The OH-58D in hover, of Ham, Gardner and Tischler, table 5.
+
+    "Flight Testing and Frequency Domain Analysis for Rotorcraft Handling Qualities
+    Characteristics", US Army Aviation Technical Test Center and Aeroflightdynamics Directorate.
+    Roll with flapping -2.916 +- 6.550j: 7.17 rad/s, 0.407; pitch with flapping -2.554 +- 3.877j:
+    4.64 rad/s, 0.550; yaw and sway -0.578 +- 0.349j: 0.675 rad/s, 0.856.
+    """
+    printed = {
+        -2.916 + 6.550j: (7.17, 0.407),
+        -2.554 + 3.877j: (4.64, 0.550),
+        -0.578 + 0.349j: (0.675, 0.856),
+    }
+    others = np.array([0.242, -0.269, 0.433, -0.398], dtype=complex)
+    for pole, (frequency, damping) in printed.items():
+        band = {"low": 0.7 * frequency, "high": 1.3 * frequency}
+        pair = np.array([pole, pole.conjugate()])
+        found = least_damped(np.concatenate([pair, 0.1 * others]), **band)
+        assert found.frequency == pytest.approx(frequency, abs=0.006)
+        assert found.damping == pytest.approx(damping, abs=6e-4)
+    every = np.concatenate([[one, np.conj(one)] for one in printed] + [others])
+    assert least_damped(every, low=1.0).frequency == pytest.approx(7.17, abs=0.006)
+
+
+class Transport:
+    """The transport aircraft of Stevens and Lewis, example 4.6-1, with its elevator's lag."""
+
+    inputs, outputs = ("lon",), ("theta", "q")
+    a = np.array(
+        [
+            [-0.0082354, 18.938, -32.170, 0.0, 5.9022e-05, 0.0],
+            [-0.00025617, -0.56761, 0.0, 1.0, 2.2633e-06, 0.0],
+            [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+            [1.3114e-05, -1.4847, 0.0, -0.47599, -1.4947e-07, 0.019781],
+            [0.0, -500.0, 500.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, -10.0],
+        ]
+    )
+    b = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 10.0])
+    c = 57.296 * np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+
+    def response(self, frequency):
+        s = 1j * frequency[:, None, None] * np.eye(6)
+        return np.moveaxis(self.c @ np.linalg.solve(s - self.a, self.b[:, None]), 0, -1)
+
+
+class PitchHold:
+    """u = 4 (theta_c - theta) - 2.5 q."""
+
+    inputs, outputs = ("theta", "q", "LON"), ("lon",)
+
+    def response(self, frequency):
+        return np.array([[-4.0, -2.5, 4.0]])[:, :, None] * np.ones(frequency.size)
+
+
+def test_a_closed_loop_is_the_one_that_is_printed():
+    """Stevens and Lewis, Aircraft Control and Simulation, 2nd edition, example 4.6-1.
+
+    The plant is printed, and in equation (3) theta over its command:
+    45.33 (s + 0.5567)(s + 0.01897)(s + 1.666e-4) / ((s + 1.999 +- 2.389j)(s + 6.646)(s + 0.3815)
+    (s + 0.02522)(s + 1.718e-4)). Four digits of each are worth 0.2 % and 0.1 deg.
+    """
+    omega = np.geomspace(0.01, 50.0, 200)
+    loop = ClosedLoop(Transport(), PitchHold(), omega)
+    s = 1j * omega
+    printed = 45.33 * (s + 0.5567) * (s + 0.01897) * (s + 1.666e-4)
+    printed /= ((s + 1.999) ** 2 + 2.389**2) * (s + 6.646) * (s + 0.3815)
+    printed /= (s + 0.02522) * (s + 1.718e-4)
+    np.testing.assert_allclose(loop.command("lon").response / printed, 1.0, atol=2e-3)
+    # and what is not printed but follows: S at the sensors is 1 - L / (1 + L)
+    broken = loop.broken("lon", "sensors").response
+    np.testing.assert_allclose(loop.disturbance("lon").response * (1.0 + broken), 1.0, atol=1e-9)
+    np.testing.assert_allclose(loop.broken("lon").response, broken, rtol=1e-9)  # one loop, one L
+
+
+def test_a_quickness():
+    """Ye, as above: a change of heading of 30 deg by 35.2 deg/s to a peak of 30.31 deg: 1.16."""
+    angle = np.radians([0.0, 12.0, 28.0, 30.31, 30.0, 30.1])
+    rate = np.radians([0.0, 35.2, 20.0, 0.0, -1.0, 0.5])
+    for sign in (1.0, -1.0):
+        found = quickness(sign * angle + 0.3, sign * rate)
+        assert found.ratio == pytest.approx(1.16, abs=0.005)
+        assert np.degrees(found.least) == pytest.approx(30.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("omega", "zeta", "delay"), [(4.0, 0.7, 0.05), (8.0, 1.0, 0.1)])
+@pytest.mark.parametrize("integral", [False, True])
+def test_bandwidth_is_where_the_phase_is_in_closed_form(omega, zeta, delay, integral):
+    """Second order with a delay, as attitude and as rate command, by root finding on its phase."""
+
+    def response(s):
+        answer = omega**2 / (s**2 + 2.0 * zeta * omega * s + omega**2) * np.exp(-s * delay)
+        return answer / s if integral else answer
+
+    def phase(w):
+        lag = np.arctan2(2.0 * zeta * omega * w, omega**2 - w**2)
+        return -lag - w * delay - (0.5 * np.pi if integral else 0.0)
+
+    neutral = brentq(lambda w: phase(w) + np.pi, 0.1, 200.0)
+    lag = brentq(lambda w: phase(w) + 0.75 * np.pi, 0.1, 200.0)
+    size = abs(response(1j * neutral))
+    double = brentq(lambda w: abs(response(1j * w)) - 2.0 * size, 0.05, neutral)
+    found = bandwidth(curve(response, GRID))
+    assert found.complete
+    # straight lines over log frequency between points 1.7 % apart
+    assert found.neutral == pytest.approx(neutral, rel=1e-4)
+    assert found.phase == pytest.approx(lag, rel=1e-4)
+    assert found.gain == pytest.approx(double, rel=1e-3)
+    assert found.delay == pytest.approx(-(phase(2.0 * neutral) + np.pi) / (2.0 * neutral), rel=1e-3)
+    assert found.rate == min(found.phase, found.gain)
+    fitted = bandwidth(curve(response, GRID), fit=True).delay
+    assert fitted == pytest.approx(found.delay, rel=0.05)  # the phase is nearly straight there
+
+
+def test_a_pure_delay_is_a_phase_delay_of_half_of_it():
+    """-180 deg - phase grows by delay x (2 w - w) from w to 2 w, and is counted over 2 w."""
+    found = bandwidth(curve(lambda s: np.exp(-0.08 * s) / s, GRID))
+    assert found.delay == pytest.approx(0.04, rel=1e-4)
+    assert found.neutral == pytest.approx(0.5 * np.pi / 0.08, rel=1e-4)
+
+
+@pytest.mark.parametrize("zeta", [0.3, 0.7])
+def test_rejection_of_a_second_order_loop_is_its_closed_form(zeta):
+    """S = s (s + 2 z w) / (s^2 + 2 z w s + w^2): DRB and DRP by the roots of its magnitude."""
+    omega = 5.0
+
+    def power(x):  # |S|^2 over (frequency / omega)^2
+        return x * (x + 4.0 * zeta**2) / ((1.0 - x) ** 2 + 4.0 * zeta**2 * x)
+
+    found = rejection(
+        curve(lambda s: s * (s + 2 * zeta * omega) / (s**2 + 2 * zeta * omega * s + omega**2), GRID)
+    )
+    half = brentq(lambda x: power(x) - 0.5, 1e-6, 1.0)
+    dense = np.geomspace(0.1, 100.0, 2_000_001)
+    assert found.bandwidth == pytest.approx(omega * np.sqrt(half), rel=1e-4)
+    assert found.peak == pytest.approx(10.0 * np.log10(power(dense).max()), abs=1e-4)
+
+
+def test_a_rate_limit_is_described_as_it_acts():
+    """A sine through a rate limit, stepped 20000 times a turn: its first harmonic.
+
+    The fitted cubics are off by up to 0.014, at their ends.
+    """
+    count = 20000
+    turn = 2.0 * np.pi * np.arange(6 * count) / count
+    wanted = np.sin(turn)
+    for excess in (0.5, 1.05, 1.3, 1.6, 1.85, 3.0):
+        most, now, given = 2.0 * np.pi / excess / count, 0.0, np.empty_like(wanted)
+        for k, one in enumerate(wanted.tolist()):
+            now += min(max(one - now, -most), most)
+            given[k] = now
+        harmonic = 2j * np.mean(given[-count:] * np.exp(-1j * turn[-count:]))
+        assert limited(np.array([excess]))[0] == pytest.approx(harmonic, abs=0.015)
+
+
+def test_a_step_from_a_response_is_that_of_the_loop():
+    """S = s / (s + 3) after a step: exp(-3 t)."""
+    time = np.linspace(0.05, 2.0, 40)
+    found = stepped(curve(lambda s: s / (s + 3.0), GRID), time)
+    np.testing.assert_allclose(found, np.exp(-3.0 * time), atol=2e-3)  # the band's ends
