@@ -353,3 +353,19 @@ def test_what_a_vehicle_can_not_fly_is_one_line(jr700, make, message):
     made = make()
     with pytest.raises(InputError, match=message):
         made.on(jr700.parameters)
+
+
+def test_a_multisine_is_flat_below_its_corner():
+    """Lines of one period: equal below, falling by half the slope in amplitude above."""
+    made = Multisine(
+        axis="lat", amplitude=0.1, band=(1.0, 80.0), period=20.0, duration=20.0, trim_time=0.0,
+        slope=4.0, corner=10.0,
+    )  # fmt: skip
+    time = np.arange(8000) / 400.0
+    lines = np.abs(np.fft.rfft(made.sticks(time)[:, 2]))
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(time.size, 1.0 / 400.0)
+    wanted = 1.0 / (1.0 + (frequency / 10.0) ** 2)
+    inside = lines > 1e-6 * lines.max()
+    ratio = lines[inside] / wanted[inside]
+    # the lines are exact: what is left is the rounding of the phases, 1e-6 rad
+    assert ratio == pytest.approx(ratio[0], rel=1e-5)

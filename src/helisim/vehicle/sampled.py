@@ -78,7 +78,7 @@ def close(
     Returns:
         Discrete StateSpace; inputs are the four sticks, or the cut command.
     """
-    plant = _sensed(base, gyro)
+    plant = sensed_base(base, gyro)
     law = gyro.system
     law_a, law_b = np.asarray(law.A), np.asarray(law.B)
     law_c, law_d = np.asarray(law.C), np.asarray(law.D)
@@ -121,7 +121,7 @@ def close(
 
 
 @dataclass(frozen=True, eq=False)
-class _Sensed:
+class SensedBase:
     """The base helicopter with its sensors, sampled: x+ = A x + B u, y = C x + D u.
 
     Attributes:
@@ -137,7 +137,16 @@ class _Sensed:
     seen: dict[str, Matrix]
 
 
-def _sensed(base: Linearization, gyro: SampledGyro) -> _Sensed:
+def sensed_base(base: Linearization, gyro: SampledGyro) -> SensedBase:
+    """Return the base helicopter as a law at its ticks sees it.
+
+    Args:
+        base: from IN1 to the motion, continuous.
+        gyro: whose period and latency it has, and which says whether forces are felt.
+
+    Raises:
+        ModelError: the latency is not a whole number of periods.
+    """
     system = base.system
     base_a, base_b = np.asarray(system.A), np.asarray(system.B)
     shown = slice(len(OUTPUTS))
@@ -171,7 +180,7 @@ def _sensed(base: Linearization, gyro: SampledGyro) -> _Sensed:
         seen |= {name: rows[[n + line + k]] for k, name in enumerate(ACCELERATIONS)}
     states = [*system.state_labels, *(f"{name}_{k}" for k in range(waits) for name in RATES)]
     states += [f"{name}_felt" for name in ACCELERATIONS] if feels else []
-    return _Sensed(a, b, output, d, states, seen)
+    return SensedBase(a, b, output, d, states, seen)
 
 
 def _felt_at(base: Linearization, place: tuple[float, float, float]) -> tuple[Matrix, Matrix]:

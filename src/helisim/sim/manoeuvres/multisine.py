@@ -11,7 +11,7 @@ time, so that every window of an estimate sees the axes move independently.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
@@ -31,6 +31,7 @@ from helisim.sim.excitation import (
     own_setting,
 )
 from helisim.sim.places import PLACES
+from helisim.sim.plain import UNSAID
 
 _CLIPPINGS = 600
 """Turns of clipping: twice as many lower the peak by less than a percent more."""
@@ -60,6 +61,7 @@ class Multisine(Excitation):
         period: s; a whole number of the gyro's periods. An axis has every n-th harmonic of it,
             n the number of axes.
         slope: of the power over frequency: 0 is flat, 1 the same in each octave.
+        corner: rad/s, below which the power is flat whatever the slope; 0 for none.
         phases: "low_peak", or "schroeder".
         trim_time: s of trimmed flight before, and again after.
         at: "sticks", "servos", "actuators" or "sensors".
@@ -71,6 +73,7 @@ class Multisine(Excitation):
     band: tuple[float, ...] | None = None
     period: float = 60.0
     slope: float = 0.0
+    corner: float = field(default=0.0, metadata=UNSAID)
     phases: Phases = "low_peak"
     trim_time: float = 3.0
 
@@ -88,8 +91,10 @@ class Multisine(Excitation):
                     f"{name} needs {each} number{'s' * (each > 1)} or {each * len(self.axes)} for "
                     f"the axes {self.axis}, got {len(given)}"
                 )
-        if not -4.0 <= self.slope <= 4.0:
-            raise InputError(f"slope must be a number from -4 to 4, got {self.slope}")
+        if not -8.0 <= self.slope <= 8.0:
+            raise InputError(f"slope must be a number from -8 to 8, got {self.slope}")
+        if not 0.0 <= self.corner < math.inf:
+            raise InputError(f"corner must be 0 rad/s or more, got {self.corner}")
         longest = self.duration - 2.0 * self.trim_time
         if not 0.0 < self.period <= longest + 1e-9:
             raise InputError(
@@ -172,8 +177,9 @@ class Multisine(Excitation):
         return [numbers[k : k + count] for k in range(0, len(numbers), count)]
 
     def _designs(self) -> dict[str, "Design"]:
+        corner = self.corner * self.period / (2.0 * math.pi)
         return {
-            axis: design(tuple(numbers.tolist()), self.slope, self.phases)
+            axis: design(tuple(numbers.tolist()), self.slope, self.phases, corner)
             for axis, numbers in self.harmonics.items()
         }
 
@@ -198,16 +204,17 @@ class Design:
 
 
 @lru_cache(maxsize=64)
-def design(numbers: tuple[int, ...], slope: float, phases: Phases) -> Design:
+def design(numbers: tuple[int, ...], slope: float, phases: Phases, corner: float = 0.0) -> Design:
     """Return the multisine of these harmonics.
 
     Args:
         numbers: of the harmonics, rising.
         slope: power goes as frequency to the minus `slope`.
         phases: how they are chosen.
+        corner: oscillations a period, below which the power is flat.
     """
     k = np.array(numbers)
-    height = k ** (-0.5 * slope)
+    height = np.hypot(k, corner) ** (-0.5 * slope)
     height /= np.sqrt(0.5 * np.sum(height**2))
     phase = schroeder_phases(height**2)
     if phases == "low_peak" and k.size > 2:
