@@ -1,21 +1,18 @@
 """Responses of many signals to what was injected, and samples of them by their errors."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.ident.responses.estimate import ErrorModel
+from helisim.handling.measured.errors import error_root
 from helisim.ident.responses.frf import frequency_response
 from helisim.ident.responses.local_scatter import LocalScatter
 from helisim.records.record import FlightRecord
 from helisim.records.value import Value
 
 Complex = NDArray[np.complex128]
-
-_RIDGE = 1e-10
-"""Of a covariance, over its largest variance: rounding leaves no eigenvalue below zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +61,7 @@ def estimate_driven(
     outputs: Sequence[str],
     band: tuple[float, float],
     late: Mapping[str, float],
+    pairs: Sequence[tuple[str, ...]] = (),
 ) -> list[Driven]:
     """Estimate what signals answer to each that was injected, the others' effect taken out.
 
@@ -75,42 +73,27 @@ def estimate_driven(
         outputs: the signals that answer.
         band: rad/s.
         late: channel -> s, by which its record is late; 0 if not given.
+        pairs: outputs that differ by what was injected, which share their bias.
 
     Raises:
         IdentificationError: the records are too short, or what was injected moved as one.
     """
     found = frequency_response(records, inputs=drives, outputs=outputs, band=band)
-    scatter = found.scatter
-    assert scatter is not None
+    scatter, alike = found.scatter, _alike(found.outputs, pairs)
+    assert isinstance(scatter, LocalScatter)  # of the default estimator
     driven = []
     for place, drive in enumerate(found.inputs):
         lag = np.array([late.get(name, 0.0) - late.get(drive, 0.0) for name in found.outputs])
         turn = np.exp(1j * np.outer(lag, found.frequency))
-        root = _root(scatter, place, turn.shape) * turn.reshape(-1, 1)
+        root = error_root(scatter, place, alike) * turn.reshape(-1, 1)
         response = found.response[:, place] * turn
         driven.append(Driven(drive, found.outputs, found.frequency, response, root, found.flags))
     return driven
 
 
-def _root(scatter: ErrorModel, place: int, shape: tuple[int, int]) -> Complex:
-    """Return a root of the covariance between all outputs and frequencies for one input."""
-    output, position = np.indices(shape).reshape(2, -1)
-    covariance = _smooth(scatter).covariance(output, np.full(output.size, place), position)
-    size = np.sqrt(np.maximum(np.real(np.diagonal(covariance)), 1e-300))
-    related = covariance / np.outer(size, size)
-    np.fill_diagonal(related, 1.0 + _RIDGE)
-    try:
-        return size[:, None] * np.linalg.cholesky(related)
-    except np.linalg.LinAlgError:
-        value, vector = np.linalg.eigh(related)
-        return size[:, None] * vector * np.sqrt(np.maximum(value, 0.0))
-
-
-def _smooth(scatter: ErrorModel) -> ErrorModel:
-    """Return the errors with what the choice of widths adds shared by neighbours, as the bias is.
-
-    Each point for itself it would make curves rough, and rough curves cross what smooth don't.
-    """
-    if not isinstance(scatter, LocalScatter) or scatter.spread is None:
-        return scatter
-    return replace(scatter, bias=np.hypot(scatter.bias, scatter.spread), spread=None)
+def _alike(outputs: Sequence[str], pairs: Sequence[tuple[str, ...]]) -> NDArray[np.intp]:
+    """Return a number for each output, equal for those of one pair."""
+    number = {name: place for place, name in enumerate(outputs)}
+    for pair in pairs:
+        number |= dict.fromkeys(pair, number[pair[0]])
+    return np.array([number[name] for name in outputs], dtype=np.intp)

@@ -51,13 +51,13 @@ class MeasuredCurves(Value):
     def command(self, axis: str, output: str | None = None) -> MeasuredCurve:
         """Return an output over the axis's stick. Raises NoResponse.
 
-        An angle that wasn't recorded follows from its rate.
+        An angle follows from its rate, of which less noise is recorded.
         """
         one = axis_of(axis)
         wanted = output or one.angle
         driven = self._driven(one.stick)
         rate = {other.angle: other.rate for other in BY_NAME.values()}.get(wanted)
-        if wanted not in driven.outputs and rate in driven.outputs:
+        if rate in driven.outputs:
             return self._over(one.stick, str(rate), integrated=True)
         return self._over(one.stick, wanted)
 

@@ -200,8 +200,7 @@ def _estimate(
     common = [name for name in part[0].names if all(name in one for one in part)]
     by_stick = all(name in IN2 for name in drives)
     if by_stick:
-        axes = BY_NAME.values()
-        wanted = [name for axis in axes for name in (axis.rate, axis.angle, axis.name)]
+        wanted = _answers(common, drives)
     else:
         injected = [cut for cut in cuts if cut.injected in drives]
         wanted = [name for cut in injected for name in cut.outputs]
@@ -219,11 +218,26 @@ def _estimate(
     with warnings.catch_warnings():
         for category in (CrossControlWarning, RecordQualityWarning):  # they are among the flags
             warnings.simplefilter("ignore", category)
-        found = estimate_driven(part, drives, outputs, band or excited_band(part, drives), late)
-    remarks = list(found[0].flags)
+        found = estimate_driven(
+            part,
+            drives,
+            outputs,
+            band or excited_band(part, drives),
+            late,
+            [cut.outputs for cut in cuts if set(cut.outputs) <= set(outputs)],
+        )
+    # what was injected is known as it is: a multisine's peaks are no spikes
+    remarks = [one for one in found[0].flags if not any(repr(name) in one for name in drives)]
     if not by_stick:
         remarks += _held(part, drives)
     return found, remarks
+
+
+def _answers(common: Sequence[str], sticks: Sequence[str]) -> list[str]:
+    """Return what answers to sticks: rates, angles without one, the swept axes' commands."""
+    axes = BY_NAME.values()
+    wanted = [axis.rate if axis.rate in common else axis.angle for axis in axes]
+    return wanted + [axis.name for axis in axes if axis.stick in sticks]
 
 
 def _held(part: Sequence[FlightRecord], drives: Sequence[str]) -> list[str]:

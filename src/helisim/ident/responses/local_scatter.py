@@ -74,7 +74,7 @@ class LocalScatter(Value):
             position: (n_point,) index of the frequency.
         """
         o, i, w = (np.asarray(index, dtype=np.intp) for index in (output, input_, position))
-        root = self._noise_root()[w, o]
+        root = self.noise_root()[w, o]
         total = np.zeros((w.size, w.size), dtype=np.complex128)
         distinct = np.unique(w)
         mine = {int(at): np.flatnonzero(w == at) for at in distinct}
@@ -139,7 +139,7 @@ class LocalScatter(Value):
         mixing[np.arange(output.size), :, input_] = share.T
         return mixing.reshape(output.size, -1)
 
-    def _noise_root(self) -> NDArray[np.complex128]:
+    def noise_root(self) -> NDArray[np.complex128]:
         """Return R with S = R R*, smooth in frequency as S is, (n_freq, n_out, n_out)."""
         value, vector = np.linalg.eigh(self.noise)
         scaled = vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]
