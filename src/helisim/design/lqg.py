@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
 
 from helisim.design.following import followed
+from helisim.design.lqg_model import lqg_model
+from helisim.design.plant import Plant
 from helisim.design.stabilisable import check_moved, check_shown
 from helisim.errors import InputError, UnknownNameError
 from helisim.laws.state_space import LIMIT, StateSpaceLaw
@@ -173,7 +175,7 @@ def regulator(
 
 
 def lqg(
-    model: "control.StateSpace",
+    model: "control.StateSpace | Plant",
     tracked: Sequence[Tracked],
     weights: LqgWeights | None = None,
     *,
@@ -185,7 +187,7 @@ def lqg(
     A command that the model doesn't have is its stick's: col follows COL.
 
     Args:
-        model: as for `regulator`.
+        model: as for `regulator`, or an identified plant, of which `lqg_model` makes one.
         tracked: what sticks command, at most one for each of the model's commands.
         weights: sizes of errors, commands, disturbances and noise.
         name: of the law.
@@ -198,6 +200,8 @@ def lqg(
     weights = weights or LqgWeights()
     if not tracked:
         raise InputError("nothing is tracked: name at least one output that a stick commands")
+    if isinstance(model, Plant):
+        model = lqg_model(model)
     found = regulator(model, tracked, weights)
     law = _Assembled(found, tracked)
     sticks = [one.stick for one in tracked]
