@@ -55,6 +55,8 @@ SHOWN_BY = "helisim.output.notebook"
 def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'helisim' has no attribute {name!r}")
+    if _HOMES[name] == __name__:  # a room of the house
+        return import_module(f"{__name__}.{name}")
     return getattr(import_module(_HOMES[name]), name)
 
 

@@ -1,5 +1,6 @@
 """The public names and where they live, read by `__init__.py`, by type checkers and editors."""
 
+from helisim import laws as laws
 from helisim.design.design import design as design
 from helisim.design.lqg import LqgWeights as LqgWeights
 from helisim.design.lqg import Tracked as Tracked

@@ -55,7 +55,7 @@ def test_replace_changes_what_is_tuned():
     [
         ({"kind": "attitude"}, "unknown kind of law 'attitude'; available: attitude_command"),
         ({"version": 2}, "version 2: this helisim reads version = 1"),
-        ({"rol": {}}, "unknown name in the law 'rol'"),
+        ({"roll": {}}, "unknown name in the law 'roll'.*called by its servo command: lat"),
         ({"ped": None}, r"a law of kind attitude_command lacks \[ped\]"),
         ({"lat": {"stick": 1.0}}, r"\[lat\] lacks frequency, k_angle, k_rate"),
         ({"lat": {"k_rte": 1.0}}, r"unknown name in \[lat\] 'k_rte'.*did you mean k_rate"),

@@ -7,19 +7,21 @@ if TYPE_CHECKING:
     from helisim.laws.attitude_command import AttitudeAxis, AttitudeCommand, HeaveAxis, YawAxis
     from helisim.laws.filters import Filter, Lead, Lowpass, Notch
     from helisim.laws.law import Law, law_of, read_law, register
-    from helisim.laws.probed import probed
+    from helisim.laws.probe import probed
     from helisim.laws.rate_command import CollectiveAxis, RateAxis, RateCommand, YawRateAxis
     from helisim.laws.sampled_law import LinearLaw, SampledLaw
     from helisim.laws.state_space import StateSpaceLaw
+    from helisim.laws.tables import TabledLaw
 
 _HOMES = {
     "attitude_command": ("AttitudeAxis", "AttitudeCommand", "HeaveAxis", "YawAxis"),
     "filters": ("Filter", "Lead", "Lowpass", "Notch"),
     "law": ("Law", "law_of", "read_law", "register"),
-    "probed": ("probed",),
+    "probe": ("probed",),
     "rate_command": ("CollectiveAxis", "RateAxis", "RateCommand", "YawRateAxis"),
     "sampled_law": ("LinearLaw", "SampledLaw"),
     "state_space": ("StateSpaceLaw",),
+    "tables": ("TabledLaw",),
 }
 """Module -> what it has; loaded on first use, as reading a file needs no simulator."""
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
@@ -39,6 +41,7 @@ __all__ = [
     "RateCommand",
     "SampledLaw",
     "StateSpaceLaw",
+    "TabledLaw",
     "YawAxis",
     "YawRateAxis",
     "law_of",

@@ -136,7 +136,7 @@ class AttitudeCommand(TabledLaw):
         phase: angle by which the pair (lat, lon) is turned to what the swashplate gets, rad: a
             rotor that follows late answers a command in one axis in the other too.
         delay: time that the law computes, s, in whole ticks.
-        name: for messages and records.
+        name: for messages and records; by itself the kind.
     """
 
     kind: ClassVar[str] = "attitude_command"
@@ -152,7 +152,6 @@ class AttitudeCommand(TabledLaw):
     col: HeaveAxis = field(default_factory=HeaveAxis)
     phase: float = 0.0
     delay: float = 0.0
-    name: str = "attitude_command"
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from helisim.laws import attitude_kernel as kernel
 from helisim.laws.attitude_command import AttitudeAxis, AttitudeCommand, YawAxis, command_model
-from helisim.laws.probed import probed
+from helisim.laws.probe import probed
 from helisim.laws.sampled_law import SampledLaw
 from helisim.records.channels import IN1
 from helisim.records.value import Value

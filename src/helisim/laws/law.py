@@ -141,9 +141,14 @@ def read_law(path: str | PathLike[str]) -> Law:
         raise InputError(f"{path}: {error}") from None
 
 
+_WORDS = {"roll": "lat", "pitch": "lon", "yaw": "ped", "heave": "col", "collective": "col"}
+
+
 def check_names(where: str, given: Iterable[str], known: Iterable[str]) -> None:
     """Raise UnknownNameError for the first of the names given in a table that isn't known."""
     known = tuple(known)
     for name in given:
         if name not in known:
-            raise UnknownNameError(f"name in {where}", name, known)
+            axis = _WORDS.get(str(name).casefold())
+            advice = f"an axis is called by its servo command: {axis}" if axis in known else ""
+            raise UnknownNameError(f"name in {where}", name, known, advice=advice)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.laws.law import register
-from helisim.laws.probed import probed
+from helisim.laws.probe import probed
 from helisim.laws.rate_kernel import COMPILED, SETTINGS, TRIMMED, Trimmed
 from helisim.laws.sampled_law import SampledLaw
 from helisim.laws.tables import TabledLaw
@@ -101,7 +101,7 @@ class RateCommand(TabledLaw):
         derivative_filter: of that of their derivatives, s.
         attitude_lock: by which the cyclic integrals are multiplied: 1 keeps the attitude.
         anti_windup: whether an integral stands still while its command is at its limit.
-        name: for messages and records.
+        name: for messages and records; by itself the kind.
     """
 
     kind: ClassVar[str] = "rate_command"
@@ -121,7 +121,6 @@ class RateCommand(TabledLaw):
     derivative_filter: float = 0.006
     attitude_lock: float = 1.0
     anti_windup: bool = True
-    name: str = "rate_command"
 
     @classmethod
     def of(cls, vehicle: "Vehicle") -> Self:

@@ -20,17 +20,18 @@ class TabledLaw(Law):
         not_negative: names of numbers that aren't below 0.
         not_tuned: names of numbers that no tuning changes.
         flags: names of what is true or false.
-        name: for messages and records.
+        name: for messages and records; by itself the kind.
     """
 
-    tables: ClassVar[Mapping[str, type]]
+    tables: ClassVar[Mapping[str, type]] = {}
     positive: ClassVar[tuple[str, ...]] = ()
     not_negative: ClassVar[tuple[str, ...]] = ()
     not_tuned: ClassVar[tuple[str, ...]] = ()
     flags: ClassVar[tuple[str, ...]] = ()
-    name: str
+    name: str = ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.name or self.kind)
         for key, value in vars(self).items():
             kind = self.tables.get(key)
             if kind is None:
