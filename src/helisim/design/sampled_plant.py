@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from helisim.ident.model import evaluate
 from helisim.ident.model.structure import Structure
 from helisim.records.channels import ATTITUDES as ANGLES
 from helisim.records.channels import RATES
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +38,23 @@ class SampledPlant:
     period: float
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+
+    @property
+    def system(self) -> "control.StateSpace":
+        """It as python-control's discrete StateSpace."""
+        import control  # which brings pyplot
+
+        return control.StateSpace(
+            self.a,
+            self.b,
+            self.c,
+            self.d,
+            self.period,
+            inputs=list(self.inputs),
+            outputs=list(self.outputs),
+            name="plant",
+            remove_useless_states=False,
+        )
 
 
 @dataclass(frozen=True)

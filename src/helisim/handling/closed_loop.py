@@ -8,7 +8,7 @@ approximation of delays.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from helisim.handling.axis import Axis, axis_of
 from helisim.handling.curve import Curve
 from helisim.handling.loop import GRID, History, NoResponse
 from helisim.handling.sampled_loop import SampledLoop, sampled_form
+
+if TYPE_CHECKING:
+    import control
 
 Response = NDArray[np.complex128]
 Added = Mapping[int, Response]
@@ -132,6 +135,21 @@ class ClosedLoop:
         Known where the poles are.
         """
         return self._sampled.step(axis, size=size, duration=duration)
+
+    def system(self, cut: str | None = None) -> "control.StateSpace":
+        """Return it as python-control's discrete StateSpace, from sticks to what is sensed.
+
+        Args:
+            cut: axis at whose servo command the loop is cut; that command is then an input too,
+                and minus its answer is the broken loop L.
+
+        Raises:
+            NoResponse: plant or law is known by its responses alone, or there is no such command.
+        """
+        if cut is not None:
+            cut = self.axes[self._place(cut)]
+        closed = self._sampled
+        return SampledLoop(closed.plant, closed.law, cut).system
 
     @cached_property
     def _sampled(self) -> SampledLoop:

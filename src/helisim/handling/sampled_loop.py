@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, TypeGuard
+from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from scipy.linalg import block_diag
 from helisim.errors import InputError
 from helisim.handling.axis import axis_of
 from helisim.handling.loop import History, NoResponse
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 
@@ -85,6 +88,8 @@ class SampledLoop:
     Attributes:
         plant: from the commands to what is sensed, which the commands held between ticks move.
         law: from what is sensed and the sticks to the commands, positive feedback.
+        cut: command at which the loop is cut: what the law says there moves nothing, and something
+            else goes to the plant instead.
 
     Raises:
         InputError: they have different ticks.
@@ -93,6 +98,7 @@ class SampledLoop:
 
     plant: Sampled
     law: Sampled
+    cut: str | None = None
 
     def __post_init__(self) -> None:
         if abs(self.plant.period - self.law.period) > _SAME:
@@ -138,19 +144,11 @@ class SampledLoop:
         if stick not in self.law.inputs:
             names = ", ".join(self.law.inputs)
             raise NoResponse(f"the law has no stick {stick!r}: it has {names}")
-        column = self.law.inputs.index(stick)
-        direct = self._solved @ self.law.d[:, column] * size
+        column = self.inputs.index(stick)
         shown = np.vstack([self.commands, self.sensed])
-        through = np.concatenate([direct, self._direct @ direct])
-        n = len(self.plant.a)
-        push = np.concatenate(
-            [
-                self._plant_by @ direct,
-                self.law.b[:, column] * size + self._law_by @ self._direct @ direct,
-            ]
-        )
+        push, through = (one[:, column] * size for one in self.driven)
         ticks = np.arange(round(duration / self.law.period) + 1)
-        state = np.zeros(n + len(self.law.a))
+        state = np.zeros(len(self.a))
         rows = np.empty((ticks.size, len(shown)))
         for k in ticks:
             rows[k] = shown @ state + through
@@ -160,15 +158,65 @@ class SampledLoop:
         time = np.asarray(ticks * self.law.period, dtype=np.float64)
         return History(time, {stick: np.full(ticks.size, size), **signals})
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """What moves the loop: what the law sees and the plant doesn't say, and the cut command."""
+        sticks = tuple(name for name in self.law.inputs if name not in self.plant.outputs)
+        return sticks if self.cut is None else (*sticks, self.cut)
+
+    @cached_property
+    def driven(self) -> tuple[Array, Array]:
+        """How inputs move the states, (n_state, n_in), and at once what the loop shows.
+
+        It shows commands, then what is sensed, (n_command + n_out, n_in).
+        """
+        fed = _columns(self.law.d, self.law.inputs, self.inputs)
+        moved = _columns(self.law.b, self.law.inputs, self.inputs)
+        cut = (self.cut,) if self.cut else ()
+        outside = [name if name in cut else "" for name in self.inputs]
+        by = _columns(self.plant.b, self.plant.inputs, outside)
+        through = _columns(self.plant.d, self.plant.inputs, outside)
+        commands = self._solved @ (fed + self._feedback @ through)
+        sensed = through + self._direct @ commands
+        states = np.vstack([by + self._plant_by @ commands, moved + self._law_by @ sensed])
+        return states, np.vstack([commands, sensed])
+
+    @property
+    def system(self) -> "control.StateSpace":
+        """It as python-control's discrete StateSpace, from `inputs` to what is sensed and commands.
+
+        Positive feedback: cut at a command, the loop's L is minus that command over itself.
+        """
+        import control  # which brings pyplot
+
+        states, shown = self.driven
+        n = len(self.law.outputs)
+        return control.StateSpace(
+            self.a,
+            states,
+            np.vstack([self.sensed, self.commands]),
+            np.vstack([shown[n:], shown[:n]]),
+            self.law.period,
+            inputs=list(self.inputs),
+            outputs=[*self.plant.outputs, *self.law.outputs],
+            name="closed_loop" if self.cut is None else f"loop_at_{self.cut}",
+            remove_useless_states=False,
+        )
+
+    @property
+    def _reached(self) -> tuple[str, ...]:
+        """The law's commands, nameless where they are cut."""
+        return tuple("" if name == self.cut else name for name in self.law.outputs)
+
     @cached_property
     def _plant_by(self) -> Array:
         """How the law's commands move the plant's states, (n_state, n_command)."""
-        return _columns(self.plant.b, self.plant.inputs, self.law.outputs)
+        return _columns(self.plant.b, self.plant.inputs, self._reached)
 
     @cached_property
     def _direct(self) -> Array:
         """What is sensed at once of the law's commands, (n_out, n_command)."""
-        return _columns(self.plant.d, self.plant.inputs, self.law.outputs)
+        return _columns(self.plant.d, self.plant.inputs, self._reached)
 
     @cached_property
     def _law_by(self) -> Array:
