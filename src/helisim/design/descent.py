@@ -38,7 +38,8 @@ class Trial:
     """What one law is worth.
 
     Attributes:
-        distances: (n_distance,) of each specification in each model, positive inside Level 1.
+        distances: (n_distance,) of each specification in each model, positive inside Level 1;
+            inf where it isn't asked for.
         cost: to be made small where the distances allow it.
     """
 
@@ -70,7 +71,10 @@ class Goal:
 
     def shortfalls(self, trial: Trial) -> Vector:
         """Return every shortfall, (n_distance,), 0 where nothing is short."""
-        return np.maximum(0.0, self.rigour * (self.distances - trial.distances))
+        asked = np.isfinite(self.distances)
+        short = np.zeros(asked.size)
+        short[asked] = (self.distances - trial.distances)[asked]
+        return np.maximum(0.0, self.rigour * short)
 
     def shortfall(self, trial: Trial) -> float:
         """Return the worst shortfall, 0 where nothing is short."""
@@ -124,7 +128,7 @@ def descend(
             break
         there, gained = _taken(worth, here, step, goal, box)
         if there is not None and gained <= _ACCEPTED * foreseen:
-            bent = there.trial.distances - here.trial.distances - slopes[0] @ step
+            bent = _over(there.trial.distances, here.trial.distances) - slopes[0] @ step
             step, _ = _step(here, slopes, goal, box, radius, bent)
             there, gained = _taken(worth, here, step, goal, box)
         if there is not None and gained > _ACCEPTED * foreseen:
@@ -151,6 +155,14 @@ def _taken(
     return Point(there, trial), goal.merit(here.trial) - goal.merit(trial)
 
 
+def _over(after: Vector, before: Vector) -> Vector:
+    """Return by how much distances, (n_distance,), grew, 0 where they aren't asked for."""
+    found = np.zeros(after.size)
+    known = np.isfinite(after)
+    found[known] = after[known] - before[known]
+    return found
+
+
 def _slopes(
     worth: Worth, here: Point, box: tuple[Vector, Vector]
 ) -> tuple[NDArray[np.float64], Vector]:
@@ -164,7 +176,7 @@ def _slopes(
             there[k] += step
             trial = worth(there, near=True)
             if trial is not None:
-                jacobian[:, k] = (trial.distances - here.trial.distances) / step
+                jacobian[:, k] = _over(trial.distances, here.trial.distances) / step
                 gradient[k] = (trial.cost - here.trial.cost) / step
                 break
     return jacobian, gradient
@@ -191,10 +203,10 @@ def _step(
     """
     jacobian, gradient = slopes
     wanted = np.isfinite(goal.distances)
-    short = goal.distances - here.trial.distances
+    short = goal.distances[wanted] - here.trial.distances[wanted]
     if bent is not None:
-        short = short - bent
-    rigour, short = goal.rigour[wanted], short[wanted]
+        short = short - bent[wanted]
+    rigour = goal.rigour[wanted]
     n, m = here.at.size, short.size
     # the unknowns: steps up, steps down, the worst shortfall, each shortfall
     moved = -jacobian[wanted] * rigour[:, None]

@@ -147,6 +147,7 @@ class Phases:
         rigour: float = _RIGOUR,
     ) -> Goal:
         wanted = np.where(self._hard, hard, np.where(self._soft, soft, -np.inf))
+        wanted = np.where(self._problem.widened, wanted, np.minimum(wanted, -_HELD))
         counts = np.where(self._hard, rigour, 1.0)
         models = len(self._which)
         return Goal(np.tile(wanted, models), np.tile(counts, models), cost)
@@ -157,11 +158,16 @@ class Phases:
     def _worst(self, at: Vector) -> float:
         """Return the worst distance of what is hard or soft, in the models designed with."""
         trial = self._worth(at)
-        return -np.inf if trial is None else float(np.min(self._asked(trial)))
+        if trial is None:
+            return -np.inf
+        return float(np.min(self._asked(trial)))
 
     def _asked(self, trial: Trial) -> Vector:
-        wanted = np.tile(self._hard | self._soft, len(self._which))
-        return trial.distances[wanted]
+        """Return the distances that count, (n_distance,): inf where nothing more is wanted."""
+        count = trial.distances.size // len(self._hard)
+        kept = ~np.tile(self._problem.widened, count) & (trial.distances >= -_HELD)
+        counts = np.tile(self._hard | self._soft, count) & ~kept
+        return np.where(counts, trial.distances, np.inf)
 
     def _worse(self, at: Vector, margin: float) -> tuple[int, ...]:
         """Return the models that miss a margin in which no other is worse."""
@@ -171,7 +177,7 @@ class Phases:
             trial = self._problem.trial(at, (k,))
             if trial is None:
                 return (k,)
-            asked = np.where(self._hard | self._soft, trial.distances, np.inf)
+            asked = self._asked(trial)
             for spec in np.flatnonzero(asked < margin - _HELD).tolist():
                 found[spec] = min(found.get(spec, (np.inf, k)), (float(asked[spec]), k))
         return tuple(sorted({k for _, k in found.values()}))

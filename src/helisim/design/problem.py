@@ -11,7 +11,7 @@ from helisim.design.descent import Trial
 from helisim.design.free import Free, box, coordinates, values
 from helisim.design.kept import Kept
 from helisim.handling.closed_loop import ClosedLoop, Linear
-from helisim.handling.criteria import Rating
+from helisim.handling.criteria import PoleLimits, Rating
 from helisim.handling.loop import Loop
 from helisim.handling.spec import Spec
 from helisim.laws.law import Law
@@ -105,15 +105,24 @@ class Problem:
         loops = self.loops(at, which)
         if not near and any(slowest(loop) > 0.0 for loop in loops):
             return None
-        rated = [self.rate(loop) for loop in loops]
-        distances = np.array([[one.distance for one in model] for model in rated])
-        return Trial(distances.ravel(), self.cost(rated[0]))
+        asked = np.flatnonzero(self.of_kind("hard", "soft"))
+        distances = np.full((len(loops), len(self.specs)), np.inf)
+        for row, loop in zip(distances, loops):
+            row[asked] = [self.specs[k].criterion.rate(loop).distance for k in asked]
+        return Trial(distances.ravel(), self.cost(loops[0]))
 
-    def cost(self, ratings: Ratings) -> float:
-        """Return the summed objective: how far objectives are from their boundaries, inside < 0."""
-        return -sum(
-            one.distance for one, spec in zip(ratings, self.specs) if spec.kind == "objective"
-        )
+    def cost(self, loop: Loop) -> float:
+        """Return the summed objective: how far objectives are from their borders, inside < 0."""
+        aims = [one.criterion for one in self.specs if one.kind == "objective"]
+        return -sum(one.rate(loop).distance for one in aims)
+
+    @property
+    def widened(self) -> NDArray[np.bool_]:
+        """Which specifications a design margin is asked of, (n_spec,).
+
+        Not of poles: integrals of what is commanded stand at 0 whatever the law does.
+        """
+        return np.array([not isinstance(one.criterion, PoleLimits) for one in self.specs])
 
     def of_kind(self, *kinds: str) -> NDArray[np.bool_]:
         """Return which specifications are of some kinds, (n_spec,)."""

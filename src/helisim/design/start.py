@@ -33,14 +33,14 @@ _HOLD = {"cyclic": 15.0, "pedals": 2.0}
 itself, so its attitude can be fed back with little rate; yaw needs its rate."""
 _YAW = 5.0
 """rad/s, crossover of the yaw rate's loop at first."""
-_SLOW = 0.2
+_SLOW = 2.0
 """rad/s: ratio of integral to attitude at first."""
 _LEAD = (40.0, 200.0)
 """rad/s, zero and pole of the lead at first."""
 _MOVED = {
     "k_angle": (0.05, 60.0),
     "k_rate": (0.2, 60.0),
-    "k_integral": (0.05, 300.0),
+    "k_integral": (0.3, 300.0),
     "filter_1.zero": (0.2, 4.0),
     "filter_1.pole": (0.3, 3.0),
     "frequency": (0.4, 4.0),

@@ -21,6 +21,8 @@ _LEAST_GAIN = 6.0
 """dB, kept at every point."""
 _GAIN_UNIT, _PHASE_UNIT = 3.0, 22.5 * RAD_PER_DEG
 """dB and rad, that count as one unit of distance: those between Levels 1 and 2."""
+_TOP = 100.0
+"""rad/s: more is not looked for, near the end of what models are known for."""
 _STEPS = 25
 
 
@@ -109,7 +111,7 @@ def _most(problem: Problem, start: Vector, axis: str, floor: float) -> Vector:
         gain, phase, bandwidth, _ = _figures(loop, axis)
         kept = [(gain - _LEAST_GAIN) / _GAIN_UNIT, (phase - floor) / _PHASE_UNIT]
         others = [one.distance for one in problem.rate(loop)]
-        return Trial(np.array(kept + others), -float(np.log(bandwidth)))
+        return Trial(np.array(kept + others), -float(np.log(min(bandwidth, _TOP))))
 
     trial = worth(start)
     if trial is None:

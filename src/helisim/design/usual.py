@@ -1,0 +1,72 @@
+"""The specifications that a design has where none are given."""
+
+from dataclasses import replace
+
+from helisim.design.problem import closed
+from helisim.handling.closed_loop import Linear
+from helisim.handling.criteria import (
+    ActuatorOnset,
+    ActuatorUse,
+    Crossover,
+    DisturbanceRejection,
+    Limit,
+    PoleLimits,
+)
+from helisim.handling.figures.rejection import rejection
+from helisim.handling.froude import Froude
+from helisim.handling.loop import GRID
+from helisim.handling.spec import Spec
+from helisim.handling.standards import ATTITUDES, standard
+from helisim.laws.law import Law
+
+BETTER = {"lat": 1.3, "lon": 1.3, "ped": 1.0}
+"""Disturbance rejection bandwidth over that of the law before."""
+TASK = "ads33e_other_divided"
+"""Of ADS-33E-PRF: all tasks but target acquisition, with divided attention."""
+_GROWTH = Limit(1e-3, 0.05)
+"""1/s: integrals of what is commanded stand at 0, but for rounding."""
+_FAST = Limit(30.0, 60.0)
+"""rad/s, of an objective: only how crossovers weigh against actuator use depends on it."""
+
+
+def usual_specs(
+    plant: Linear, before: Law, *, period: float, diameter: float, rate_limit: float
+) -> tuple[Spec, ...]:
+    """Return what is asked of a law that replaces another one on a small helicopter.
+
+    Hard: stability, and margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay
+    and damping of ADS-33E-PRF, and rejection of disturbances, scaled by Froude's law; in roll and
+    pitch 1.3 times the rejection bandwidth of the law before, in yaw as much as that, where this
+    is more. Objective: crossovers, and what the actuators do. The rest of the standards is
+    checked.
+
+    Args:
+        plant: nominal.
+        before: the law that is replaced.
+        period: s, between ticks.
+        diameter: of the rotor, m.
+        rate_limit: of the servos' commands, unitised, a second.
+    """
+    scale = Froude.of(diameter).ratio
+    loop = closed(plant, before.linear(period), GRID)
+    found = [Spec(PoleLimits(growth=_GROWTH), "hard")]
+    found += [one for one in standard("margins") if not isinstance(one.criterion, PoleLimits)]
+    for spec in standard("disturbance_rejection", scale=scale):
+        axis = spec.criterion.axis
+        own = rejection(loop.disturbance(axis)).bandwidth
+        usual = spec.criterion.limits["drb"]
+        wanted = Limit(BETTER[axis] * own, own if BETTER[axis] > 1.0 else 0.75 * own)
+        more = isinstance(usual, Limit) and wanted.level1 > usual.level1
+        found.append(
+            replace(spec, criterion=DisturbanceRejection(axis=axis, bandwidth=wanted))
+            if more
+            else spec
+        )
+    found += standard(TASK, scale=scale)
+    for axis in ATTITUDES:
+        found += [
+            Spec(Crossover(axis=axis, frequency=_FAST), "objective"),
+            Spec(ActuatorUse(axis=axis, rate_limit=rate_limit, scale=scale), "objective"),
+            Spec(ActuatorOnset(axis=axis, rate_limit=rate_limit), "check"),
+        ]
+    return tuple(found)
