@@ -1,10 +1,9 @@
 """A continuous system behind held inputs, at ticks, delays of any length exact.
 
 Over a period every input has two values: the older one up to the remainder of its delay, then the
-next (Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3, systems with a
-delay). A system may lead
-by up to a period, as a model does whose delay was identified a little too short: it is then read
-that much later.
+next (Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3, systems with a time
+delay). A system may lead by up to a period, as a model does whose delay was identified a little
+too short: it is then read that much later.
 """
 
 from collections.abc import Sequence
