@@ -3,9 +3,9 @@
 The structures are those of `known`. On the records of `helisim reproduce`, five seeds, they predict
 the JR700's loops with its own gyro, with twice its gains and with two attitude laws: crossovers and
 disturbance rejection to 0.6 %, bandwidths to 0.7 %, phase margins to 0.6 degrees, gain margins to
-0.13 dB in roll and pitch and 0.2 dB in yaw, phase delays to 0.1 ms. The paper's own structures, where a
-delay stands for the servos, miss a fast yaw loop's crossover by 5 %: at 80 rad/s they are 14 %
-too large.
+0.13 dB in roll and pitch and 0.2 dB in yaw, phase delays to 0.1 ms. The paper's own structures,
+where a delay stands for the servos, miss a fast yaw loop's crossover by 5 %: at 80 rad/s they are
+14 % too large.
 """
 
 from collections.abc import Mapping, Sequence
