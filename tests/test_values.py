@@ -139,6 +139,10 @@ def values(jr700, tmp_path_factory):
         "ArduPilotModel": hs.ArduPilotModel({"Nr": -2.0, "Nped": 63.0}),
         "IdentifiedModel": item,
         "Results": results,
+        "Spec": hs.standard("disturbance_rejection", scale=10.7)[0],
+        "Froude": hs.Froude.of(1.534),
+        "Criterion": hs.criteria.AttitudeQuickness(axis="lat"),
+        "Rating": hs.criteria.Damping().rated({"damping": 0.5, "frequency": 7.0}),
         "Run": Run(results, (item,), {"lat": (record,)}),
     }
 
@@ -183,7 +187,8 @@ NAMES = [
         "Trace",
     ),
     *("Cut", "MeasuredMargins", "Plant", "Tracked", "LqgWeights", "StateSpaceLaw"),
-    *("ArduPilotModel", "IdentifiedModel", "Results", "Run"),
+    *("ArduPilotModel", "IdentifiedModel", "Results"),
+    *("Spec", "Froude", "Criterion", "Rating", "Run"),
 ]
 ABSTRACT = {"Excitation"}
 """Public classes without an instance of their own."""

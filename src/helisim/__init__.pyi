@@ -6,9 +6,15 @@ from helisim.design.lqg import LqgWeights as LqgWeights
 from helisim.design.lqg import Tracked as Tracked
 from helisim.design.lqg import lqg as lqg
 from helisim.design.plant import Plant as Plant
+from helisim.handling import criteria as criteria
+from helisim.handling.froude import Froude as Froude
 from helisim.handling.measured.cut import Cut as Cut
 from helisim.handling.measured.margins import MeasuredMargins as MeasuredMargins
 from helisim.handling.measured.margins import margins as margins
+from helisim.handling.spec import Spec as Spec
+from helisim.handling.spec import read_specs as read_specs
+from helisim.handling.spec import write_specs as write_specs
+from helisim.handling.standards import standard as standard
 from helisim.ident import Fit as Fit
 from helisim.ident import FrequencyResponse as FrequencyResponse
 from helisim.ident import Mode as Mode

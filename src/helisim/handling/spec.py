@@ -19,7 +19,6 @@ from os import PathLike
 from typing import Any, get_args
 
 from helisim.errors import HelisimError, InputError, UnknownNameError
-from helisim.handling import criteria
 from helisim.handling.criteria import Border, Criterion, Limit
 from helisim.records.files import atomic_write, read_toml, toml_value
 from helisim.units import RAD_PER_DEG
@@ -27,13 +26,6 @@ from helisim.units import RAD_PER_DEG
 KINDS = ("hard", "soft", "objective", "check")
 """What a criterion is in a design: kept whatever it costs; brought to Level 1; made as good as
 the others let it be; looked at only."""
-
-CRITERIA: dict[str, type[Criterion]] = {
-    one.name: one
-    for one in vars(criteria).values()
-    if isinstance(one, type) and issubclass(one, Criterion) and one is not Criterion
-}
-"""Criteria by the name that files call them."""
 
 _DEGREES = "_deg"
 _BORDER = ("along", "level1", "level2")
@@ -48,19 +40,33 @@ class Spec:
         kind: "hard", "soft", "objective" or "check".
 
     Raises:
-        UnknownNameError: there is no such kind.
+        InputError: the criterion is none, or there is no such kind.
     """
 
     criterion: Criterion
     kind: str = "soft"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.criterion, Criterion):
+            raise InputError(f"a specification is of a criterion, got {self.criterion!r:.60}")
         if self.kind not in KINDS:
             raise UnknownNameError("kind of specification", self.kind, KINDS)
 
     def scaled(self, scale: float) -> "Spec":
         """Return it for a vehicle that is smaller by a ratio of lengths; see `froude`."""
         return replace(self, criterion=replace(self.criterion, scale=scale))
+
+
+def known_criteria() -> dict[str, type[Criterion]]:
+    """Return criteria by the name that files call them: all that are defined, own ones too."""
+    found: dict[str, type[Criterion]] = {}
+    ahead: list[type[Criterion]] = [Criterion]
+    while ahead:
+        one = ahead.pop()
+        ahead += one.__subclasses__()
+        if "name" in vars(one):
+            found[one.name] = one
+    return dict(sorted(found.items()))
 
 
 def read_specs(path: str | PathLike[str]) -> tuple[Spec, ...]:
@@ -107,11 +113,12 @@ def _spec(number: int, table: dict[str, Any], scale: float) -> Spec:
     called = f"spec {number}"
     try:
         name = table.pop("criterion", None)
-        if name not in CRITERIA:
-            raise UnknownNameError("criterion", name, CRITERIA)
+        known = known_criteria()
+        if name not in known:
+            raise UnknownNameError("criterion", name, known)
         called = f"spec {number}, {name}"
         kind = table.pop("kind", "soft")
-        made = CRITERIA[name](**_values(CRITERIA[name], {"scale": scale, **table}))
+        made = known[name](**_values(known[name], {"scale": scale, **table}))
         return Spec(made, kind)
     except HelisimError as error:
         error.args = (f"{called}: {error}",)
