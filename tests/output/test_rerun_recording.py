@@ -292,3 +292,22 @@ def test_a_missions_phases_are_in_the_log(tmp_path):
     texts = [str(text) for text in found["TextLog:text"].ravel()]
     assert texts == ["hover", "lat doublet begins", "flare"]
     assert found["time"].tolist() == [20_000_000, 1_000_000_000, 1_500_000_000]
+
+
+def test_flights_stand_side_by_side(tmp_path):
+    """Each compared channel has one series a flight, as it was recorded."""
+    flights = {"shipped gyro": make_flight(), "designed law": make_flight(n=150)}
+    shown = read(write_recording(tmp_path / "two.rrd", flights, side_by_side=True))
+    for name, record in flights.items():
+        series = shown[f"/side_by_side/phi/{rr.escape_entity_path_part(name)}"]["Scalars:scalars"]
+        np.testing.assert_allclose(
+            np.ravel(series.tolist()), record["phi"], rtol=SINGLE, atol=SINGLE
+        )
+
+
+def test_only_what_every_flight_has_is_compared(tmp_path):
+    """A channel that one flight lacks has no plot of all."""
+    flights = {"a": make_flight(), "b": make_flight(("theta", "lat"))}
+    shown = read(write_recording(tmp_path / "two.rrd", flights, side_by_side=True))
+    found = {entity.split("/")[2] for entity in shown if entity.startswith("/side_by_side/")}
+    assert found == {"theta", "lat"}

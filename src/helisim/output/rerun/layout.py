@@ -92,14 +92,22 @@ class ModelViews:
     checks: tuple[CheckViews, ...]
 
 
-def blueprint(flights: Sequence[FlightViews], models: Sequence[ModelViews] = ()) -> rrb.Blueprint:
+def blueprint(
+    flights: Sequence[FlightViews],
+    models: Sequence[ModelViews] = (),
+    compared: Mapping[str, str] | None = None,
+) -> rrb.Blueprint:
     """Return the layout of a recording.
 
     Args:
         flights: one tab each.
         models: one tab each, before the flights.
+        compared: title to entity of a plot of all flights; with any, the first tab has the
+            flights side by side.
     """
     tabs: list[rrb.Container | rrb.View] = []
+    if compared:
+        tabs.append(_side_by_side(flights, compared))
     if models:
         tabs.append(_findings(models))
     made = [(flight.name, _flight(flight)) for flight in flights]
@@ -116,6 +124,16 @@ def blueprint(flights: Sequence[FlightViews], models: Sequence[ModelViews] = ())
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
     )
+
+
+def _side_by_side(flights: Sequence[FlightViews], compared: Mapping[str, str]) -> rrb.Container:
+    start, stop = min(one.start for one in flights), max(one.stop for one in flights)
+    plots = [_plot(entity, title, start, stop) for title, entity in compared.items()]
+    spaces = [_space(one, one.name) for one in flights if one.position is not None]
+    signals = rrb.Grid(*plots, grid_columns=(len(plots) + 1) // 2)
+    if not spaces:
+        return rrb.Vertical(signals, name="side by side")
+    return rrb.Vertical(rrb.Horizontal(*spaces), signals, row_shares=[1, 1], name="side by side")
 
 
 def _findings(models: Sequence[ModelViews]) -> rrb.Container:
@@ -212,7 +230,7 @@ def _plot(entity: str, name: str, start: float, stop: float) -> rrb.View:
     )
 
 
-def _space(flight: FlightViews) -> rrb.View:
+def _space(flight: FlightViews, name: str = "space") -> rrb.View:
     position = flight.position or (0.0, 0.0, 0.0)
     trail = rrb.VisibleTimeRange(
         TIMELINE,
@@ -225,7 +243,7 @@ def _space(flight: FlightViews) -> rrb.View:
         spatial_information=rrb.SpatialInformation(
             target_frame=world_frame(f"{flight.root}/world")
         ),
-        name="space",
+        name=name,
         background=rrb.Background(color=(150, 178, 205)),
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(

@@ -15,6 +15,10 @@ Each flight has its own root, named after it, and its own time from its first sa
     <flight>/rates ...           one entity a group of signals, one series a channel
     <flight>/log                 what was flown when
 
+Flights of the same event can stand side by side::
+
+    side_by_side/<channel>/<flight>    one series a flight
+
 A whole run has its models beside the flights::
 
     models/<model>/table         paper, truth, identified
@@ -42,6 +46,7 @@ from helisim.output.rerun.results import log_results, model_views
 from helisim.output.rerun.scene import is_posed, knows_rotor, log_fuselage, log_space
 from helisim.output.rerun.series import log_series
 from helisim.output.rerun.shapes import Shapes, box_shapes, model_shapes
+from helisim.output.rerun.side_by_side import compared, log_side_by_side, titles
 from helisim.output.rerun.timelines import time_column
 from helisim.records import channels
 from helisim.records.files import atomic_write
@@ -85,6 +90,7 @@ def write_recording(
     model: mujoco.MjModel | None = None,
     roles: Roles | None = None,
     run: Run | None = None,
+    side_by_side: bool = False,
     on_progress: Callable[[str], None] | None = None,
 ) -> Path:
     """Write flights to a Rerun recording (.rrd) and return its path.
@@ -100,6 +106,8 @@ def write_recording(
             None draws a few boxes.
         roles: names of its rotors in the model, `Vehicle.roles`; the usual ones if None.
         run: what was found from the flights, to be shown beside them.
+        side_by_side: open with a view of each flight beside the others', and their angles and
+            commands in common plots; for flights of the same event.
         on_progress: called with a flight's name after each flight.
 
     Raises:
@@ -112,11 +120,13 @@ def write_recording(
     if not flights:
         raise InputError("a recording needs at least one flight, got none")
     shapes = box_shapes() if model is None else model_shapes(model, roles)
+    beside = flights if side_by_side else {}
     layout = blueprint(
         [_views(name, record) for name, record in flights.items()],
         model_views(run) if run else (),
+        titles(compared(beside)) if beside else None,
     )
-    recorded = _recorded(flights, run, shapes, layout, on_progress or (lambda _: None))
+    recorded = _recorded(flights, run, shapes, layout, beside, on_progress or (lambda _: None))
     with atomic_write(path) as temporary:
         temporary.write_bytes(recorded)
     return path
@@ -127,6 +137,7 @@ def _recorded(
     run: Run | None,
     shapes: Shapes,
     layout: Blueprint,
+    beside: Mapping[str, FlightRecord],
     on_progress: Callable[[str], None],
 ) -> bytes:
     """Return a recording, made in memory: when a disk is full, Rerun's own writer only logs it."""
@@ -142,6 +153,8 @@ def _recorded(
             log_fuselage(recording, shapes)
         if run is not None:
             log_results(recording, run)
+        if beside:
+            log_side_by_side(recording, beside)
         for name, record in flights.items():
             _log_flight(recording, name, record, shapes, thin)
             on_progress(name)
