@@ -246,13 +246,9 @@ def _fill(block: NDArray[np.float64], axis: AttitudeAxis | YawAxis, period: floa
     moved, by = command_model(axis, period)
     block[ATTITUDE.model_aa : ATTITUDE.model_bb + 1] = moved.ravel()
     block[ATTITUDE.model_a : ATTITUDE.model_b + 1] = by
-    w = axis.frequency
-    second = isinstance(axis, AttitudeAxis)
-    block[ATTITUDE.stiffness] = w**2 if second else w
-    block[ATTITUDE.damping] = 2.0 * axis.damping * w if isinstance(axis, AttitudeAxis) else w
     block[ATTITUDE.filters] = len(axis.filters)
     for name, value in vars(axis).items():
-        if name in ATTITUDE._fields and name not in ("damping", "filters"):
+        if name in ATTITUDE._fields and name != "filters":
             block[getattr(ATTITUDE, name)] = value
     for k, one in enumerate(axis.filters):
         first = ATTITUDE.first_filter + 5 * k

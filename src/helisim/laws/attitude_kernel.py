@@ -46,8 +46,6 @@ class Attitude(NamedTuple):
     model_bb: int
     model_a: int
     model_b: int
-    stiffness: int
-    damping: int
     ff_acceleration: int
     ff_rate: int
     k_angle: int
@@ -98,8 +96,8 @@ def axis_states(wait, filters):
 
 
 @kernel()
-def model_now(state, settings, block, wanted):
-    """Return the command model's angle, rate and acceleration now.
+def model_next(state, settings, block, wanted):
+    """Return the command model's angle and rate at the next tick.
 
     Args:
         state: of the law.
@@ -109,38 +107,36 @@ def model_now(state, settings, block, wanted):
     """
     at = int(settings[block + ATTITUDE.state])
     angle, rate = state[at + MODEL], state[at + MODEL + 1]
-    acceleration = (
-        settings[block + ATTITUDE.stiffness] * wanted - settings[block + ATTITUDE.damping] * rate
+    return (
+        settings[block + ATTITUDE.model_aa] * angle
+        + settings[block + ATTITUDE.model_ab] * rate
+        + settings[block + ATTITUDE.model_a] * wanted,
+        settings[block + ATTITUDE.model_ba] * angle
+        + settings[block + ATTITUDE.model_bb] * rate
+        + settings[block + ATTITUDE.model_b] * wanted,
     )
-    if block != PED:
-        acceleration -= settings[block + ATTITUDE.stiffness] * angle
-    return angle, rate, acceleration
 
 
 @kernel()
-def move_model(state, settings, block, wanted):
+def move_model(state, settings, block, angle, rate):
     """Move the command model on to the next tick, and what waits to be compared with.
 
-    The arguments are those of `model_now`.
+    Args:
+        state: of the law.
+        settings: of the law.
+        block: where the axis's settings begin.
+        angle: of the model at the next tick, rad.
+        rate: likewise, rad/s.
     """
     at = int(settings[block + ATTITUDE.state])
     wait = int(settings[block + ATTITUDE.wait])
-    angle, rate = state[at + MODEL], state[at + MODEL + 1]
     line = at + LINE
     for k in range(2 * wait - 2):
         state[line + k] = state[line + k + 2]
     if wait > 0:
-        state[line + 2 * wait - 2], state[line + 2 * wait - 1] = angle, rate
-    state[at + MODEL] = (
-        settings[block + ATTITUDE.model_aa] * angle
-        + settings[block + ATTITUDE.model_ab] * rate
-        + settings[block + ATTITUDE.model_a] * wanted
-    )
-    state[at + MODEL + 1] = (
-        settings[block + ATTITUDE.model_ba] * angle
-        + settings[block + ATTITUDE.model_bb] * rate
-        + settings[block + ATTITUDE.model_b] * wanted
-    )
+        state[line + 2 * wait - 2] = state[at + MODEL]
+        state[line + 2 * wait - 1] = state[at + MODEL + 1]
+    state[at + MODEL], state[at + MODEL + 1] = angle, rate
 
 
 @kernel()
@@ -183,18 +179,23 @@ def asked(settings, block, stick, centre):
 
 
 @kernel()
-def follow(state, settings, block, wanted, sensed, crossed):
+def follow(state, settings, block, reached, sensed, crossed):
     """Return an axis's command without its integral, before it is mixed, and the integral's rate.
+
+    What goes ahead is of the model's mean rate and acceleration until the next tick, for the
+    command is held so long.
 
     Args:
         state: of the law; the filters' move on.
         settings: of the law.
         block: where the axis's settings begin.
-        wanted: rad, of ped rad/s.
+        reached: angle and rate of the model at the next tick.
         sensed: angle and rate of this axis.
         crossed: errors of angle and rate of the other cyclic axis.
     """
-    _, rate, acceleration = model_now(state, settings, block, wanted)
+    at, period = int(settings[block + ATTITUDE.state]) + MODEL, settings[GENERAL.period]
+    rate = wrap_to_pi(reached[0] - state[at]) / period
+    acceleration = (reached[1] - state[at + 1]) / period
     angle_error, rate_error = errors(state, settings, block, sensed[0], sensed[1])
     back = settings[block + ATTITUDE.k_angle] * angle_error
     back += settings[block + ATTITUDE.k_rate] * rate_error
@@ -260,9 +261,10 @@ def late(state, settings, col, lon, lat, ped):
 @kernel()
 def attitude_law(seen, state, settings):
     """Return the commands of the front, left, right and tail servo."""
-    roll = asked(settings, LAT, seen.LAT, settings[GENERAL.phi])
-    pitch = asked(settings, LON, seen.LON, settings[GENERAL.theta])
-    turn = asked(settings, PED, seen.PED, 0.0)
+    phi, theta = settings[GENERAL.phi], settings[GENERAL.theta]
+    roll = model_next(state, settings, LAT, asked(settings, LAT, seen.LAT, phi))
+    pitch = model_next(state, settings, LON, asked(settings, LON, seen.LON, theta))
+    turn = model_next(state, settings, PED, asked(settings, PED, seen.PED, 0.0))
     roll_errors = errors(state, settings, LAT, seen.phi, seen.p)
     pitch_errors = errors(state, settings, LON, seen.theta, seen.q)
     lat, lat_rate = follow(state, settings, LAT, roll, (seen.phi, seen.p), pitch_errors)
@@ -275,14 +277,13 @@ def attitude_law(seen, state, settings):
     lon, _ = with_integral(state, settings, LON, lon, lon_rate)
     ped += settings[COL + HEAVE.to_ped] * seen.COL
     ped, stops = with_integral(state, settings, PED, ped, ped_rate)
-    move_model(state, settings, LAT, roll)
-    move_model(state, settings, LON, pitch)
-    heading = int(settings[PED + ATTITUDE.state]) + MODEL
-    before = state[heading]
-    move_model(state, settings, PED, turn)
+    move_model(state, settings, LAT, roll[0], roll[1])
+    move_model(state, settings, LON, pitch[0], pitch[1])
+    heading = turn[0]
     if stops:  # the heading that is held then turns along, or it would run away
-        state[heading] = before + settings[GENERAL.period] * seen.r
-    state[heading] = wrap_to_pi(state[heading])
+        heading = state[int(settings[PED + ATTITUDE.state]) + MODEL]
+        heading += settings[GENERAL.period] * seen.r
+    move_model(state, settings, PED, wrap_to_pi(heading), turn[1])
     col = heave_command(state, settings, seen)
     col, lon, lat, ped = late(state, settings, col, lon, lat, ped)
     front, left, right = mix(settings, col, lon, lat, GENERAL.plate)

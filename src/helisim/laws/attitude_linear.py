@@ -87,8 +87,7 @@ def _axis(law: AttitudeCommand, name: str, z: Response, period: float) -> dict[s
         angle: -back_angle,
         rate: -back_rate,
         name.upper(): late * (back_angle * modelled[0] + back_rate * modelled[1])
-        + axis.ff_rate * modelled[1]
-        + axis.ff_acceleration * modelled[2],
+        + (z - 1.0) / period * (axis.ff_rate * modelled[0] + axis.ff_acceleration * modelled[1]),
     }
     if isinstance(axis, AttitudeAxis) and (axis.k_angle_cross or axis.k_rate_cross):
         other = _OTHER[name]
@@ -102,15 +101,10 @@ def _axis(law: AttitudeCommand, name: str, z: Response, period: float) -> dict[s
 
 def _model(
     axis: AttitudeAxis | YawAxis, z: Response, period: float
-) -> tuple[tuple[Response, Response, Response], Response]:
-    """Return a command model's angle, rate and acceleration over its stick, and how it waits."""
+) -> tuple[tuple[Response, Response], Response]:
+    """Return a command model's angle and rate over its stick, and how it waits."""
     ((aa, ab), (ba, bb)), (a, b) = command_model(axis, period)
     ahead = (z - aa) * (z - bb) - ab * ba
     angle = axis.stick * ((z - bb) * a + ab * b) / ahead
     rate = axis.stick * ((z - aa) * b + ba * a) / ahead
-    w = axis.frequency
-    if isinstance(axis, YawAxis):
-        acceleration = w * (axis.stick - rate)
-    else:
-        acceleration = w**2 * (axis.stick - angle) - 2.0 * axis.damping * w * rate
-    return (angle, rate, acceleration), z ** -round(axis.ff_delay / period)
+    return (angle, rate), z ** -round(axis.ff_delay / period)

@@ -307,6 +307,8 @@ class Vehicle(Value, Displayed):
         model = copy.copy(self._unsampled)
         user = self.model.actuator_user[addresses(self.model).rotor]
         model.actuator_user[addresses(model).rotor] = user
+        if not self.controller.is_shipped:  # no law acts here, and there may be no room for it
+            GYRO.put_into(model)
         model.opt.wind[:] = self.model.opt.wind
         return model
 

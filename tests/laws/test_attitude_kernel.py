@@ -1,0 +1,154 @@
+"""What the attitude law does at its ticks: models, filters, limits, waiting."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import bilinear_zpk, freqz_zpk, tf2zpk
+from small_laws import HOLDS
+
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.laws import AttitudeCommand, HeaveAxis, Lead, Lowpass, Notch
+from helisim.laws.attitude_kernel import ATTITUDE, COMPILED, INTEGRAL, LAT, LON, PED
+from helisim.physics.gyro import Seen
+
+PERIOD = 0.002
+STILL = Seen(*np.zeros(len(Seen._fields)).tolist())
+OMEGA = np.geomspace(0.5, 300.0, 50)
+STATES = {"LAT": LAT + ATTITUDE.state, "LON": LON + ATTITUDE.state, "PED": PED + ATTITUDE.state}
+"""Stick -> setting that says where its axis's states begin."""
+
+
+class Ticks:
+    """A law at its ticks, its swashplate as it is: commands col, lon, lat, ped."""
+
+    def __init__(self, law, period=PERIOD):
+        self.settings, states = law.numbers(period)
+        self.state = np.zeros(states)
+
+    def __call__(self, **seen):
+        return COMPILED(STILL._replace(**seen), self.state, self.settings)
+
+    def states(self, stick):
+        """Return the states of an axis, from its model's angle on."""
+        return self.state[int(self.settings[STATES[stick]]) :]
+
+
+@pytest.mark.parametrize("damping", [0.5, 1.0, 1.5])
+def test_command_model_is_a_second_order_system(damping):
+    """Its step, as text books have it: x = 1 - (s2 e^(s1 t) - s1 e^(s2 t)) / (s2 - s1)."""
+    w = 6.0
+    axis = replace(HOLDS.lat, damping=damping, k_angle=0.0, k_rate=0.0, k_integral=0.0)
+    ticks = Ticks(replace(HOLDS, lat=axis))
+    angles = []
+    for _ in range(500):
+        ticks(LAT=0.5)
+        angles.append(ticks.states("LAT")[0])
+    t = PERIOD * np.arange(1, 501)
+    apart = w * np.sqrt(complex((damping + 1e-7) ** 2 - 1.0))
+    one, other = -damping * w - apart, -damping * w + apart
+    step = 1.0 - (other * np.exp(one * t) - one * np.exp(other * t)) / (other - one)
+    # the poles of a damping of 1 are kept apart by 1e-7 here
+    np.testing.assert_allclose(angles, 0.6 * 0.5 * step.real, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "one", [Lead(zero=20.0, pole=80.0), Lead(zero=60.0, pole=15.0), Lowpass(frequency=90.0)]
+)
+def test_filters_are_those_of_scipy_s_bilinear_rule(one):
+    b0, b1, b2, a1, a2 = one.coefficients(PERIOD)
+    z = np.exp(1j * OMEGA * PERIOD)
+    ours = (b0 + b1 / z + b2 / z**2) / (1.0 + a1 / z + a2 / z**2)
+    above, below = (np.trim_zeros(part[::-1], "f") for part in one.ratio)
+    zpk = bilinear_zpk(*tf2zpk(above, below), 1.0 / PERIOD)
+    theirs = freqz_zpk(*zpk, worN=OMEGA, fs=2.0 * np.pi / PERIOD)[1]
+    np.testing.assert_allclose(ours, theirs, rtol=1e-10)
+
+
+def test_a_notch_stays_where_it_is_put():
+    """Sampled slowly its depth is at its frequency still, and nothing far below."""
+    b0, b1, b2, a1, a2 = Notch(frequency=60.0, depth=0.05).coefficients(0.02)
+    z = np.exp(1j * np.array([60.0, 0.01]) * 0.02)
+    gain = np.abs((b0 + b1 / z + b2 / z**2) / (1.0 + a1 / z + a2 / z**2))
+    np.testing.assert_allclose(gain, [0.05, 1.0], rtol=1e-5)
+
+
+def test_an_inverse_ahead_makes_the_aircraft_follow_its_model():
+    """Of dp/dt = -a p + b u the stick's answer is the command model, half a tick late.
+
+    What a held stick costs; the rest, a (w T)^2 / 6 of rates that change within a tick, is 1e-4.
+    """
+    a, b = 3.0, 60.0
+    axis = replace(HOLDS.lat, ff_acceleration=1.0 / b, ff_rate=a / b)
+    law = AttitudeCommand(lat=axis, lon=HOLDS.lon, ped=HOLDS.ped)
+    omega = np.geomspace(0.2, 10.0, 30)
+    s = 1j * omega
+    modelled = 0.6 * axis.frequency**2 / (s + axis.frequency) ** 2
+    flown = ClosedLoop(Roll(a, b), law.linear(PERIOD), omega).command("lat").response
+    np.testing.assert_allclose(flown / modelled, np.exp(-0.5 * PERIOD * s), rtol=1e-3)
+
+
+class Roll:
+    """dp/dt = -a p + b u of commands that are held, from lat to p and phi."""
+
+    inputs, outputs = ("lat",), ("p", "phi")
+
+    def __init__(self, a, b):
+        self.a, self.b = a, b
+
+    def response(self, frequency):
+        z, left = np.exp(1j * frequency * PERIOD), math.exp(-self.a * PERIOD)
+        rate = self.b / self.a * (1.0 - left) / (z - left)
+        moved = PERIOD - (1.0 - left) / self.a
+        turned = (self.b / self.a * moved + (1.0 - left) / self.a * rate) / (z - 1.0)
+        return np.stack([rate, turned])[:, None]
+
+
+@pytest.mark.parametrize(("stick", "angle"), [("LAT", "phi"), ("LON", "theta"), ("PED", "psi")])
+def test_an_integral_does_not_wind_up(stick, angle):
+    """At its stop it stays what it was, and works again when the command comes back."""
+    ticks = Ticks(replace(HOLDS, phase=0.0))
+    assert max(ticks(**{angle: -1.0})) == 0.5
+    for _ in range(500):
+        ticks(**{angle: -1.0})
+    assert ticks.states(stick)[INTEGRAL] == 0.0
+    ticks(**{angle: 0.01})
+    assert ticks.states(stick)[INTEGRAL] < 0.0
+
+
+def test_a_heading_that_can_not_be_reached_is_let_go():
+    """Full pedal against a tail at its stop: the heading held stays within half a turn."""
+    ticks = Ticks(HOLDS)
+    for _ in range(2000):
+        ticks(PED=0.5)
+    assert abs(ticks.states("PED")[0]) < 1.0
+
+
+def test_a_heading_is_held_through_south():
+    """Turned from just east of south to just west of it, the tail's command goes on smoothly."""
+    ticks = Ticks(HOLDS)
+    ticks.states("PED")[0] = math.pi - 0.001
+    commands = [ticks(psi=psi)[3] for psi in (math.pi - 0.002, -math.pi + 0.002)]
+    assert abs(commands[1] - commands[0]) < 0.01
+
+
+def test_computing_takes_whole_ticks():
+    """The law of 3 ticks of delay gives what the one of none gave 3 ticks before."""
+    at_once, later = Ticks(HOLDS), Ticks(replace(HOLDS, delay=3 * PERIOD))
+    rng = np.random.default_rng(1)
+    seen = [dict(zip(("phi", "p", "q", "LAT"), 0.1 * row)) for row in rng.standard_normal((30, 4))]
+    first = np.array([at_once(**one) for one in seen])
+    second = np.array([later(**one) for one in seen])
+    np.testing.assert_array_equal(second[3:], first[:-3])
+    np.testing.assert_array_equal(second[:3], 0.0)
+
+
+def test_heave_is_damped_by_the_specific_force():
+    """Sinking ever faster for a fifth of a second raises the collective by k w; then it fades."""
+    law = replace(HOLDS, col=HeaveAxis(k_velocity=0.05, washout=2.0))
+    ticks = Ticks(law)
+    sinks = [ticks(az=2.0)[0] for _ in range(100)][-1]
+    assert sinks == pytest.approx(0.05 * 2.0 * 0.2, rel=0.2)  # washed out by a tenth of 2 s, twice
+    fades = [ticks()[0] for _ in range(8000)][-1]
+    assert abs(fades) < 1e-3
