@@ -1,5 +1,7 @@
 """The attitude command law: read, written, linearised and flown."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_laws import FULL, HOLDS, LAT
@@ -38,8 +40,10 @@ def test_holds_the_hover(jr700):
 
 
 def test_its_file_says_all_of_it(tmp_path):
-    FULL.write(tmp_path / "law.toml")
-    assert read_law(tmp_path / "law.toml") == FULL
+    made = {"by": "hand", "specifications": [{"axis": "lat", "least": 45.0}], "of": {"seed": 3}}
+    law = replace(FULL, provenance=made)
+    law.write(tmp_path / "law.toml")
+    assert read_law(tmp_path / "law.toml") == law != FULL
 
 
 def test_replace_changes_what_is_tuned():

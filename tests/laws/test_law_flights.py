@@ -4,11 +4,11 @@ import pickle
 
 import numpy as np
 import pytest
+from small_laws import FULL, HOLDS
 
 import helisim as hs
 from helisim.cli import main
 from helisim.errors import InputError
-from small_laws import FULL, HOLDS
 
 FLY = ["fly", "--axis", "ped", "--duration", "12", "--quiet", "--out", "flown.parquet"]
 
@@ -35,7 +35,9 @@ def test_a_file_flies_and_its_record_can_be_flown_again(folder, jr700):
     record = hs.read_record(folder / "flown.parquet")
     law = hs.law_of(record.provenance["controller"]["written"])
     assert law == HOLDS
-    (again,) = hs.fly(jr700, hs.Sweep(axis="ped", duration=12.0), seed=record.provenance["seed"], controller=law)
+    (again,) = hs.fly(
+        jr700, hs.Sweep(axis="ped", duration=12.0), seed=record.provenance["seed"], controller=law
+    )
     np.testing.assert_array_equal(again.values, record.values)
 
 

@@ -137,6 +137,7 @@ class AttitudeCommand(TabledLaw):
             rotor that follows late answers a command in one axis in the other too.
         delay: time that the law computes, s, in whole ticks.
         name: for messages and records; by itself the kind.
+        provenance: how it was made, plain data.
     """
 
     kind: ClassVar[str] = "attitude_command"

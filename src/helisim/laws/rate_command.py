@@ -102,6 +102,7 @@ class RateCommand(TabledLaw):
         attitude_lock: by which the cyclic integrals are multiplied: 1 keeps the attitude.
         anti_windup: whether an integral stands still while its command is at its limit.
         name: for messages and records; by itself the kind.
+        provenance: how it was made, plain data.
     """
 
     kind: ClassVar[str] = "rate_command"

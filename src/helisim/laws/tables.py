@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 from helisim.errors import InputError, UnknownNameError
 from helisim.laws.filters import Filter, filter_of
 from helisim.laws.law import Law, check_names
+from helisim.records.value import FrozenMap
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -21,6 +22,7 @@ class TabledLaw(Law):
         not_tuned: names of numbers that no tuning changes.
         flags: names of what is true or false.
         name: for messages and records; by itself the kind.
+        provenance: how it was made, plain data.
     """
 
     tables: ClassVar[Mapping[str, type]] = {}
@@ -29,10 +31,16 @@ class TabledLaw(Law):
     not_tuned: ClassVar[tuple[str, ...]] = ()
     flags: ClassVar[tuple[str, ...]] = ()
     name: str = ""
+    provenance: Mapping[str, Any] = FrozenMap({})
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", self.name or self.kind)
+        if not isinstance(self.provenance, Mapping):
+            raise InputError(f"provenance must be a table, got {self.provenance!r:.60}")
+        object.__setattr__(self, "provenance", FrozenMap(self.provenance))
         for key, value in vars(self).items():
+            if key == "provenance":
+                continue
             kind = self.tables.get(key)
             if kind is None:
                 self._check(key, key, value)
@@ -85,10 +93,11 @@ class TabledLaw(Law):
 
     def content(self) -> dict[str, Any]:
         """Return what stands in its file, kind and version left out."""
-        return {
-            name: _written(value) if name in self.tables else value
-            for name, value in sorted(vars(self).items(), key=lambda item: item[0] in self.tables)
-        }
+        given = dict(vars(self))
+        made = dict(given.pop("provenance"))
+        plain = {name: value for name, value in given.items() if name not in self.tables}
+        axes = {name: _written(given[name]) for name in self.tables}
+        return {**plain, **axes, **({"provenance": made} if made else {})}
 
     def parameters(self) -> dict[str, float]:
         """Return the numbers that are tuned, by name, such as "lat.k_rate"."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal
 
 import mujoco
 import numpy as np
@@ -29,6 +29,7 @@ from helisim.vehicle.law_checks import (
     source_digest,
 )
 from helisim.vehicle.motion import addresses
+from helisim.vehicle.written_law import WrittenLaw
 
 if TYPE_CHECKING:
     from helisim.vehicle.vehicle import Vehicle
@@ -82,7 +83,7 @@ class Controller(Value):
     settings: ArrayLike | Sequence[float] = field(default=(), kw_only=True)
     reset: Law | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
-    written: "WrittenLaw | None" = field(default=None, kw_only=True)
+    written: WrittenLaw | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         if self.law is not None and (self.swash, self.tail) != (SHIPPED, SHIPPED):
@@ -292,19 +293,6 @@ GYRO = Controller()
 """The gyro that every vehicle comes with."""
 DIRECT = Controller(swash=None, tail=None)
 """None at all: the servos' commands are the caller's."""
-
-
-@runtime_checkable
-class WrittenLaw(Protocol):
-    """A control law as data, which makes a controller for a vehicle; `helisim.laws` has them."""
-
-    def on(self, vehicle: "Vehicle") -> Controller:
-        """Return the controller that flies it on a vehicle, about its trim."""
-        ...
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all of it as plain data."""
-        ...
 
 
 ControllerLike = Controller | WrittenLaw | Law | None
