@@ -69,6 +69,26 @@ def test_an_integral_that_is_held_goes_as_a_power():
     assert set(history.signals) == {"LAT", "lat", "phi"}
 
 
+def test_a_stick_that_is_seen_late_moves_all_that_much_later():
+    """By 2.5 ticks, seen at the third; its response by 25 ms, whatever a tick is."""
+
+    class Late(Within):
+        inputs, outputs = INTEGRAL.inputs, INTEGRAL.outputs
+        response = INTEGRAL.response
+
+        @property
+        def stick_latency(self):
+            return {"LAT": 2.5 * PERIOD}
+
+    loop, soon = ClosedLoop(Late(INTEGRAL), HOLD), ClosedLoop(INTEGRAL, HOLD)
+    late, now = (one.step("lat", size=1.0, duration=0.2).signals["phi"] for one in (loop, soon))
+    np.testing.assert_allclose(late[3:], now[:-3], atol=1e-15)
+    assert not late[:3].any()
+    ratio = loop.command("lat").response / soon.command("lat").response
+    np.testing.assert_allclose(ratio, np.exp(-0.025j * loop.frequency), rtol=1e-12)
+    np.testing.assert_allclose(loop.broken("lat").response, soon.broken("lat").response)
+
+
 def test_what_a_command_moves_at_once_is_in_the_loop():
     """Of u = k (s - y) and y = u is left y = k s / (1 + k)."""
     at_once = Ticked(

@@ -42,6 +42,7 @@ class Plant(Value):
             ticks, so half of it is among a fit's delays already.
         latency: s, from sensing the rates to their use.
         tilt: steady roll and pitch angle, rad, by which body rates turn the angles.
+        stick_latency: by how much the law sees a stick late, s, by name; 0 where none is given.
         values: parameters of each fit, where not those that were found, such as drawn ones.
     """
 
@@ -50,12 +51,14 @@ class Plant(Value):
     period: float = 0.002
     latency: float = 0.0
     tilt: tuple[float, float] = (0.0, 0.0)
+    stick_latency: Mapping[str, float] = field(default_factory=dict)
     values: tuple[Mapping[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         fits = tuple(self.fits)
         object.__setattr__(self, "fits", fits)
         object.__setattr__(self, "late", FrozenMap(self.late))
+        object.__setattr__(self, "stick_latency", FrozenMap(self.stick_latency))
         values = self.values or tuple(fit.values for fit in fits)
         object.__setattr__(self, "values", tuple(map(FrozenMap, values)))
         if not fits or len(self.values) != len(fits):

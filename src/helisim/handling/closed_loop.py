@@ -49,7 +49,8 @@ class ClosedLoop:
 
     Attributes:
         plant: from commands ("lat", ...) to what is sensed ("p", "phi", ...), whatever holds
-            the commands between ticks, and delays, included.
+            the commands between ticks, and delays, included. It may have `stick_latency`, by how
+            much the law sees a stick late: s, by name.
         law: from what is sensed and the sticks ("LAT", ...) to the commands.
         frequency: (n_freq,) rad/s.
     """
@@ -134,7 +135,8 @@ class ClosedLoop:
 
         Known where the poles are.
         """
-        return self._sampled.step(axis, size=size, duration=duration)
+        late = self._stick_latency.get(axis_of(axis).stick, 0.0)
+        return self._sampled.step(axis, size=size, duration=duration, late=late)
 
     def system(self, cut: str | None = None) -> "control.StateSpace":
         """Return it as python-control's discrete StateSpace, from sticks to what is sensed.
@@ -197,8 +199,13 @@ class ClosedLoop:
         stick = axis_of(axis).stick
         if stick not in self.law.inputs:
             raise NoResponse(f"the law has no stick {stick!r}: it has {_listed(self.law.inputs)}")
-        column = self._law[:, :, [self.law.inputs.index(stick)]]
-        return self._follows @ column
+        late = np.exp(-1j * self.frequency * self._stick_latency.get(stick, 0.0))
+        column = self._law[:, :, [self.law.inputs.index(stick)]] * late[:, None, None]
+        return np.asarray(self._follows @ column, dtype=np.complex128)
+
+    @property
+    def _stick_latency(self) -> Mapping[str, float]:
+        return getattr(self.plant, "stick_latency", {})
 
 
 def _listed(names: Sequence[str]) -> str:

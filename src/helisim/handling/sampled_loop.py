@@ -1,5 +1,6 @@
 """A sampled loop closed: the poles of the whole, and its answer to a stick, tick by tick."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -138,8 +139,15 @@ class SampledLoop:
         still = np.hstack([plant.c, np.zeros((len(plant.outputs), len(self.law.a)))])
         return still + self._direct @ self.commands
 
-    def step(self, axis: str, *, size: float, duration: float) -> History:
-        """Return stick, commands and what is sensed after a step of a stick; see `Loop`."""
+    def step(self, axis: str, *, size: float, duration: float, late: float = 0.0) -> History:
+        """Return stick, commands and what is sensed after a step of a stick; see `Loop`.
+
+        Args:
+            axis: whose stick.
+            size: unitised stick.
+            duration: s.
+            late: s, by which the law sees the stick late; it does so at a tick.
+        """
         stick = axis_of(axis).stick
         if stick not in self.law.inputs:
             names = ", ".join(self.law.inputs)
@@ -150,9 +158,11 @@ class SampledLoop:
         ticks = np.arange(round(duration / self.law.period) + 1)
         state = np.zeros(len(self.a))
         rows = np.empty((ticks.size, len(shown)))
+        first = math.ceil(late / self.law.period - 1e-6)
         for k in ticks:
-            rows[k] = shown @ state + through
-            state = self.a @ state + push
+            seen = float(k >= first)
+            rows[k] = shown @ state + seen * through
+            state = self.a @ state + seen * push
         names = (*self.law.outputs, *self.plant.outputs)
         signals = {name: rows[:, k] for k, name in enumerate(names)}
         time = np.asarray(ticks * self.law.period, dtype=np.float64)

@@ -131,6 +131,7 @@ def identify_for_design(
     late: Mapping[str, float] | None = None,
     period: float | None = None,
     latency: float | None = None,
+    stick_latency: Mapping[str, float] | None = None,
     seed: int = 1,
 ) -> Plant:
     """Identify what a control law of an aircraft has to do with, from sweeps of its axes.
@@ -142,11 +143,13 @@ def identify_for_design(
             conditioned on: pedals that the gyro moves meanwhile take up to 3 % off q/lat.
         vehicle: that flew; a shipped one is known by its records.
         servos: "swash_omega" (rad/s), "swash_zeta", "tail_omega", "tail_zeta", each a value, or
-            a value and its standard error. By default what the vehicle's bench finds, or says
-            where it has none; without a vehicle delays stand for the servos.
+            a value and its standard error. By default what the vehicle's bench finds; without a
+            bench what vehicle or records say; where nothing does, delays stand for the servos.
         late: by how much a channel is recorded late, s; by default what the records say.
         period: s, between the gyro's ticks; by default what the records say.
         latency: s, from sensing rates to their use by the gyro; by default what the records say.
+        stick_latency: by how much a stick reaches the gyro late, s, by name, such as "PED" (the
+            bench test of `reproduce` finds it to 0.1 ms); by default what the records say.
         seed: of the bench test.
 
     Raises:
@@ -161,15 +164,21 @@ def identify_for_design(
     own: Mapping[str, Any] = said.get("parameters") or {}
     if late is None and "recorder" in said:
         late = said["recorder"].get("latency") or {}
+    if stick_latency is None and "gyro.ped_latency" in own:
+        stick_latency = {"PED": own["gyro.ped_latency"]}
     ticks: float = own.get("gyro.period", _PERIOD) if period is None else period
-    vehicle = vehicle or (_flown(said) if servos is None else None)
-    known = _Known(servos_of(vehicle, seed) if servos is None else _given(servos), late, ticks)
+    if servos is None:
+        test = servos_of(vehicle or _flown(said), seed) or _said(own)
+    else:
+        test = _given(servos)
+    known = _Known(test, late, ticks)
     return Plant(
         tuple(_identified(model, flights, known, own) for model in chosen),
         late=late or {},
         period=ticks,
         latency=own.get("gyro.latency", 0.0) if latency is None else latency,
         tilt=_tilt(records),
+        stick_latency=stick_latency or {},
     )
 
 
@@ -184,7 +193,13 @@ def servos_of(vehicle: Vehicle | None, seed: int = 1) -> RigTest | None:
         return None
     if _BENCH in rig_names(vehicle.folder):
         return servo_test(vehicle, seed=seed)
-    return _given({name: vehicle.parameters[key] for name, key in _SERVOS.items()})
+    return _said(vehicle.parameters)
+
+
+def _said(own: Mapping[str, Any]) -> RigTest | None:
+    if not set(_SERVOS.values()) <= set(own):
+        return None
+    return _given({name: float(own[key]) for name, key in _SERVOS.items()})
 
 
 def _given(servos: Servos) -> RigTest:
