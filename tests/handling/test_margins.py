@@ -76,6 +76,14 @@ def test_a_crossover_beyond_the_band_is_continued(gain):
     assert margins(curve(gain / S)).crossover == pytest.approx(gain, rel=1e-9)
 
 
+@pytest.mark.parametrize("delay", [0.004, 0.008, 0.0104, 0.0106, 0.013])
+def test_a_gain_margin_beyond_the_band_is_extended(delay):
+    """K exp(-s T) / s has -180 deg at pi / (2 T), where its gain is 2 K T / pi."""
+    loop = Curve(GRID, 20.0 * np.exp(-1j * GRID * delay) / (1j * GRID))
+    expected = -20.0 * np.log10(20.0 * delay * 2.0 / np.pi)
+    assert margins(loop).least_gain == pytest.approx(expected, abs=1e-3)
+
+
 def test_the_nichols_distance_is_the_zone_that_the_loop_touches():
     """A loop of constant phase passes a hexagon at its upright side, whatever its gain."""
     turned = Curve(GRID, (5.0 / GRID) * np.exp(-1j * np.radians(150.0)))

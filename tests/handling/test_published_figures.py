@@ -12,7 +12,7 @@ from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.curve import Curve
 from helisim.handling.figures.actuators import limited
 from helisim.handling.figures.bandwidth import bandwidth
-from helisim.handling.figures.history import quickness, stepped
+from helisim.handling.figures.history import changed, quickness, stepped
 from helisim.handling.figures.margins import disk_margin, margins
 from helisim.handling.figures.poles import least_damped
 from helisim.handling.figures.rejection import rejection
@@ -174,6 +174,30 @@ def test_a_quickness():
         found = quickness(sign * angle + 0.3, sign * rate)
         assert found.ratio == pytest.approx(1.16, abs=0.005)
         assert np.degrees(found.least) == pytest.approx(30.0, abs=1e-9)
+
+
+def test_a_change_by_rate_command_is_a_pulse_as_wide_as_it_needs():
+    """A lagged rate, r = R (1 - exp(-t / T)): a pulse w turns R w, its peak rate at its end."""
+    time = np.linspace(0.0, 6.0, 6001)
+    full, lag, change = 2.0, 0.2, 0.5
+    rate = full * (1.0 - np.exp(-time / lag))
+    angle = full * time - lag * rate
+    found = changed(time, angle, rate, change=change)
+    peak_rate = full * (1.0 - np.exp(-change / full / lag))
+    assert found.peak == pytest.approx(change, rel=1e-3)
+    assert found.ratio == pytest.approx(peak_rate / change, rel=5e-3)  # steps of 1 ms
+    small = changed(time, 0.01 * angle, 0.01 * rate, change=change)  # all of it is not enough
+    assert small.peak == pytest.approx(0.01 * angle[-1], rel=1e-6)
+
+
+def test_a_change_by_attitude_command_is_a_step():
+    """Second order, critically damped: peak rate w / e of the step, whatever its size."""
+    time = np.linspace(0.0, 8.0, 8001)
+    angle = 1.0 - (1.0 + 4.0 * time) * np.exp(-4.0 * time)
+    rate = 16.0 * time * np.exp(-4.0 * time)
+    found = changed(time, angle, rate, change=0.3)
+    assert found.ratio == pytest.approx(4.0 / np.e, rel=1e-4)
+    assert (found.peak, found.least) == (pytest.approx(0.3), pytest.approx(0.3, rel=1e-3))
 
 
 @pytest.mark.parametrize(("omega", "zeta", "delay"), [(4.0, 0.7, 0.05), (8.0, 1.0, 0.1)])

@@ -181,8 +181,6 @@ def test_a_scaled_criterion_rates_a_scaled_loop_alike():
         criterion = replace(one.criterion, scale=1.0)
         if criterion.name in ("actuator_onset", "actuator_use", "pole_limits"):
             continue  # the servo is what it is
-        if criterion.name == "attitude_quickness":
-            criterion = replace(criterion, duration=8.0)
         here = criterion.rate(slow)
         there = replace(criterion, scale=ratio).rate(fast)
         assert there.distance == pytest.approx(here.distance, rel=2e-2, abs=1e-6), criterion

@@ -94,8 +94,8 @@ class ActuatorUse(Criterion):
     """How much of its travel and of its rate an actuator uses while attitude is disturbed.
 
     Attributes:
-        rms: rad, of the disturbance: white noise behind a first-order lag.
-        corner: rad/s, of the lag, of a full-scale helicopter.
+        rms: rad, of the disturbance: white noise behind two equal lags.
+        corner: rad/s, of the lags, of a full-scale helicopter.
         travel: of the servo's command to either side, unitised.
         rate_limit: of the servo's command, unitised, a second.
         position: rms of position over travel.

@@ -36,7 +36,7 @@ class AttitudeBandwidth(Criterion):
     Attributes:
         task: "target_acquisition", "other" or "other_divided", as in ADS-33.
         command: what the stick commands: "attitude" counts the bandwidth of phase alone, "rate"
-            the lesser of those of phase and gain.
+            the lesser of those of phase and gain. None: attitude in roll and pitch, rate in yaw.
         bandwidth: rad/s; None: of the task and axis.
         delay: s, of phase delay.
         fit: phase delay by least squares, as the standard asks if phase isn't straight.
@@ -44,7 +44,7 @@ class AttitudeBandwidth(Criterion):
     """
 
     task: str = "other"
-    command: str = "attitude"
+    command: str | None = None
     bandwidth: Limit | None = None
     delay: Limit = DELAY
     fit: bool = False
@@ -68,7 +68,7 @@ class AttitudeBandwidth(Criterion):
         super().__post_init__()
         if self.task not in TASKS:
             raise UnknownNameError("task", self.task, TASKS)
-        if self.command not in KINDS:
+        if self.command is not None and self.command not in KINDS:
             raise UnknownNameError("command", self.command, KINDS)
         if self.bandwidth is None and self.axis not in TASKS[self.task]:
             raise InputError(
@@ -87,7 +87,8 @@ class AttitudeBandwidth(Criterion):
     def rate(self, loop: Loop) -> Rating:
         """Return bandwidths, phase delay and the frequency of -180 deg."""
         found = bandwidth(loop.command(self.axis), fit=self.fit, sign=self.sign)
-        counted = found.attitude if self.command == "attitude" else found.rate
+        attitude = (self.command or ("rate" if self.axis == "ped" else "attitude")) == "attitude"
+        counted = found.attitude if attitude else found.rate
         figures = {
             "bandwidth": counted,
             "phase_delay": found.delay,
@@ -98,7 +99,7 @@ class AttitudeBandwidth(Criterion):
         remarks = []
         if not found.complete:
             remarks.append("the response ends before all is seen: what is missing was continued")
-        if self.command == "attitude" and found.gain_limited:
+        if attitude and found.gain_limited:
             remarks.append("the gain's bandwidth is below the phase's: look for oscillations")
         return self.rated(figures, remark="; ".join(remarks))
 

@@ -12,8 +12,8 @@ from helisim.handling.figures.poles import fastest, least_damped, slowest
 from helisim.handling.loop import Loop
 
 RATIO = Limit(0.35, 0.19)
-GROWTH = Limit(0.0, 0.05)
-"""1/s; a double amplitude in 14 s ends Level 2."""
+GROWTH = Limit(1e-3, 0.05)
+"""1/s: integrals stand at 0, but for rounding; a double amplitude in 14 s ends Level 2."""
 WHOLE = "all"
 """The axis of a criterion of the whole loop."""
 

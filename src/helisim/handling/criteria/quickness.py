@@ -10,7 +10,7 @@ from helisim.handling.chart import Chart, ChartAxis
 from helisim.handling.criteria.criterion import Criterion, Rating
 from helisim.handling.criteria.limit import Border
 from helisim.handling.criteria.regions import above
-from helisim.handling.figures.history import pulse, quickness
+from helisim.handling.figures.history import changed
 from helisim.handling.loop import Loop, NoResponse
 from helisim.units import RAD_PER_DEG
 
@@ -41,20 +41,22 @@ BORDERS = {
 """Axis -> quickness, 1/s, along the least change of attitude, rad, of a full-scale helicopter."""
 
 
+CHANGE = 20.0 * RAD_PER_DEG
+
+
 @dataclass(frozen=True, kw_only=True)
 class AttitudeQuickness(Criterion):
-    """The peak rate over the peak change of an attitude, by a step or a pulse of the stick.
+    """The peak rate over the peak change of an attitude, by a step of the stick or a pulse.
 
     Attributes:
-        size: unitised stick, of the step or pulse. Half of it is the whole way.
-        width: of a pulse, s, as rate command is asked for a change of attitude; None: a step, as
-            attitude command is.
-        duration: s, that is looked at.
-        border: quickness along the least change; None: of the axis.
+        change: rad, of attitude; less if all of the stick doesn't reach it.
+        size: unitised stick: 0.5 is all of it to one side.
+        duration: s, that is looked at, of a full-scale helicopter.
+        border: quickness along the least change after the peak; None: of the axis.
     """
 
-    size: float = 0.25
-    width: float | None = None
+    change: float = CHANGE
+    size: float = 0.5
     duration: float = 5.0
     border: Border | None = None
 
@@ -80,15 +82,12 @@ class AttitudeQuickness(Criterion):
 
     def rate(self, loop: Loop) -> Rating:
         """Return the quickness, and the changes of attitude that it is of."""
-        seen = loop.step(self.axis, size=self.size, duration=self.duration)
+        seen = loop.step(self.axis, size=self.size, duration=self.duration / self.faster)
         one = axis_of(self.axis)
         angle, rate = (seen.signals.get(name or "") for name in (one.angle, one.rate))
         if angle is None or rate is None:
             raise NoResponse(f"a step of {self.axis} shows no {one.angle} and {one.rate}")
-        if self.width is not None:
-            angle = pulse(angle - angle[0], seen.time, self.width)
-            rate = pulse(rate - rate[0], seen.time, self.width)
-        found = quickness(angle, rate)
+        found = changed(seen.time, angle, rate, change=self.change)
         figures = {"quickness": found.ratio, "least": found.least, "peak": found.peak}
         return self.rated(figures, along=found.least)
 

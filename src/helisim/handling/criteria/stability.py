@@ -55,7 +55,9 @@ class StabilityMargins(Criterion):
         found = margins(loop.broken(self.axis, self.at))
         gain, phase = found.least_gain, found.least_phase
         figures = {"gain_margin": gain, "phase_margin": phase, "crossover": found.crossover}
-        return self.rated(figures)
+        beyond = abs(gain) == found.open_gain
+        remark = "-180 deg lies outside of the band: the gain margin is extended" if beyond else ""
+        return self.rated(figures, remark=remark)
 
     def chart(self) -> Chart:
         """Return phase margin over gain margin."""

@@ -114,11 +114,13 @@ def motion(actuator: Curve, spectrum: Real) -> ActuatorMotion:
 
 
 def coloured(frequency: Real, *, rms: float, corner: float) -> Real:
-    """Return the spectrum of white noise behind a first-order lag, (n_freq,); see `motion`.
+    """Return the spectrum of white noise behind two equal lags, (n_freq,); see `motion`.
+
+    An attitude with it has a rate of rms times corner.
 
     Args:
         frequency: (n_freq,) rad/s.
         rms: of all frequencies together.
-        corner: of the lag, rad/s.
+        corner: of the lags, rad/s.
     """
-    return 2.0 * rms**2 / (np.pi * corner) / (1.0 + (frequency / corner) ** 2)
+    return 4.0 * rms**2 / (np.pi * corner) / (1.0 + (frequency / corner) ** 2) ** 2

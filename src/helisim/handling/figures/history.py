@@ -46,16 +46,51 @@ def quickness(angle: Real, rate: Real) -> Quickness:
     return Quickness(float(rate.max()) / peak, peak, float(change[top:].min()))
 
 
-def pulse(step: Real, time: Real, width: float) -> Real:
-    """Return the answer to a pulse from that to a step, (n_time,) each: a later step taken off.
+def changed(time: Real, angle: Real, rate: Real, *, change: float) -> Quickness:
+    """Return the quickness of a change of some size, from the answer to a step of a stick.
+
+    An attitude that settles is changed by such a step, of less stick if that is enough. One that
+    runs on, as by rate command, is changed by a pulse, the step less a later one, so wide that
+    the peak change is `change`, or as long as the step was seen. The loop is linear.
 
     Args:
-        step: (n_time,) change from before, of a linear loop.
         time: (n_time,) s, from the step on.
-        width: of the pulse, s.
+        angle: (n_time,) rad.
+        rate: (n_time,) rad/s.
+        change: rad, the peak that is wanted.
     """
-    later = np.interp(time - width, time, step, left=0.0)
-    return step - later
+    angle, rate = angle - angle[0], rate - rate[0]
+    if np.abs(angle).max() <= 0.0:
+        return Quickness(0.0, 0.0, 0.0)
+    half = time.size // 2
+    drift = abs(angle[-1] - angle[half]) / (time[-1] - time[half])
+    if drift > _RUNNING * np.abs(rate).max():
+        width = _width(time, angle, change)
+        angle, rate = _pulse(angle, time, width), _pulse(rate, time, width)
+    found = quickness(angle, rate)
+    less = min(change / found.peak, 1.0) if found.peak > 0.0 else 1.0
+    return Quickness(found.ratio, less * found.peak, less * found.least)
+
+
+_RUNNING = 0.1
+"""Share of the peak rate with which an attitude runs on rather than settles."""
+_BISECTIONS = 24
+
+
+def _width(time: Real, step: Real, change: float) -> float:
+    """Return how wide a pulse is by which the peak is as wanted, at most all of the time."""
+    low, high = 0.0, float(time[-1])
+    if np.abs(step).max() <= change:
+        return high
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        enough = np.abs(_pulse(step, time, middle)).max() >= change
+        low, high = (low, middle) if enough else (middle, high)
+    return high
+
+
+def _pulse(step: Real, time: Real, width: float) -> Real:
+    return step - np.interp(time - width, time, step, left=0.0)
 
 
 def coupling(time: Real, on_axis: Real, off_axis: Real, *, after: float) -> float:

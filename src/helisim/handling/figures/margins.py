@@ -21,8 +21,8 @@ Real = NDArray[np.float64]
 
 MOST_GAIN = 60.0
 """dB: more gain margin than that is said to be that."""
-_GAIN_PER_RADIAN = 20.0
-"""dB of gain margin that a radian to -180 deg at an end of the band counts for."""
+_END = 8
+"""Points at an end of the band over which it is extended."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Margins:
             where negative, by how much it can fall, before -1 is met.
         phase: ((rad/s, rad), ...) at each gain of one: the lag that meets -1, and where negative,
             the lead, in [-pi, pi).
-        open_gain: dB, no less than which the gain margin at a crossing outside of the band is: the
-            gain at either end, and 20 dB more for each radian from -180 deg there.
+        open_gain: dB, the gain margin where -180 deg lies outside of the band: gain and phase
+            extended from its ends, the phase beyond the top along a delay.
         open_phase: rad, likewise of a crossing of gain that isn't in the band: the phase where
             the gain is nearest to one, wider the lower the gain; pi if there is a crossing.
         beyond: how often more the curve passes the real axis left of -1 clockwise than back.
@@ -110,7 +110,7 @@ def margins(loop: Curve) -> Margins:
     return Margins(
         gain=tuple(zip(turns.frequency.tolist(), (-sizes).tolist())),
         phase=tuple(zip(ones.frequency.tolist(), _between(ones, behind).tolist())),
-        open_gain=_open_gain(decibel, behind),
+        open_gain=_open_gain(frequency, decibel, behind),
         open_phase=np.pi if ones.index.size else _open_phase(decibel, behind),
         beyond=int(np.count_nonzero(left & ~turns.rising) - np.count_nonzero(left & turns.rising)),
         crossover=_crossover(frequency, decibel, ones),
@@ -125,9 +125,34 @@ def _between(where: Crossings, angle: Real) -> Real:
     return (low + where.share * step + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def _open_gain(decibel: Real, behind: Real) -> float:
-    ends = np.abs(decibel[[0, -1]]) + _GAIN_PER_RADIAN * np.abs(behind[[0, -1]])
-    return float(ends.min())
+def _open_gain(frequency: Real, decibel: Real, behind: Real) -> float:
+    """Return the gain margin at -180 deg beyond the ends of the band."""
+    inner = min(_END, frequency.size - 1)
+    ends = (np.array([inner, 0]), False), (np.array([-1 - inner, -1]), True)
+    return min(
+        _extended(np.log(frequency[two]), decibel[two], behind[two], delay=delay)
+        for two, delay in ends
+    )
+
+
+def _extended(where: Real, decibel: Real, behind: Real, *, delay: bool) -> float:
+    """Return the size of the gain where the phase is -180 deg, beyond the second of two points.
+
+    Args:
+        where: (2,) log frequency, over which the gain is straight, or stays if it would rise.
+        decibel: (2,) of gain.
+        behind: (2,) phase from -180 deg, rad.
+        delay: the phase is straight over frequency, not over its logarithm.
+    """
+    turn, missing = float(behind[1] - behind[0]), float(behind[1])
+    turn -= 2.0 * np.pi * round(turn / (2.0 * np.pi))
+    if turn * missing > 0.0 or turn == 0.0:
+        return MOST_GAIN  # it leads away
+    along = np.exp(where) if delay else where
+    there = along[1] - missing / turn * (along[1] - along[0])
+    further = (np.log(there) if delay else there) - where[1]
+    slope = min((decibel[1] - decibel[0]) / (where[1] - where[0]), 0.0)
+    return abs(float(decibel[1] + slope * further))
 
 
 def _open_phase(decibel: Real, behind: Real) -> float:
