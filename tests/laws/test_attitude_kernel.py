@@ -9,6 +9,7 @@ from scipy.signal import bilinear_zpk, freqz_zpk, tf2zpk
 from small_laws import HOLDS
 
 from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.loop import NoResponse
 from helisim.laws import AttitudeCommand, HeaveAxis, Lead, Lowpass, Notch
 from helisim.laws.attitude_kernel import ATTITUDE, COMPILED, INTEGRAL, LAT, LON, PED
 from helisim.physics.gyro import Seen
@@ -87,6 +88,15 @@ def test_an_inverse_ahead_makes_the_aircraft_follow_its_model():
     modelled = 0.6 * axis.frequency**2 / (s + axis.frequency) ** 2
     flown = ClosedLoop(Roll(a, b), law.linear(PERIOD), omega).command("lat").response
     np.testing.assert_allclose(flown / modelled, np.exp(-0.5 * PERIOD * s), rtol=1e-3)
+
+
+def test_a_law_that_lacks_a_signal_closes_no_loop():
+    """Nothing says the attitude: no answer rather than that of another law."""
+    rates_alone = Roll(3.0, 60.0)
+    rates_alone.outputs = ("p", "r")
+    loop = ClosedLoop(rates_alone, HOLDS.linear(PERIOD), OMEGA)
+    with pytest.raises(NoResponse, match=r"the law senses .*phi, .*: the vehicle's model has p, r"):
+        loop.broken("lat")
 
 
 class Roll:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from helisim.handling.axis import Axis, axis_of
 from helisim.handling.curve import Curve
 from helisim.handling.loop import GRID, History, NoResponse
+from helisim.records.channels import IN2
 from helisim.handling.sampled_loop import SampledLoop, sampled_form
 
 if TYPE_CHECKING:
@@ -80,6 +81,14 @@ class ClosedLoop:
     def _feedback(self) -> Response:
         """K, by the plant's outputs, (n_freq, n_command, n_sensed); 0 of what the law ignores."""
         known = self.law.inputs
+        sensed = {name: k for k, name in enumerate(known) if name not in IN2}
+        unknown = [name for name in sensed if name not in self.plant.outputs]
+        lacks = [name for name in unknown if np.any(self._law[:, :, sensed[name]])]
+        if lacks:
+            raise NoResponse(
+                f"the law senses {_listed(lacks)}, of which nothing is known: the vehicle's model "
+                f"has {_listed(self.plant.outputs)}"
+            )
         columns = [
             self._law[:, :, known.index(name)]
             if name in known
