@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from helisim.handling.axis import Axis, axis_of
 from helisim.handling.curve import Curve
 from helisim.handling.loop import GRID, History, NoResponse
-from helisim.records.channels import IN2
 from helisim.handling.sampled_loop import SampledLoop, sampled_form
+from helisim.records.channels import IN2
 
 if TYPE_CHECKING:
     import control
