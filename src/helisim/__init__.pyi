@@ -15,6 +15,7 @@ from helisim.handling.spec import Spec as Spec
 from helisim.handling.spec import read_specs as read_specs
 from helisim.handling.spec import write_specs as write_specs
 from helisim.handling.standards import standard as standard
+from helisim.ident import ArduPilotModel as ArduPilotModel
 from helisim.ident import Fit as Fit
 from helisim.ident import FrequencyResponse as FrequencyResponse
 from helisim.ident import Mode as Mode
@@ -31,7 +32,6 @@ from helisim.ident import reduce as reduce
 from helisim.ident import structures as structures
 from helisim.ident import suspicions as suspicions
 from helisim.ident import verify as verify
-from helisim.ident.fitting.ardupilot import ArduPilotModel as ArduPilotModel
 from helisim.laws import AttitudeCommand as AttitudeCommand
 from helisim.laws import Law as Law
 from helisim.laws import RateCommand as RateCommand

@@ -3,6 +3,7 @@
 Knows no simulator: a real flight log is identified by the same calls.
 """
 
+from helisim.ident.fitting.ardupilot import ArduPilotModel
 from helisim.ident.fitting.fit import identify
 from helisim.ident.fitting.fitted import FittedParameter
 from helisim.ident.fitting.misfit import Misfit
@@ -23,6 +24,7 @@ from helisim.ident.verifying.verify import verify
 
 __all__ = [
     "USABLE_COHERENCE",
+    "ArduPilotModel",
     "ClosedLoopWarning",
     "CrossControlWarning",
     "Fit",

@@ -198,7 +198,7 @@ def _delays(found: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
         whole = min(LONGEST_MS, max(0, round(mean / _MS)))
         written[key] = float(whole)
         off = {name: found[name] / _MS - whole for name in names}
-        if any(abs(one) > 0.05 for one in off.values()):
+        if any(abs(one) > 0.5 for one in off.values()):
             said = ", ".join(f"{found[name] / _MS:.1f} ms of {name}" for name in names)
             remarks.append(f"{key} = {whole} stands for {said}")
     return written, remarks
