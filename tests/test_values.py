@@ -92,6 +92,7 @@ def values(jr700, tmp_path_factory):
         "RateCommand": hs.RateCommand.of(jr700),
         "Controller of a law": hs.RateCommand.of(jr700).on(jr700),
         "Seen": hs.Seen(*(0.1 * number for number in range(len(hs.Seen._fields)))),
+        "ProofPlan": hs.ProofPlan(repeats=2),
         "Weather": plan.weather,
         "Gust": plan.weather.gust,
         "Ground": plan.ground,

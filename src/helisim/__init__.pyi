@@ -93,6 +93,9 @@ from helisim.sim.hand import StickFeel as StickFeel
 from helisim.study.check import check_vehicle as check_vehicle
 from helisim.study.for_design import identify_for_design as identify_for_design
 from helisim.study.new_vehicle import new_vehicle as new_vehicle
+from helisim.study.proof.exact import exact_loop as exact_loop
+from helisim.study.proof.flights import ProofPlan as ProofPlan
+from helisim.study.proof.prove import prove as prove
 from helisim.study.reproduce import reproduce as reproduce
 from helisim.vehicle import Controller as Controller
 from helisim.vehicle import GyroSettings as GyroSettings

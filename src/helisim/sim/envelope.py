@@ -146,7 +146,7 @@ class FlightEnvelope:
         if self.saturation is not None:
             window = f"{self.saturation:g} s of {self.saturation_window:g} s"
             aloft = ~touching(trajectory)  # on the ground a stick may lie at its stop
-            for name, at_limit in _saturated(vehicle, trajectory):
+            for name, at_limit in at_limits(vehicle, trajectory):
                 at_limit = at_limit & aloft
                 if np.count_nonzero(at_limit) * trajectory.timestep > self.saturation:
                     times = _time_in_window(at_limit, self.saturation_window, trajectory.timestep)
@@ -209,7 +209,7 @@ def hover_induced_velocity(vehicle: Vehicle) -> float:
     return float(math.sqrt(weight / (2.0 * own["air.density"] * disc)))
 
 
-def _saturated(vehicle: Vehicle, trajectory: Trajectory) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+def at_limits(vehicle: Vehicle, trajectory: Trajectory) -> Iterator[tuple[str, NDArray[np.bool_]]]:
     """Yield the name of each stick, command and servo that may be at its limit, and where, (n,)."""
     commands = dict(zip(IN2, trajectory.sticks.T)) | {"ped": trajectory.servo_commands[:, 3]}
     plate, swash = trajectory.swashplate, trajectory.servo_commands[:, :3]

@@ -15,10 +15,10 @@ from helisim.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 LINEAR = {
-    **dict.fromkeys(IN1, 0.2),
+    **dict.fromkeys(IN1, 0.3),
     "ped": 0.07,
-    **dict.fromkeys(RATES, 1.2),
-    **dict.fromkeys(ATTITUDES, 0.08),
+    **dict.fromkeys(RATES, 2.0),
+    **dict.fromkeys(ATTITUDES, 0.12),
     **dict.fromkeys(("u", "v", "w"), 2.5),
 }
 """How far a channel may go from its trim in a sweep: commands stop at 0.5, unitised; rad/s, rad;
@@ -61,7 +61,7 @@ class SweepKind:
 SWEEPS = (
     SweepKind(place="actuators", axes=("lat", "lon"), band=(2.0, 150.0), slope=3.0, corner=20.0),
     SweepKind(place="actuators", axes=("ped",), band=(2.0, 150.0), slope=2.0, corner=20.0),
-    SweepKind(place="sensors", axes=("lat", "lon"), band=(2.0, 110.0), slope=4.0, corner=15.0),
+    SweepKind(place="sensors", axes=("lat", "lon"), band=(2.0, 110.0), slope=6.0, corner=20.0),
     SweepKind(place="sensors", axes=("ped",), band=(2.0, 110.0), slope=3.0, corner=15.0),
     SweepKind(place="sticks", axes=("lat", "lon"), band=(2.0, 60.0), slope=-1.0),
     SweepKind(place="sticks", axes=("ped",), band=(2.0, 60.0)),

@@ -1,0 +1,150 @@
+"""Prove a control law in flight: specified, predicted, exact and flown, side by side."""
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from helisim.handling.criteria import Criterion
+from helisim.handling.loop import Loop
+from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
+from helisim.handling.measured.margins import margins
+from helisim.handling.spec import Spec
+from helisim.records.files import atomic_write
+from helisim.records.record import FlightRecord
+from helisim.records.storage import write_record
+from helisim.records.value import FrozenMap
+from helisim.study.proof.comparison import ComparedCriterion, compare, with_usual
+from helisim.study.proof.exact import ExactLoop, exact_loop
+from helisim.study.proof.flights import ProofFlights, ProofPlan, fly_events, fly_proof
+from helisim.study.proof.hands import hands_off
+from helisim.vehicle import ControllerLike, Vehicle
+
+DRAWS = 200
+"""Of the measured loop: an interval's half width is known to 5 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """A control law as it was proved.
+
+    Attributes:
+        table: each specification, predicted, exact and flown.
+        flights: the records.
+        exact: the loop of the sampled linearisation.
+        measured: the loop that the records show.
+        predicted: that of the identified model, if it was given.
+        before: steps and gust flown with the vehicle's own controller, as `flights.by_name` calls
+            them; empty if that is what was proved.
+        remarks: what the records can't say, and what is to be doubted.
+    """
+
+    table: tuple[ComparedCriterion, ...]
+    flights: ProofFlights
+    exact: ExactLoop
+    measured: MeasuredLoop
+    predicted: Loop | None
+    before: Mapping[str, FlightRecord]
+    remarks: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        count = len(self.flights.by_name())
+        return f"Proof({len(self.table)} specifications, {count} flights)"
+
+    @property
+    def met(self) -> bool:
+        """Whether every specification but those to check is met as flown, or else exactly."""
+        asked = [one for one in self.table if one.spec.kind != "check"]
+        rated = [one.flown or one.exact for one in asked]
+        return all(one is not None and one.level == 1 for one in rated)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        stops = self.flights.stops
+        return {
+            "met": self.met,
+            "table": [one.to_dict() for one in self.table],
+            "stops": {
+                "share": dict(stops.share),
+                "largest": dict(stops.largest),
+                "duration_s": stops.duration,
+            },
+            "remarks": list(self.remarks),
+        }
+
+    def write(self, folder: str | PathLike[str]) -> None:
+        """Write the records and `proof.json` into a folder, which is made. Raises StorageError."""
+        out = Path(folder)
+        out.mkdir(parents=True, exist_ok=True)
+        before = {f"before_{name}": record for name, record in self.before.items()}
+        for name, record in {**self.flights.by_name(), **before}.items():
+            write_record(record, out / f"{name}.parquet")
+        with atomic_write(out / "proof.json") as temporary:
+            temporary.write_text(json.dumps(self.to_dict(), indent=1), encoding="utf-8")
+
+
+def prove(
+    vehicle: Vehicle,
+    law: ControllerLike | None = None,
+    specs: Iterable[Spec | Criterion] = (),
+    *,
+    predicted: Loop | None = None,
+    plan: ProofPlan | None = None,
+    draws: int = DRAWS,
+    on_flight: Callable[[], None] | None = None,
+) -> Proof:
+    """Fly a control law on the nonlinear vehicle, and hold what is measured against the rest.
+
+    Loops are cut at the actuators, attitudes are disturbed, sticks are swept and stepped, in light
+    turbulence unless told otherwise, the pilot's hands off; margins, rejection and bandwidth
+    follow from the records alone. They stand beside what was asked, what the identified model
+    predicted, and what the exact sampled linearisation says. Margins, rejection and bandwidth of
+    each axis are told whether they are asked for or not.
+
+    Args:
+        vehicle: that flies.
+        law: of control; the vehicle's own controller if None.
+        specs: what is asked.
+        predicted: loop of the identified model with the law.
+        plan: how the proof is flown.
+        draws: of the measured loop, for the intervals.
+        on_flight: called after each flight.
+
+    Raises:
+        DivergedError: the vehicle doesn't stay in its envelope; says in which flight.
+        ModelError: the law can't hold the hover.
+    """
+    plan = plan or ProofPlan()
+    own = hands_off(vehicle)
+    flies = own if law is None else own.with_controller(law)
+    exact = exact_loop(flies)
+    flights = fly_proof(flies, plan, exact=exact, on_flight=on_flight)
+    measured, remarks = measured_loop(flights, draws=draws)
+    before = {} if law is None else fly_events(own, plan, exact_loop(own), on_flight)
+    asked = with_usual(specs, plan.axes)
+    table = compare(asked, predicted=predicted, exact=exact, flown=measured)
+    return Proof(table, flights, exact, measured, predicted, FrozenMap(before), remarks)
+
+
+def measured_loop(
+    flights: ProofFlights, *, draws: int = DRAWS, seed: int = 1
+) -> tuple[MeasuredLoop, tuple[str, ...]]:
+    """Return the loop that the sweeps of a proof show, and what is to be doubted of it.
+
+    Args:
+        flights: of the proof.
+        draws: of the loop.
+        seed: of the draws.
+    """
+    parts, remarks = [], []
+    for name, records in flights.sweeps.items():
+        found = margins(records, band=flights.bands[name], draws=draws, seed=seed)
+        parts.append(found.loop.curves)
+        if name.startswith(("actuators", "sensors")):  # of the rest all cuts are missing
+            remarks += [f"{name}: {one}" for one in found.remarks]
+    driven = tuple(one for part in parts for one in part.driven)
+    cuts = tuple(dict.fromkeys(cut for part in parts for cut in part.cuts))
+    curves = MeasuredCurves(driven, cuts, parts[0].count, seed)
+    return MeasuredLoop(curves), tuple(dict.fromkeys(remarks))
