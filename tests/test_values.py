@@ -164,7 +164,7 @@ NAMES = [
     *("History", "Manoeuvre", "Sequence", "Together", "plan of a History"),
     *("Pilot", "Recorder", "default Recorder", "Controller"),
     *("Law", "RateCommand", "Controller of a law", "Seen"),
-    *("Weather", "Gust", "Ground", "Deck", "Swing", "FlightEnvelope", "StickFeel"),
+    *("ProofPlan", "Weather", "Gust", "Ground", "Deck", "Swing", "FlightEnvelope", "StickFeel"),
     *("ServoStuck", "SensorDropout", "ServoWeak"),
     *("GyroRestart", "GyroDropout", "SensorSpikes", "SampleLoss", "RecordGap", "ClockDrift"),
     *(

@@ -77,6 +77,12 @@ class ProofPlan:
                 f"{len(self.sweeps)} sweeps and {', '.join(f'{one:g}' for one in numbers)}"
             )
 
+    def __repr__(self) -> str:
+        swept = ", ".join(f"{kind.place} {'+'.join(kind.axes)}" for kind in self.sweeps)
+        return (
+            f"ProofPlan({self.repeats} flights of {self.periods} x {self.period:g} s of: {swept})"
+        )
+
     @property
     def axes(self) -> tuple[str, ...]:
         """The axes that are swept, and stepped too."""
