@@ -138,9 +138,3 @@ def level_of(distance: float) -> Level:
     if distance >= 0.0:
         return 1
     return 2 if distance >= -1.0 else 3
-
-
-def values_of(criterion: Criterion) -> dict[str, Any]:
-    """Return a criterion's own numbers by name, the axis and the scale left out."""
-    own = vars(criterion)
-    return {name: own[name] for name in own if name not in ("axis", "scale")}

@@ -106,15 +106,26 @@ def margins(loop: Curve) -> Margins:
     ones = crossings(frequency, decibel)
     turns = crossings(frequency, behind, most=np.pi)
     sizes = turns.of(decibel)
-    left = sizes > 0.0
     return Margins(
         gain=tuple(zip(turns.frequency.tolist(), (-sizes).tolist())),
         phase=tuple(zip(ones.frequency.tolist(), _between(ones, behind).tolist())),
         open_gain=_open_gain(frequency, decibel, behind),
         open_phase=np.pi if ones.index.size else _open_phase(decibel, behind),
-        beyond=int(np.count_nonzero(left & ~turns.rising) - np.count_nonzero(left & turns.rising)),
+        beyond=_beyond(turns, sizes),
         crossover=_crossover(frequency, decibel, ones),
     )
+
+
+def is_stable(loop: Curve) -> bool:
+    """Return whether a broken loop shows no instability, as `Margins.stable`."""
+    turns = crossings(loop.frequency, np.angle(-loop.response), most=np.pi)
+    return not turns.index.size or _beyond(turns, turns.of(loop.decibel)) <= 0
+
+
+def _beyond(turns: Crossings, sizes: Real) -> int:
+    """Return how often more the phase of -180 deg is passed falling than rising, left of -1."""
+    left = sizes > 0.0
+    return int(np.count_nonzero(left & ~turns.rising) - np.count_nonzero(left & turns.rising))
 
 
 def _between(where: Crossings, angle: Real) -> Real:
@@ -186,8 +197,7 @@ def disk_margin(loop: Curve, *, skew: float = 0.0) -> DiskMargin:
     """
     size = np.abs(1.0 / (1.0 + loop.response) + 0.5 * (skew - 1.0))
     highest, where = peak(loop.frequency, size)
-    stable = margins(loop).stable
-    return DiskMargin(1.0 / highest if stable else -1.0 / highest, where)
+    return DiskMargin(1.0 / highest if is_stable(loop) else -1.0 / highest, where)
 
 
 def slope_order(loop: Curve, crossover: float, *, span: float = 2.0) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.handling.curve import Curve
-from helisim.handling.figures.margins import margins
+from helisim.handling.figures.margins import is_stable
 
 Real = NDArray[np.float64]
 Gauge = Callable[[Real, Real], Real]
@@ -78,5 +78,5 @@ def approach(loop: Curve, gauge: Gauge) -> Approach:
     own = loop.frequency
     k = index[best]
     where = own[k] * (own[k + 1] / own[k]) ** share[best]
-    sign = 1.0 if margins(loop).stable else -1.0
+    sign = 1.0 if is_stable(loop) else -1.0
     return Approach(sign * float(fine[best]), float(where), float(x[best]), float(y[best]))
