@@ -2,8 +2,9 @@
 
 Roll and pitch follow a second-order model of the attitude that the stick asks for, yaw a
 first-order model of the rate, its heading held. An inverse of the aircraft goes ahead of the
-feedback, so this only mends what the inverse misses (Tischler, Advances in Aircraft Flight
-Control, 1996, ch. 9; the law of Army/NASA's "explicit model following" helicopters).
+feedback, so this only mends what the inverse misses: "explicit model following" with single-axis
+inverse plants ("Multi-Input Multi-Output Model-Following Control Design Methods for Rotorcraft",
+Journal of the American Helicopter Society 66, 2021, 032002).
 """
 
 import math
