@@ -92,6 +92,26 @@ def test_distances_change_little_where_the_loop_does(criterion):
     assert min(found.max(), 4.0 * finer.max()) < 0.5, gains[steepest]
 
 
+@pytest.mark.parametrize(
+    ("criterion", "words"),
+    [
+        (criteria.StabilityMargins(axis="lat"), "crossover is extended"),
+        (criteria.Crossover(axis="lat", frequency=Limit(6.0, 3.0)), "extended"),
+        (criteria.DisturbanceRejection(axis="lat"), "DRB is extended"),
+        (criteria.AttitudeBandwidth(axis="lat"), "what is missing was continued"),
+        (criteria.ActuatorOnset(axis="lat", rate_limit=1e4), "the rate limit is not met"),
+    ],
+    ids=lambda one: getattr(one, "name", ""),
+)
+def test_what_lies_outside_of_the_band_is_remarked(criterion, words):
+    """A loop that is too fast for its band, and the same seen wholly."""
+    narrow = AttitudeLoop(delay=0.02, frequency=tuple(np.geomspace(0.05, 0.5, 60)))
+    assert words in criterion.rate(narrow).remark
+    if not isinstance(criterion, criteria.ActuatorOnset):
+        assert "extended" not in criterion.rate(AttitudeLoop(delay=0.02)).remark
+        assert "continued" not in criterion.rate(AttitudeLoop(delay=0.02)).remark
+
+
 def test_a_faster_scale_asks_for_more():
     """A hundredth of the length asks for ten times the frequency, and a tenth of the delay."""
     loop = AttitudeLoop(delay=0.02)

@@ -52,7 +52,7 @@ class AttitudeBandwidth(Criterion):
 
     name: ClassVar[str] = "attitude_bandwidth"
     source: ClassVar[str] = (
-        "ADS-33E-PRF, 3.3.2.1 and 3.3.5.1, figures 5 and 9, hover and low speed: least bandwidth "
+        "ADS-33E-PRF, 3.3.2.1 and 3.3.5.1, hover and low speed: least bandwidth "
         "at small phase delay. The figures' borders lean to more bandwidth as phase delay grows; "
         "here a phase delay of its own ends the levels, a choice of ours"
     )

@@ -42,8 +42,9 @@ class Crossover(Criterion):
 
     def rate(self, loop: Loop) -> Rating:
         """Return the crossover, continued beyond the band."""
-        found = margins(loop.broken(self.axis, self.at)).crossover
-        return self.rated({"crossover": found})
+        found = margins(loop.broken(self.axis, self.at))
+        remark = "" if found.crosses else "the gain does not fall through one in its band: extended"
+        return self.rated({"crossover": found.crossover}, remark=remark)
 
     def chart(self) -> Chart:
         """Return a strip of frequency."""

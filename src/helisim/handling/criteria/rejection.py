@@ -59,7 +59,10 @@ class DisturbanceRejection(Criterion):
             "drp": found.peak,
             "peak_frequency": found.peak_frequency,
         }
-        return self.rated(figures)
+        remark = (
+            "" if found.seen else "|S| rises through -3 dB outside of its band: DRB is extended"
+        )
+        return self.rated(figures, remark=remark)
 
     def chart(self) -> Chart:
         """Return DRP over DRB."""

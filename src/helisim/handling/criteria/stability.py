@@ -36,7 +36,7 @@ class StabilityMargins(Criterion):
 
     name: ClassVar[str] = "stability_margins"
     source: ClassVar[str] = (
-        "MIL-DTL-9490E, 3.1.3.6.1, and SAE AS94900, 3.1.3.6: 6 dB and 45 deg below the first "
+        "MIL-DTL-9490E, 3.1.3.6.1, and SAE AS94900: 6 dB and 45 deg below the first "
         "aeroelastic mode; that half of it ends Level 2 is a choice of ours"
     )
     units: ClassVar[Mapping[str, str]] = {
@@ -55,9 +55,12 @@ class StabilityMargins(Criterion):
         found = margins(loop.broken(self.axis, self.at))
         gain, phase = found.least_gain, found.least_phase
         figures = {"gain_margin": gain, "phase_margin": phase, "crossover": found.crossover}
-        beyond = abs(gain) == found.open_gain
-        remark = "-180 deg lies outside of the band: the gain margin is extended" if beyond else ""
-        return self.rated(figures, remark=remark)
+        remarks = []
+        if not found.crosses:
+            remarks.append("the gain does not fall through one in its band: crossover is extended")
+        if abs(gain) == found.open_gain:
+            remarks.append("-180 deg lies outside of the band: the gain margin is extended")
+        return self.rated(figures, remark="; ".join(remarks))
 
     def chart(self) -> Chart:
         """Return phase margin over gain margin."""

@@ -55,7 +55,7 @@ class Bandwidth:
 def bandwidth(command: Curve, *, fit: bool = False, sign: int = 1) -> Bandwidth:
     """Return bandwidths and phase delay of attitude over stick.
 
-    ADS-33E-PRF, 3.3.2.1 and figure 3. Phase counts modulo a turn: -180 deg is met where the curve
+    ADS-33E-PRF, 3.3.2.1. Phase counts modulo a turn: -180 deg is met where the curve
     first passes it downwards, whatever slow modes did to the phase below.
 
     Args:

@@ -29,8 +29,7 @@ class Quickness:
 def quickness(angle: Real, rate: Real) -> Quickness:
     """Return the quickness of a change from one steady attitude to another.
 
-    ADS-33E-PRF, 3.3.3 and 3.3.6, figures 8 to 10: q_pk / Delta theta_pk against
-    Delta theta_min.
+    ADS-33E-PRF, 3.3.3 and 3.3.6: q_pk / Delta theta_pk against Delta theta_min.
 
     Args:
         angle: (n_time,) rad, the first the attitude before.

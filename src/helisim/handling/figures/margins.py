@@ -41,6 +41,7 @@ class Margins:
         beyond: how often more the curve passes the real axis left of -1 clockwise than back.
         crossover: rad/s, the highest frequency at which the gain falls through one. Without one,
             where it would by a slope of 20 dB a decade from its nearest point.
+        crosses: whether there is one.
     """
 
     gain: tuple[tuple[float, float], ...]
@@ -49,6 +50,7 @@ class Margins:
     open_phase: float
     beyond: int
     crossover: float
+    crosses: bool
 
     @property
     def stable(self) -> bool:
@@ -98,7 +100,7 @@ class DiskMargin:
 def margins(loop: Curve) -> Margins:
     """Return gain and phase margins of a broken loop at every crossing, and its crossover.
 
-    Definitions: MIL-DTL-9490E 3.1.3.6.1 and its successor SAE AS94900, 3.1.3.6: the least change
+    Definitions: MIL-DTL-9490E, 3.1.3.6.1, and its successor SAE AS94900: the least change
     of gain, up or down, and of phase, lag or lead, that makes the loop unstable.
     """
     frequency, decibel = loop.frequency, loop.decibel
@@ -113,6 +115,7 @@ def margins(loop: Curve) -> Margins:
         open_phase=np.pi if ones.index.size else _open_phase(decibel, behind),
         beyond=_beyond(turns, sizes),
         crossover=_crossover(frequency, decibel, ones),
+        crosses=bool((~ones.rising).any()),
     )
 
 

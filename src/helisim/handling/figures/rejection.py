@@ -20,11 +20,13 @@ class Rejection:
             one, where it would by a slope of 20 dB a decade from its nearest point.
         peak: DRP, dB: the highest |S|.
         peak_frequency: rad/s.
+        seen: whether |S| rises through 1 / sqrt 2 within the band.
     """
 
     bandwidth: float
     peak: float
     peak_frequency: float
+    seen: bool
 
 
 def rejection(disturbance: Curve) -> Rejection:
@@ -48,4 +50,4 @@ def rejection(disturbance: Curve) -> Rejection:
     else:
         nearest = -1 if size[-1] <= HALF_POWER else int(np.argmin(size))
         bandwidth = float(own[nearest] * 10.0 ** ((HALF_POWER - size[nearest]) / 20.0))
-    return Rejection(bandwidth, highest, where)
+    return Rejection(bandwidth, highest, where, bool(rises.size))
