@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,9 @@ from helisim.records.files import atomic_write
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from helisim.records.value import FrozenMap
+from helisim.sim import Gust
 from helisim.study.proof.comparison import ComparedCriterion, compare, with_usual
+from helisim.study.proof.deviation import Deviation, deviations
 from helisim.study.proof.exact import ExactLoop, exact_loop
 from helisim.study.proof.flights import ProofFlights, ProofPlan, fly_events, fly_proof
 from helisim.study.proof.hands import hands_off
@@ -36,6 +38,7 @@ class Proof:
         exact: the loop of the sampled linearisation.
         measured: the loop that the records show.
         predicted: that of the identified model, if it was given.
+        gust: that was flown through.
         before: steps and gust flown with the vehicle's own controller, as `flights.by_name` calls
             them; empty if that is what was proved.
         remarks: what the records can't say, and what is to be doubted.
@@ -46,6 +49,7 @@ class Proof:
     exact: ExactLoop
     measured: MeasuredLoop
     predicted: Loop | None
+    gust: Gust
     before: Mapping[str, FlightRecord]
     remarks: tuple[str, ...]
 
@@ -60,6 +64,16 @@ class Proof:
         rated = [one.flown or one.exact for one in asked]
         return all(one is not None and one.level == 1 for one in rated)
 
+    @property
+    def gust_deviations(self) -> dict[str, Mapping[str, Deviation]]:
+        """How far the gust turned the vehicle, by angle: "before" and with the "law"."""
+        records = {"before": self.before.get("gust"), "law": self.flights.gust}
+        return {
+            name: deviations(record, self.gust.start)
+            for name, record in records.items()
+            if record is not None
+        }
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         stops = self.flights.stops
@@ -70,6 +84,10 @@ class Proof:
                 "share": dict(stops.share),
                 "largest": dict(stops.largest),
                 "duration_s": stops.duration,
+            },
+            "gust": {
+                name: {angle: asdict(one) for angle, one in angles.items()}
+                for name, angles in self.gust_deviations.items()
             },
             "remarks": list(self.remarks),
         }
@@ -125,7 +143,7 @@ def prove(
     before = {} if law is None else fly_events(own, plan, exact_loop(own), on_flight)
     asked = with_usual(specs, plan.axes)
     table = compare(asked, predicted=predicted, exact=exact, flown=measured)
-    return Proof(table, flights, exact, measured, predicted, FrozenMap(before), remarks)
+    return Proof(table, flights, exact, measured, predicted, plan.gust, FrozenMap(before), remarks)
 
 
 def measured_loop(
