@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.handling.measured.cut import Cut
 from helisim.handling.measured.errors import error_root
 from helisim.ident.responses.frf import frequency_response
 from helisim.ident.responses.local_scatter import LocalScatter
@@ -48,11 +49,15 @@ class Driven(Value):
             count: how many, even.
             seed: of the draws.
         """
-        rng = np.random.default_rng(seed)
-        normal = rng.standard_normal((2, self.root.shape[1], (count + 1) // 2))
-        off = (self.root @ (normal[0] + 1j * normal[1]) * np.sqrt(0.5)).T
-        off = np.concatenate([off, -off])[:count].reshape(count, *self.response.shape)
-        return self.response + off
+        off = np.sqrt(0.5) * pairs(count, self.root.shape[1], seed) @ self.root.T
+        return self.response + off.reshape(count, *self.response.shape)
+
+
+def pairs(count: int, size: int, seed: int) -> Complex:
+    """Return complex normal numbers, (count, size), in pairs of opposite sign; 1 in each part."""
+    normal = np.random.default_rng(seed).standard_normal((2, (count + 1) // 2, size))
+    one = normal[0] + 1j * normal[1]
+    return np.concatenate([one, -one])[:count]
 
 
 def estimate_driven(
@@ -61,7 +66,7 @@ def estimate_driven(
     outputs: Sequence[str],
     band: tuple[float, float],
     late: Mapping[str, float],
-    pairs: Sequence[tuple[str, ...]] = (),
+    cuts: Sequence[Cut] = (),
 ) -> list[Driven]:
     """Estimate what signals answer to each that was injected, the others' effect taken out.
 
@@ -73,27 +78,29 @@ def estimate_driven(
         outputs: the signals that answer.
         band: rad/s.
         late: channel -> s, by which its record is late; 0 if not given.
-        pairs: outputs that differ by what was injected, which share their bias.
+        cuts: whose two sides differ by what was injected.
 
     Raises:
         IdentificationError: the records are too short, or what was injected moved as one.
     """
     found = frequency_response(records, inputs=drives, outputs=outputs, band=band)
-    scatter, alike = found.scatter, _alike(found.outputs, pairs)
+    scatter, alike = found.scatter, _alike(found.outputs, cuts)
     assert isinstance(scatter, LocalScatter)  # of the default estimator
     driven = []
     for place, drive in enumerate(found.inputs):
         lag = np.array([late.get(name, 0.0) - late.get(drive, 0.0) for name in found.outputs])
         turn = np.exp(1j * np.outer(lag, found.frequency))
+        response = found.response[:, place]
         root = error_root(scatter, place, alike) * turn.reshape(-1, 1)
-        response = found.response[:, place] * turn
+        response = response * turn
         driven.append(Driven(drive, found.outputs, found.frequency, response, root, found.flags))
     return driven
 
 
-def _alike(outputs: Sequence[str], pairs: Sequence[tuple[str, ...]]) -> NDArray[np.intp]:
-    """Return a number for each output, equal for those of one pair."""
+def _alike(outputs: Sequence[str], cuts: Sequence[Cut]) -> NDArray[np.intp]:
+    """Return a number for each output, equal for the two sides of a cut."""
     number = {name: place for place, name in enumerate(outputs)}
-    for pair in pairs:
-        number |= dict.fromkeys(pair, number[pair[0]])
+    for cut in cuts:
+        if set(cut.outputs) <= set(outputs):
+            number |= dict.fromkeys(cut.outputs, number[cut.outputs[0]])
     return np.array([number[name] for name in outputs], dtype=np.intp)

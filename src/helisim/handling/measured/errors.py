@@ -16,8 +16,9 @@ Complex = NDArray[np.complex128]
 _REACH = 0.25
 """Two biases are related if their frequencies differ by less than about this, as a fraction."""
 
-_RIDGE = 1e-9
-"""Of a correlation matrix, so that rounding leaves no eigenvalue below zero."""
+_RIDGE = 1e-5
+"""Added to a correlation matrix, whose weights are in single precision: no eigenvalue is below
+zero then, and draws are rough by 0.3 % of their deviation."""
 
 
 def error_root(scatter: LocalScatter, place: int, alike: NDArray[np.intp]) -> Complex:
@@ -31,15 +32,16 @@ def error_root(scatter: LocalScatter, place: int, alike: NDArray[np.intp]) -> Co
     Returns:
         (n_out n_freq, n_out n_freq), outputs before frequencies.
     """
-    covariance = _random(scatter, place) + _systematic(scatter, place, alike)
-    size = np.sqrt(np.maximum(np.real(np.diagonal(covariance)), 1e-300))
-    related = covariance / np.outer(size, size)
+    shared = _systematic(scatter, place)
+    covariance = _random(scatter, place) + _shared(shared, scatter.frequency, alike)
+    deviation = np.sqrt(np.maximum(np.real(np.diagonal(covariance)), 1e-300))[:, None]
+    related = covariance / (deviation * deviation.T)
     np.fill_diagonal(related, 1.0 + _RIDGE)
     try:
-        return size[:, None] * np.linalg.cholesky(related)
+        return deviation * np.linalg.cholesky(related)
     except np.linalg.LinAlgError:
         value, vector = np.linalg.eigh(related)
-        return size[:, None] * vector * np.sqrt(np.maximum(value, 0.0))
+        return deviation * vector * np.sqrt(np.maximum(value, 0.0))
 
 
 def _random(scatter: LocalScatter, place: int) -> Complex:
@@ -58,14 +60,20 @@ def _random(scatter: LocalScatter, place: int) -> Complex:
     return (flat @ flat.conj().T).astype(np.complex128) * (root @ root.conj().T)
 
 
-def _systematic(scatter: LocalScatter, place: int, alike: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return what biases give, and what the choice of widths adds, shared by neighbours.
-
-    Each point for itself that would make curves rough, and rough curves cross what smooth don't.
-    """
+def _systematic(scatter: LocalScatter, place: int) -> NDArray[np.float64]:
+    """Return the size of the bias, with what the choice of widths adds, (n_out, n_freq)."""
     spread = 0.0 if scatter.spread is None else scatter.spread
-    size = np.hypot(scatter.bias, spread)[:, place].ravel()
-    at = np.log(scatter.frequency)
+    return np.hypot(scatter.bias, spread)[:, place]
+
+
+def _shared(
+    size: NDArray[np.float64], frequency: NDArray[np.float64], alike: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Return the covariance of errors, (n_out, n_freq) large, that neighbours share.
+
+    Each point for itself they would make curves rough, and rough curves cross what smooth don't.
+    """
+    at = np.log(frequency)
     near = np.exp(-0.5 * (np.subtract.outer(at, at) / _REACH) ** 2)
-    shared = np.equal.outer(alike, alike).astype(np.float64)
-    return np.outer(size, size) * np.kron(shared, near)
+    same = np.equal.outer(alike, alike).astype(np.float64)
+    return np.outer(size.ravel(), size.ravel()) * np.kron(same, near)

@@ -224,7 +224,7 @@ def _estimate(
             outputs,
             band or excited_band(part, drives),
             late,
-            [cut.outputs for cut in cuts if set(cut.outputs) <= set(outputs)],
+            cuts,
         )
     # what was injected is known as it is: a multisine's peaks are no spikes
     remarks = [one for one in found[0].flags if not any(repr(name) in one for name in drives)]

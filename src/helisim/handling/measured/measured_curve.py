@@ -1,6 +1,5 @@
 """A measured curve: as estimated, and as it may as well be."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,33 +33,30 @@ class MeasuredCurve(Value):
         cls,
         name: str,
         frequency: NDArray[np.float64],
-        made: Callable[[Complex], Complex],
         response: Complex,
         drawn: Complex,
     ) -> "MeasuredCurve":
-        """Return what follows from responses, over the longest band in which it is known.
+        """Return a curve over the longest band in which it is known.
 
         Args:
             name: of the curve, for messages.
             frequency: (n_freq,) rad/s.
-            made: from responses, (..., n_out, n_freq), to the curve, (..., n_freq).
-            response: (n_out, n_freq).
-            drawn: (n_draw, n_out, n_freq).
+            response: (n_freq,).
+            drawn: (n_draw, n_freq).
 
         Raises:
             NoResponse: it is known nowhere.
         """
         with np.errstate(all="ignore"):
-            one, each = made(response), made(drawn)
-            off = np.median(np.abs(each / one - 1.0), axis=0)
-        known = np.isfinite(one) & np.all(np.isfinite(each), axis=0) & (off < _KNOWN)
+            off = np.median(np.abs(drawn / response - 1.0), axis=0)
+        known = np.isfinite(response) & np.all(np.isfinite(drawn), axis=0) & (off < _KNOWN)
         first, last = _longest(known)
         if last - first < 2:
             raise NoResponse(
                 f"{name} is lost in noise between {frequency[0]:.3g} and {frequency[-1]:.3g} "
                 "rad/s: inject more, or fly longer"
             )
-        return cls(frequency[first:last], one[first:last], each[:, first:last])
+        return cls(frequency[first:last], response[first:last], drawn[:, first:last])
 
     def curve(self, draw: int | None = None) -> Curve:
         """Return the curve as estimated, or one of its draws."""

@@ -1,0 +1,110 @@
+"""How often the 95 % intervals of a loop's figures, as flown, hold the exact ones.
+
+Each replicate flies the sweeps of a proof (`helisim.study.proof.sweeps`) with the JR700's gyro,
+hands off, with the noise of its flight computer, in light turbulence, and measures the loops from
+the records alone. Exact is the sampled linearisation. Wanted: at least 94 % of the replicates, and
+intervals as wide as the figures scatter: "stated" is the standard deviation that they state.
+
+    python scripts/proof/margins_study.py [REPLICATES] [PERIOD]
+"""
+
+import sys
+import warnings
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+import helisim as hs
+from helisim.handling.measured.figures import Asked
+from helisim.study.proof.exact import exact_loop
+from helisim.study.proof.hands import hands_off
+from helisim.study.proof.sweeps import SWEEPS, sweep
+from helisim.vehicle import Vehicle
+
+WANTED = 0.94
+_BATCH = 10
+_FINE = np.geomspace(1.0, 400.0, 2000)
+_KINDS = {"DRB": "disturbance", "DRP": "disturbance", "bandwidth": "command"}
+_KINDS |= {"phase_delay": "command"}
+
+Key = tuple[str, str, str]
+
+
+class Covered(NamedTuple):
+    """One figure over the replicates; (n,) of those that had it."""
+
+    exact: float
+    value: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @property
+    def share(self) -> float:
+        """In how many of the replicates the interval held the exact value."""
+        return float(np.mean((self.low <= self.exact) & (self.exact <= self.high)))
+
+
+def measured(vehicle: Vehicle, replicates: int, period: float) -> Iterator[hs.MeasuredMargins]:
+    """Fly all sweeps for each replicate and measure the loops."""
+    flown = hands_off(vehicle)
+    loop = exact_loop(flown)
+    made = [sweep(kind, loop, flown, period=period) for kind in SWEEPS]
+    calm = {"pilot": hs.Pilot(remnant=0.0), "weather": hs.Weather(turbulence="light")}
+    plans = [
+        hs.FlightPlan(excitation=one, recorder=hs.Recorder.of(vehicle), **calm) for one in made
+    ]
+    for batch in range(0, replicates, _BATCH):
+        count = min(_BATCH, replicates - batch)
+        flights = [
+            hs.fly(flown, plan, seed=1000 * number + batch + 1, count=count)
+            for number, plan in enumerate(plans)
+        ]
+        for records in zip(*flights):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                yield hs.margins(records)
+
+
+def study(vehicle: Vehicle, replicates: int, period: float = 60.0) -> dict[Key, Covered]:
+    """Return each figure, by name, axis and place, with its intervals over the replicates."""
+    exact = exact_loop(hands_off(vehicle), _FINE)
+    found: dict[Key, list[tuple[float, float, float]]] = {}
+    for one in measured(vehicle, replicates, period):
+        for figure in one.figures:
+            each = figure.interval
+            key = (figure.name, figure.axis, figure.at)
+            found.setdefault(key, []).append((each.value, each.low, each.high))
+    result = {}
+    for (name, axis, at), rows in found.items():
+        truth = Asked(_KINDS.get(name, "broken"), axis, at)(exact)[name]
+        result[name, axis, at] = Covered(truth, *np.array(rows).T)
+    return result
+
+
+def table(found: dict[Key, Covered], replicates: int) -> None:
+    """Print a line a figure; a star where less than wanted is covered."""
+    print(f"{replicates} replicates; covered of those that had the figure")
+    headings = ("exact", "bias", "scatter", "stated", "covered %", "had %")
+    print(f"{'figure':<13}{'axis':<5}{'at':<10}" + "".join(f"{one:>10}" for one in headings))
+    for (name, axis, at), one in sorted(found.items(), key=lambda item: item[0][1:]):
+        stated = np.median(one.high - one.low) / 3.92
+        numbers = (one.exact, np.mean(one.value) - one.exact, np.std(one.value), stated)
+        print(
+            f"{name:<13}{axis:<5}{at:<10}"
+            + "".join(f"{number:10.4g}" for number in numbers)
+            + f"{100 * one.share:10.1f}{100 * one.value.size / replicates:10.0f}"
+            + (" *" if one.share < WANTED else "")
+        )
+    shares = [one.share for one in found.values()]
+    print(f"covered: {100 * np.mean(shares):.1f} % of all, least {100 * min(shares):.1f} %")
+
+
+def main(replicates: str = "200", period: str = "60") -> None:
+    """Print the study."""
+    found = study(hs.load("jr700"), int(replicates), float(period))
+    table(found, int(replicates))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
