@@ -65,6 +65,9 @@ def test_replace_changes_what_is_tuned():
         ({"lat": {"k_rte": 1.0}}, r"unknown name in \[lat\] 'k_rte'.*did you mean k_rate"),
         ({"lat": {**LAT, "k_rate": "x"}}, r"\[lat\] k_rate must be a number, got 'x'"),
         ({"lat": {**LAT, "frequency": -1.0}}, r"\[lat\] frequency must be above 0, got -1.0"),
+        ({"lat": {**LAT, "stick": 10**400}}, r"\[lat\] stick must be a number within 1e\+09"),
+        ({"lat": {**LAT, "ff_delay": -0.1}}, r"\[lat\] ff_delay must be 0 or more, got -0.1"),
+        ({"lat": {**LAT, "filters": [{"kind": ["lead"]}]}}, "unknown kind of filter"),
         ({"lat": {**LAT, "filters": [{"kind": "led"}]}}, r"\[lat\] unknown kind of filter 'led'"),
         ({"lat": {**LAT, "filters": [{"kind": "lead", "zero": 1.0}]}}, "needs zero, pole"),
     ],
@@ -73,3 +76,9 @@ def test_what_is_no_law_says_what_is_wrong(change, message):
     data = {**HOLDS.to_dict(), **change}
     with pytest.raises(InputError, match=message):
         law_of({name: value for name, value in data.items() if value is not None})
+
+
+def test_a_law_that_waits_too_long_is_refused(jr700):
+    slow = replace(HOLDS, delay=1.0)
+    with pytest.raises(InputError, match=r"keeps 20\d\d numbers at ticks of 0.002 s"):
+        slow.on(jr700)

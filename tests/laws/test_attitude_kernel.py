@@ -36,7 +36,7 @@ class Ticks:
         return self.state[int(self.settings[STATES[stick]]) :]
 
 
-@pytest.mark.parametrize("damping", [0.5, 1.0, 1.5])
+@pytest.mark.parametrize("damping", [0.5, 1.0, 1.5, 200.0])
 def test_command_model_is_a_second_order_system(damping):
     """Its step, as text books have it: x = 1 - (s2 e^(s1 t) - s1 e^(s2 t)) / (s2 - s1)."""
     w = 6.0

@@ -121,6 +121,7 @@ class HeaveAxis:
     limit: float = LIMIT
 
 
+_MOST = 1000
 _BLOCKS = {"lon": kernel.LON, "lat": kernel.LAT, "ped": kernel.PED}
 
 
@@ -217,7 +218,15 @@ class AttitudeCommand(TabledLaw):
         heave[HEAVE.share], heave[HEAVE.limit] = share, self.col.limit
         heave[HEAVE.to_ped] = self.col.to_ped
         settings[GENERAL.line] = states + kernel.HEAVE_STATES
-        return settings, states + kernel.HEAVE_STATES + 4 * round(self.delay / period)
+        states += kernel.HEAVE_STATES + 4 * round(self.delay / period)
+        if states > _MOST:
+            raise InputError(
+                f"with its delays the law keeps {states} numbers at ticks of {period:g} s, and at "
+                f"most {_MOST} fly: make delay or ff_delay shorter"
+            )
+        if not np.all(np.isfinite(settings)):
+            raise InputError(f"a number of the law is out of all proportion at {period:g} s")
+        return settings, states
 
 
 def command_model(axis: AttitudeAxis | YawAxis, period: float) -> tuple[NDArray[np.float64], ...]:
@@ -233,13 +242,17 @@ def command_model(axis: AttitudeAxis | YawAxis, period: float) -> tuple[NDArray[
         return moved, np.array([period - reached, 1.0 - left])
     w, drop = axis.frequency, axis.damping * axis.frequency
     apart = (axis.damping**2 - 1.0) * (w * period) ** 2  # square of half the poles' difference
-    root = math.sqrt(abs(apart))
-    if apart >= 0.0:
-        even, odd = math.cosh(root), math.sinh(root) / root if root else 1.0
+    root, fade = math.sqrt(abs(apart)), drop * period
+    left = math.exp(-fade)
+    if apart > 1.0:  # where its hyperbolic sine could overflow
+        fast, slow = math.exp(-fade - root), math.exp(root - fade)
+        even, odd = 0.5 * (slow + fast), 0.5 * (slow - fast) / root
+    elif apart >= 0.0:
+        even, odd = left * math.cosh(root), left * (math.sinh(root) / root if root else 1.0)
     else:
-        even, odd = math.cos(root), math.sin(root) / root
+        even, odd = left * math.cos(root), left * math.sin(root) / root
     turned = np.array([[drop, 1.0], [-(w**2), -drop]]) * period
-    moved = math.exp(-drop * period) * (even * np.eye(2) + odd * turned)
+    moved = even * np.eye(2) + odd * turned
     return moved, np.array([1.0 - moved[0, 0], -moved[1, 0]])
 
 

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar
 
 from helisim.errors import InputError, UnknownNameError
+from helisim.laws.law import check_number
 
 Polynomial = tuple[float, float, float]
 """Of s: c0 + c1 s + c2 s^2."""
@@ -23,8 +24,7 @@ class Filter:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if not (isinstance(value, float | int) and math.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} of a {self.kind} must be a number above 0, got {value!r}")
+            check_number(f"{name} of a {self.kind}", value, least="above 0")
 
     @property
     def ratio(self) -> tuple[Polynomial, Polynomial]:
@@ -145,7 +145,7 @@ def filter_of(content: Any) -> Filter:
             f"got {content!r:.60}"
         )
     given = {name: value for name, value in content.items() if name != "kind"}
-    if content["kind"] not in FILTERS:
+    if not isinstance(content["kind"], str) or content["kind"] not in FILTERS:
         raise UnknownNameError("kind of filter", content["kind"], FILTERS)
     chosen = FILTERS[content["kind"]]
     known = [one.name for one in fields(chosen)]

@@ -141,6 +141,26 @@ def read_law(path: str | PathLike[str]) -> Law:
         raise InputError(f"{path}: {error}") from None
 
 
+_LARGEST = 1e9
+"""Of any number of a law, SI; beyond it and below its inverse is a slip, and sums overflow."""
+
+
+def check_number(where: str, value: object, *, least: str = "") -> None:
+    """Raise InputError unless something is a number that a law can have.
+
+    Args:
+        where: it stands, for the message.
+        value: what is given.
+        least: "above 0", or "0 or more", if it must be.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{where} must be a number, got {value!r:.60}")
+    if not -_LARGEST <= value <= _LARGEST:
+        raise InputError(f"{where} must be a number within {_LARGEST:g}, got {value!r:.60}")
+    if (least == "above 0" and value < 1.0 / _LARGEST) or (least and value < 0.0):
+        raise InputError(f"{where} must be {least}, got {value!r}")
+
+
 _WORDS = {"roll": "lat", "pitch": "lon", "yaw": "ped", "heave": "col", "collective": "col"}
 
 

@@ -1,13 +1,12 @@
 """Laws whose file is a few numbers and a table for each axis: read, checked, tuned and written."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, replace
 from typing import Any, ClassVar, Self
 
 from helisim.errors import InputError, UnknownNameError
 from helisim.laws.filters import Filter, filter_of
-from helisim.laws.law import Law, check_names
+from helisim.laws.law import Law, check_names, check_number
 from helisim.records.value import FrozenMap
 
 
@@ -64,14 +63,10 @@ class TabledLaw(Law):
         elif name in self.flags:
             if not isinstance(value, bool):
                 raise InputError(f"{where} must be true or false, got {value!r:.60}")
-        elif isinstance(value, bool) or not (
-            isinstance(value, int | float) and math.isfinite(value)
-        ):
-            raise InputError(f"{where} must be a number, got {value!r:.60}")
-        elif name in self.positive and not value > 0.0:
-            raise InputError(f"{where} must be above 0, got {value!r}")
-        elif name in self.not_negative and value < 0.0:
-            raise InputError(f"{where} must not be below 0, got {value!r}")
+        else:
+            bounds = dict.fromkeys(self.not_negative, "0 or more")
+            bounds |= dict.fromkeys(self.positive, "above 0")
+            check_number(where, value, least=bounds.get(name, ""))
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
