@@ -1,24 +1,19 @@
 """`helisim ardupilot`: identified models as the JSON of ArduPilot's state-space helicopter."""
 
-import numpy as np
 import pytest
 
 import helisim as hs
 from command import fails
+from exact_fits import found
 from helisim import ident
 from helisim.cli import main
-
-OMEGA = np.geomspace(1.0, 30.0, 30)
 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """A yaw model as `helisim identify --json` writes it."""
-    known = ident.structures.yaw_base.with_fixed({"N_r": -2.0, "N_ped": 60.0, "tau_r_base": 0.0505})
-    at = ident.model.evaluate.response(known, known.starts, OMEGA)
-    exact = ident.FrequencyResponse.exact(OMEGA, at, inputs=["ped"], outputs=["r"])
     path = tmp_path_factory.mktemp("models") / "yaw.json"
-    ident.identify(exact, known).save(path)
+    found(ident.structures.yaw_base, N_r=-2.0, N_ped=60.0, tau_r_base=0.0505).save(path)
     return path
 
 
@@ -29,11 +24,11 @@ def test_it_writes_and_shows_the_file(model, tmp_path, capsys):
     assert main(["ardupilot", str(model), *words]) == 0
     text = capsys.readouterr().out
     assert f"Written: {out}" in text
-    found = hs.ArduPilotModel.read(out).values
-    assert found["Nped"] == pytest.approx(30.0)
-    assert found["time_delay_ped"] == 10.0
-    assert (found["Nr"], found["Nv"]) == (pytest.approx(-2.0), 1.7)
-    assert found["nominal_rpm"] == pytest.approx(1700.0)
+    values = hs.ArduPilotModel.read(out).values
+    assert values["Nped"] == pytest.approx(30.0)
+    assert values["time_delay_ped"] == 10.0
+    assert (values["Nr"], values["Nv"]) == (pytest.approx(-2.0), 1.7)
+    assert values["nominal_rpm"] == pytest.approx(1700.0)
     assert main(["ardupilot", str(out)]) == 0
     assert "Nped            30" in capsys.readouterr().out
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
+from exact_fits import found as fitted
 from helisim import ident
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import NoResponse
@@ -12,21 +13,11 @@ from helisim.handling.loop import NoResponse
 OMEGA = np.geomspace(0.5, 100.0, 30)
 
 
-def fitted(structure, values):
-    """Return a fit that found the values, for nothing else was free."""
-    known = structure.with_fixed(values)
-    at = ident.model.evaluate.response(known, known.starts, OMEGA)
-    exact = ident.FrequencyResponse.exact(
-        OMEGA, at, inputs=structure.inputs, outputs=structure.outputs
-    )
-    return ident.identify(exact, known)
-
-
 @pytest.fixture(scope="module")
 def loop():
     """Yaw and heave with a law of random matrices that sees and moves both."""
-    yaw = fitted(ident.structures.yaw_base, {"N_r": -0.8, "N_ped": 48.0, "tau_r_base": 0.014})
-    heave = fitted(ident.structures.heave, {"Z_w": -0.9, "Z_col": -40.0, "tau_col": 0.0107})
+    yaw = fitted(ident.structures.yaw_base, N_r=-0.8, N_ped=48.0, tau_r_base=0.014)
+    heave = fitted(ident.structures.heave, Z_w=-0.9, Z_col=-40.0, tau_col=0.0107)
     plant = hs.Plant((yaw, heave), latency=0.004)
     rng = np.random.default_rng(1)
     shapes = {"b": (3, 4), "c": (4, 3), "d": (4, 4)}

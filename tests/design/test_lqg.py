@@ -239,9 +239,25 @@ def test_wrong_input_says_what_would_do(tracked, weights, message):
         lqg(turning(), tracked, weights)
 
 
+@pytest.mark.parametrize(
+    "weights",
+    [
+        LqgWeights(effort={"lat": 1e-12}),
+        LqgWeights(disturbance={"lat": 1e9}, noise={"phi": 1e-9, "p": 1e-9}),
+        LqgWeights(noise={"phi": 1e12, "p": 1e12}),
+    ],
+)
+def test_sizes_that_no_law_can_be_made_of_say_so(weights):
+    """Rather than a law that rounding has made unstable."""
+    with pytest.raises(InputError, match="too far apart, bring them nearer"):
+        lqg(turning(delay=3), (ROLL,), weights)
+
+
 def test_model_must_be_sampled_and_late_by_a_tick():
     """A continuous model, an unknown command, and an output within the tick are refused."""
     model = turning()
+    with pytest.raises(InputError, match=r"needs a Plant, or a model sampled.*got 3"):
+        lqg(3, (ROLL,))
     with pytest.raises(InputError, match="sampled at the gyro's period"):
         lqg(control.StateSpace(*(np.asarray(getattr(model, k)) for k in "ABCD")), (ROLL,))
     direct = control.StateSpace(

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
+from exact_fits import OMEGA, found
 from helisim import ident
 from helisim.design.lqg_model import lqg_model
 from helisim.errors import UnknownNameError
@@ -14,7 +15,6 @@ from helisim.sim import Recorder
 from helisim.study.flights import fly_sweeps
 from helisim.vehicle.motion import addresses
 
-OMEGA = np.geomspace(1.0, 60.0, 40)
 SERVO = ident.blocks.second_order("servo", omega=200.0, zeta=1.0)
 ROLLPITCH = ident.in_series(ident.structures.rollpitch_speeds, inputs={"lat": SERVO, "lon": SERVO})
 ROLL = {
@@ -32,25 +32,15 @@ WEIGHTS = hs.LqgWeights(output={"p": 1.0, "q": 1.0})
 STICKS = {"lat": ("phi", 2), "lon": ("theta", 1), "ped": ("r", 3)}
 
 
-def fitted(structure, values):
-    """Return a fit that found the values, for nothing else was free."""
-    known = structure.with_fixed(values)
-    at = ident.model.evaluate.response(known, known.starts, OMEGA)
-    exact = ident.FrequencyResponse.exact(
-        OMEGA, at, inputs=structure.inputs, outputs=structure.outputs
-    )
-    return ident.identify(exact, known)
-
-
 @pytest.fixture(scope="module")
 def plant():
     """The JR700 about as it is, as three models say it, leaning by 4 degrees."""
     heave = {"Z_w": -0.9, "Z_col": -40.0, "tau_col": 0.01}
     return hs.Plant(
         (
-            fitted(ident.structures.yaw_base, YAW),
-            fitted(ROLLPITCH, ROLL),
-            fitted(ident.structures.heave, heave),
+            found(ident.structures.yaw_base, **YAW),
+            found(ROLLPITCH, **ROLL),
+            found(ident.structures.heave, **heave),
         ),
         tilt=(0.067, 0.0),
     )
@@ -68,9 +58,9 @@ def test_model_is_the_plant_without_speeds_and_collective(plant):
     rows = [plant.outputs.index(name) for name in model.output_labels[:3]]
     columns = [plant.inputs.index(name) for name in model.input_labels]
     held = np.sinc(fast * plant.period / (2.0 * np.pi))
-    found = np.moveaxis(np.array([model(np.exp(1j * w * plant.period))[:3] for w in fast]), 0, -1)
+    own = np.moveaxis(np.array([model(np.exp(1j * w * plant.period))[:3] for w in fast]), 0, -1)
     # g A_u / w^2 of the moments' answer to a tilt is what the speeds do: 5e-3 at 10 rad/s
-    assert np.abs(found - held * whole[np.ix_(rows, columns)]).max() < 5e-3 * np.abs(whole).max()
+    assert np.abs(own - held * whole[np.ix_(rows, columns)]).max() < 5e-3 * np.abs(whole).max()
 
 
 def test_model_has_no_mode_that_a_law_could_not_stabilise(plant):

@@ -3,28 +3,19 @@
 import numpy as np
 import pytest
 
+from exact_fits import OMEGA
+from exact_fits import found as fitted
 from helisim import ident
 from helisim.design.late import Late
 from helisim.design.plant import Plant
 from helisim.handling.loop import NoResponse
 
-OMEGA = np.geomspace(1.0, 60.0, 40)
 SERVO = ident.blocks.second_order("servo", omega=200.0, zeta=1.0)
 HOVER = ident.in_series(ident.structures.rollpitch_speeds, inputs={"lat": SERVO, "lon": SERVO})
 ROLL = {
     **{"tau_f": 0.045, "L_b": 540.0, "M_a": 315.0, "A_b": -0.35, "B_a": 0.53, "A_lat": 0.066},
     **{"A_lon": 0.37, "B_lat": 0.38, "B_lon": -0.06, "A_u": 1.1e-3, "L_p": -0.02, "M_q": -0.02},
 }
-
-
-def fitted(structure, **values):
-    """Return a fit that found the values, for nothing else was free."""
-    known = structure.with_fixed(values)
-    at = ident.model.evaluate.response(known, known.starts, OMEGA)
-    exact = ident.FrequencyResponse.exact(
-        OMEGA, at, inputs=structure.inputs, outputs=structure.outputs
-    )
-    return ident.identify(exact, known)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 3])

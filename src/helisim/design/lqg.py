@@ -9,13 +9,15 @@ edition, 1998, sections 8.2 and 9.5), so the law itself is no tick late.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm
+from scipy.linalg import LinAlgWarning, block_diag, expm
 
 from helisim.design.following import followed
 from helisim.design.lqg_model import lqg_model
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     import control
 
 Matrix = NDArray[np.float64]
+_TOO_FAR_APART = "no {} is found for these sizes: they are too far apart, bring them nearer"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,20 +161,37 @@ def regulator(
     rests = [1.0 / (one.error * one.settle) ** 2 for one in tracked]
     effort = _sizes("effort", weights.effort, commands, dict.fromkeys(commands, 0.1))
     cost = block_diag(by_output.T @ by_output, np.diag(rests))
-    gain, _, poles = control.dlqr(whole_a, whole_b, cost, _squares(effort, inverse=True))
+    with _solved("regulator"):
+        gain, _, poles = control.dlqr(whole_a, whole_b, cost, _squares(effort, inverse=True))
     noise = {name: 0.01 if name in ("p", "q", "r") else 0.005 for name in sensed}
     noise = _sizes("noise", weights.noise, sensed, noise)
     disturbed = _sizes("disturbance", weights.disturbance, commands, dict.fromkeys(commands, 0.01))
-    _, spread, _ = control.dlqe(a, b, c, _squares(disturbed), _squares(noise))
-    filter_gain = np.linalg.solve(c @ spread @ c.T + _squares(noise), c @ spread).T
-    left = a @ (np.eye(n) - filter_gain @ c)
-    return Regulator(
+    with _solved("filter"):
+        _, spread, _ = control.dlqe(a, b, c, _squares(disturbed), _squares(noise))
+        filter_gain = np.linalg.solve(c @ spread @ c.T + _squares(noise), c @ spread).T
+    found = Regulator(
         model,
         np.asarray(gain, dtype=np.float64),
         np.asarray(poles, dtype=np.complex128),
         np.asarray(filter_gain, dtype=np.float64),
-        np.asarray(np.linalg.eigvals(left), dtype=np.complex128),
+        np.linalg.eigvals(a @ (np.eye(n) - filter_gain @ c)).astype(np.complex128),
     )
+    for what, own in (("regulator", found.poles), ("filter", found.filter_poles)):
+        if np.max(np.abs(own)) > 1.0:
+            raise InputError(_TOO_FAR_APART.format(what))
+    return found
+
+
+@contextmanager
+def _solved(what: str) -> Iterator[None]:
+    """Say of a Riccati equation that isn't solved what to do. Raises InputError."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", LinAlgWarning)
+            yield
+    except (np.linalg.LinAlgError, LinAlgWarning, TypeError, ValueError) as error:
+        # TypeError is python-control's of weights that rounding has spoilt
+        raise InputError(_TOO_FAR_APART.format(what)) from error
 
 
 def lqg(
@@ -285,10 +305,12 @@ def _checked(
     model: "control.StateSpace", tracked: Sequence[Tracked]
 ) -> tuple[Matrix, Matrix, Matrix]:
     """Return A, B, C of a model that can be regulated. Raises InputError."""
-    if not isinstance(model.dt, float | int) or isinstance(model.dt, bool) or not model.dt > 0.0:
+    period = getattr(model, "dt", None)
+    if not isinstance(period, float | int) or isinstance(period, bool) or not period > 0.0:
+        got = f"one with dt = {period!r}" if hasattr(model, "dt") else f"{model!r:.80}"
         raise InputError(
-            "LQG needs a model sampled at the gyro's period, its delays among its states; "
-            f"got one with dt = {model.dt!r}"
+            "LQG needs a Plant, or a model sampled at the gyro's period with its delays among its "
+            f"states; got {got}"
         )
     for name in model.input_labels:
         if name not in IN1:
