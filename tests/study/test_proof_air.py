@@ -21,7 +21,7 @@ def test_in_calm_air_it_is_the_exact_loop(jr700):
 
 def test_in_a_steady_wind_it_is_that_of_the_trim_there(jr700):
     """As of the vehicle that is trimmed in it, which isn't the hover's."""
-    weather = hs.Weather(wind=(4.0, 0.0, 0.0))
+    weather = hs.Weather(wind=4.0)
     found = exact_over(jr700, weather, GRID).command("lat").response
     there = exact_loop(weather.trimmed(jr700), GRID).command("lat").response
     np.testing.assert_allclose(found, there, rtol=SAME)
