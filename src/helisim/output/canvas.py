@@ -4,6 +4,7 @@ No pyplot: a figure belongs to whoever asked for it, and is gone with the last n
 """
 
 import io
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.patheffects import Normal, withStroke
 
 from helisim.errors import InputError
 from helisim.output.figure import Mark, Scale
@@ -33,6 +35,8 @@ _LETTER, _SAMPLE, _ROOM = 5.6, 36.0, 330.0
 panel's label."""
 _ROW = 17.0
 """Points that the label is above a panel, to leave the row below it to the legend."""
+
+_MIDDLE: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 1}
 
 _STYLE: dict[Any, Any] = {
     "font.size": 8.0,
@@ -118,19 +122,25 @@ def _draw(axes: Sequence[Axes], drawing: Drawing) -> None:
     across = drawing.across
     low, high = drawing.used or (across.low, across.high)
     for ax, panel in zip(axes, drawing.panels):
+        for area in panel.areas:
+            ax.fill(area.x, area.y, color=LIGHT[area.ground], linewidth=0.0, zorder=0)
+            ax.text(*area.place, area.label, color=LIGHT["soft"], fontsize=7.0, **_MIDDLE)
         for mark in panel.marks:
             _mark(ax, mark)
         ax.grid(color=LIGHT["grid"], linewidth=0.6)
+        ax.set_yscale("log" if panel.logarithmic else "linear")
         _ticks(ax.yaxis, panel.scale)
         ax.set_ylim(panel.scale.low, panel.scale.high)
         if panel.threshold is not None:
             ax.axhline(panel.threshold, color=LIGHT["frame"], linewidth=0.7, linestyle=":")
         labels = [mark.label for mark in panel.marks if mark.label]
+        rows = math.ceil(sum(_SAMPLE + _LETTER * len(one) for one in labels) / WIDTH)
         if labels:
-            place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": len(labels)}
+            columns = math.ceil(len(labels) / rows)
+            place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": columns}
             ax.legend(frameon=False, fontsize=7.0, borderaxespad=0.0, **place, **_LEGEND)
         words = _LETTER * len(panel.label) + sum(_SAMPLE + _LETTER * len(one) for one in labels)
-        pad = _ROW if labels and words > _ROOM else None
+        pad = _ROW * rows if labels and words > _ROOM else None
         ax.set_title(_literal(panel.label), loc="left", fontsize=8.0, pad=pad)
         for start, stop in ((across.low, low), (high, across.high)):
             if start < stop:
@@ -150,9 +160,15 @@ def _mark(ax: Any, mark: Mark) -> None:
         dashes = (4.0, 2.8) if mark.kind == "dashes" else ()
         ax.plot(mark.x, mark.y, linewidth=mark.width, dashes=dashes, **look)
     else:
-        face = "none" if mark.kind == "rings" else LIGHT[mark.ink]
-        dots = {"linestyle": "none", "marker": "o", "markersize": 3.2, "markeredgewidth": 0.5}
-        ax.plot(mark.x, mark.y, markerfacecolor=face, **dots, **look)
+        edge = LIGHT[mark.ink]
+        symbol = {"rings": "o", "squares": "s", "crosses": "x"}.get(mark.kind, "o")
+        face = edge if mark.kind == "dots" else "none"
+        thick = 0.5 if mark.kind == "dots" else 0.5 * mark.width
+        dots: dict[str, Any] = {"linestyle": "none", "marker": symbol, "markeredgewidth": thick}
+        ax.plot(mark.x, mark.y, markerfacecolor=face, markersize=3.2 * mark.width, **dots, **look)
+    if mark.halo:
+        line = ax.lines[-1] if mark.kind != "bars" else ax.collections[-1]
+        line.set_path_effects([withStroke(linewidth=2.5, foreground=LIGHT["paper"]), Normal()])
 
 
 def _literal(text: str) -> str:

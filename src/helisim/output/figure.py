@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 Ink = Literal["data", "identified", "truth", "third", "fourth", "grey"]
 """What a mark stands for; light and dark pages have a colour for each."""
+Ground = Literal["level1", "level2", "level3"]
+"""What an area stands for, likewise."""
 
 _PRETTY = (1.0, 2.0, 5.0)
 """Steps between ticks, times a power of ten."""
@@ -22,22 +24,44 @@ class Mark:
     """One line, band or set of points in a panel.
 
     Attributes:
-        kind: "dots" are filled, "rings" are hollow, "bars" stand between y and top.
+        kind: "dots" are filled, "rings" and "squares" are hollow, "crosses" are diagonal, "bars"
+            stand between y and top.
         ink: what it stands for.
         x: (n,), in the unit of the figure's axis.
         y: (n,), in the unit of the panel; not finite where there is nothing to mark.
         top: (n,), the upper ends of bars; None for all else.
         label: in the legend; "" for none.
-        width: of a line, as a share of the usual.
+        width: of a line or a point, as a share of the usual.
+        halo: whether paper is left around it, so that it is seen on areas and on other marks.
     """
 
-    kind: Literal["line", "dashes", "dots", "rings", "bars"]
+    kind: Literal["line", "dashes", "dots", "rings", "squares", "crosses", "bars"]
     ink: Ink
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     top: NDArray[np.float64] | None = None
     label: str = ""
     width: float = 1.0
+    halo: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Area:
+    """A ground behind the marks of a panel.
+
+    Attributes:
+        ground: what it stands for.
+        x: (n_corner,) within the figure's axis.
+        y: (n_corner,) within the panel's.
+        label: written on it; "" for nothing.
+        place: where the middle of the label is, x and y.
+    """
+
+    ground: Ground
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    label: str = ""
+    place: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +75,9 @@ class Panel:
         steps: that ticks may have, from small to large; () for 1, 2 and 5 times a power of ten.
         limits: lowest and highest value; None for those of the marks.
         threshold: drawn as a line across; None for none.
+        areas: behind the marks.
+        logarithmic: whether the vertical axis is; it has limits then.
+        bare: True for a vertical axis without ticks.
     """
 
     label: str
@@ -59,10 +86,17 @@ class Panel:
     steps: tuple[float, ...] = ()
     limits: tuple[float, float] | None = None
     threshold: float | None = None
+    areas: tuple[Area, ...] = ()
+    logarithmic: bool = False
+    bare: bool = False
 
     @property
     def scale(self) -> "Scale":
         """The vertical axis."""
+        if self.bare:
+            return Scale(*(self.limits or (0.0, 1.0)), ticks=(), texts=())
+        if self.logarithmic and self.limits is not None:
+            return Scale.decades(*self.limits)
         most = 3 if self.height < 50.0 else 4 if self.height < 80.0 else 6
         if self.limits is not None:
             return Scale.of(*self.limits, most=most, steps=self.steps)
@@ -120,6 +154,12 @@ class Scale:
         if self.logarithmic:
             return np.log(values / self.low) / math.log(self.high / self.low)
         return (values - self.low) / (self.high - self.low)
+
+    def at(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the values at shares of the axis, the inverse of `share`; (n_value,) each."""
+        if self.logarithmic:
+            return self.low * (self.high / self.low) ** share
+        return self.low + share * (self.high - self.low)
 
 
 def extent(values: Sequence[NDArray[np.float64]]) -> tuple[float, float]:

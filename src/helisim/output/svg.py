@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.output.figure import Mark, Panel, Scale, extent, outline
+from helisim.output.figure import Area, Mark, Panel, Scale, extent, outline
 from helisim.records.files import atomic_write
 
 LIGHT = {
@@ -26,6 +26,9 @@ LIGHT = {
     "third": "#8a4fa3",
     "fourth": "#0c8268",
     "grey": "#767676",
+    "level1": "#e6f6ea",
+    "level2": "#fdf3d0",
+    "level3": "#ffe9e5",
 }
 """Colours on paper. Orange, blue and black are told apart by every eye, and in grey."""
 DARK = {
@@ -41,8 +44,12 @@ DARK = {
     "third": "#c99bea",
     "fourth": "#4fcdb0",
     "grey": "#959ca6",
+    "level1": "#172a1c",
+    "level2": "#2c250f",
+    "level3": "#361c1c",
 }
 _INKS = ("data", "identified", "truth", "third", "fourth", "grey")
+_GROUNDS = ("level1", "level2", "level3")
 
 WIDTH = 400.0
 """Of a drawing, in its own units: about the pixels of a phone, and of a quarter of a screen."""
@@ -54,6 +61,8 @@ _LETTER, _SWATCH = 6.1, 20.0
 """Units of an average letter, and of the sample before a word of a legend."""
 _DOT = 2.3
 """Units of radius: wider than the lines above, so that data are seen on both sides of them."""
+_HALO = 2.4
+"""Units of paper around a mark on areas, both sides together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +78,7 @@ class Drawing:
         logarithmic: whether that axis is.
         used: lowest and highest place of what a fit used, the others have a grey ground; None
             for all.
+        limits: ends of the horizontal axis; None for those of the marks.
     """
 
     name: str
@@ -78,10 +88,14 @@ class Drawing:
     axis: str
     logarithmic: bool = False
     used: tuple[float, float] | None = None
+    limits: tuple[float, float] | None = None
 
     @property
     def across(self) -> Scale:
         """The horizontal axis."""
+        if self.limits is not None:
+            linear = not self.logarithmic
+            return Scale.of(*self.limits, most=8) if linear else Scale.decades(*self.limits)
         low, high = extent([mark.x for panel in self.panels for mark in panel.marks])
         if self.logarithmic:
             return Scale.decades(low / 1.04, high * 1.04)
@@ -118,7 +132,8 @@ class Drawing:
     def _drawn(self) -> tuple[str, float]:
         """The shapes, and the height of all of them."""
         across, top = self.across, _TITLE
-        longest = max(len(text) for panel in self.panels for text in panel.scale.texts)
+        texts = [text for panel in self.panels for text in panel.scale.texts]
+        longest = max(map(len, texts), default=0)
         left = max(_LEFT, _LETTER * longest + 8.0)
         parts = [_words(left, 14.0, self.title, "title")]
         for panel in self.panels:
@@ -167,6 +182,8 @@ def _rules(colour: Callable[[str], str]) -> str:
         f".drawing .frame {{ stroke: {colour('frame')}; stroke-width: .8; fill: none }}",
         f".drawing .f-unused {{ fill: {colour('unused')} }}",
         f".drawing .f-paper {{ fill: {colour('paper')} }}",
+        *(f".drawing .{name} {{ fill: {colour(name)}; stroke: none }}" for name in _GROUNDS),
+        f".drawing .halo {{ stroke: {colour('paper')} }}",
         ".drawing .dashes { stroke-dasharray: 4 4.5 }",
     ]
     for name in _INKS:
@@ -177,21 +194,42 @@ def _rules(colour: Callable[[str], str]) -> str:
 def _heading(panel: Panel, left: float, top: float) -> tuple[str, float]:
     """Return the words above a panel, and where the panel begins: data have no legend on them."""
     labelled = [mark for mark in panel.marks if mark.label]
-    widths = [_SWATCH + _LETTER * len(mark.label) + 8.0 for mark in labelled]
-    at = WIDTH - _RIGHT - sum(widths) + 8.0
+    rows = list(_rows(labelled))
     parts = []
-    beside = at > left + _LETTER * len(panel.label) + 12.0
-    if labelled and not beside:
-        at = max(min(at, left), 4.0)
+    free = left + _LETTER * len(panel.label) + 12.0
+    beside = len(rows) == 1 and WIDTH - _RIGHT - _wide(rows[0]) > free
     base = top + 12.0
-    for mark, width in zip(labelled, widths):
-        parts.append(_sample(mark, at, base - 4.0))
-        parts.append(_words(at + _SWATCH, base, mark.label))
-        at += width
-    if labelled and not beside:
-        top, base = top + _ROW, base + _ROW
+    for row in rows:
+        at = WIDTH - _RIGHT - _wide(row)
+        at = at if beside else max(min(at, left), 4.0)
+        for mark in row:
+            parts += [_sample(mark, at, base - 4.0), _words(at + _SWATCH, base, mark.label)]
+            at += _width(mark)
+        if not beside:
+            base += _ROW
     parts.append(_words(left, base, panel.label, "ink"))
-    return "\n".join(parts), top + _ROW
+    return "\n".join(parts), base + _ROW - 12.0
+
+
+def _rows(marks: Iterable[Mark]) -> Iterable[list[Mark]]:
+    """Yield the marks of a legend in rows that a drawing is wide enough for."""
+    row: list[Mark] = []
+    for mark in marks:
+        if row and _wide([*row, mark]) > WIDTH - _RIGHT - 4.0:
+            yield row
+            row = []
+        row.append(mark)
+    if row:
+        yield row
+
+
+def _wide(row: Iterable[Mark]) -> float:
+    """Return the width of a row of a legend."""
+    return sum(map(_width, row)) - 8.0
+
+
+def _width(mark: Mark) -> float:
+    return _SWATCH + _LETTER * len(mark.label) + 8.0
 
 
 def _sample(mark: Mark, x: float, y: float) -> str:
@@ -216,6 +254,8 @@ def _panel(
         for x, end in ((left, start), (stop, right)):
             if end - x > 0.5:
                 yield _rectangle("f-unused", x, top, end - x, panel.height)
+    for area in panel.areas:
+        yield _area(area, _x(across.share(area.x), left), heights(area.y))
     columns = _x(across.share(np.array(across.ticks)), left)
     rows = heights(np.array(scale.ticks))
     lines = [f"M{x:.1f} {top:.1f}V{bottom:.1f}" for x in columns]
@@ -226,6 +266,9 @@ def _panel(
     if panel.threshold is not None:
         y = heights(np.array([panel.threshold]))[0]
         yield f'<path class="frame dashes" d="M{left:.1f} {y:.1f}H{right:.1f}"/>'
+    for area in panel.areas:
+        (x,), (y,) = across.share(np.array([area.place[0]])), heights(np.array([area.place[1]]))
+        yield _words(_x(x, left), y + 4.0, area.label, "middle")
     for mark in panel.marks:
         if len(mark.x):
             x, y = mark.x, mark.y
@@ -250,14 +293,32 @@ def _shape(
     elif mark.kind in ("line", "dashes"):
         width = 1.3 * mark.width
         path = "".join(_line(x[k], y[k]) for k in _runs(seen))
-    elif mark.kind == "dots":
-        width = 2.0 * _DOT  # a line without length, with round ends
-        path = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[seen], y[seen]))
     else:
-        r, width = _DOT - 0.4, 0.8
-        ring = f"a{r:g} {r:g} 0 1 0 {2.0 * r:g} 0a{r:g} {r:g} 0 1 0 {-2.0 * r:g} 0"
-        path = "".join(f"M{a - r:.1f} {b:.1f}{ring}" for a, b in zip(x[seen], y[seen]))
-    return f'<path class="{mark.kind} {mark.ink}" stroke-width="{width:.3g}" d="{path}"/>'
+        (dx, dy, sign), width = _symbol(mark)
+        path = "".join(f"M{a + dx:.1f} {b + dy:.1f}{sign}" for a, b in zip(x[seen], y[seen]))
+    drawn = f'<path class="{mark.kind} {mark.ink}" stroke-width="{width:.3g}" d="{path}"/>'
+    if not mark.halo:
+        return drawn
+    return f'<path class="{mark.kind} halo" stroke-width="{width + _HALO:.3g}" d="{path}"/>{drawn}'
+
+
+def _symbol(mark: Mark) -> tuple[tuple[float, float, str], float]:
+    """Return where the path of a point begins beside it, the path, and its width."""
+    if mark.kind == "dots":
+        return (0.0, 0.0, "h0"), 2.0 * _DOT * mark.width  # no length, with round ends
+    r = (_DOT - 0.4) * mark.width
+    side, width = 2.0 * r, 0.8 * mark.width
+    if mark.kind == "rings":
+        ring = f"a{r:.3g} {r:.3g} 0 1 0 {side:.3g} 0a{r:.3g} {r:.3g} 0 1 0 {-side:.3g} 0"
+        return (-r, 0.0, ring), width
+    if mark.kind == "squares":
+        return (-r, -r, f"h{side:.3g}v{side:.3g}h{-side:.3g}z"), width
+    return (-r, -r, f"l{side:.3g} {side:.3g}m{-side:.3g} 0l{side:.3g} {-side:.3g}"), width
+
+
+def _area(area: Area, x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
+    """Return an area of corners (n,) in the drawing."""
+    return f'<path class="{area.ground}" d="{_line(x, y)}Z"/>'
 
 
 def _runs(there: NDArray[np.bool_]) -> list[slice]:
