@@ -150,6 +150,7 @@ class _Judge:
                 nominal[k],
                 min((nominal[k], *(one[k] for one in rated)), key=lambda one: one.distance),
                 float(np.mean(holds[:, k])),
+                tuple(one[k] for one in rated),
             )
             for k, (spec, before) in enumerate(zip(problem.specs, self._of_before()))
         )

@@ -30,6 +30,7 @@ class Judged:
         nominal: of the designed law, in the model that was identified.
         worst: of the designed law, in the worst of the models that may as well be the aircraft.
         share: of those models in which it keeps Level 1.
+        cloud: of the designed law, in each of those models.
     """
 
     spec: Spec
@@ -37,6 +38,7 @@ class Judged:
     nominal: Rating
     worst: Rating
     share: float
+    cloud: tuple[Rating, ...] = field(default=(), repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""

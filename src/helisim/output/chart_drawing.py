@@ -1,21 +1,23 @@
 """The standard chart of a criterion with ratings, or loops, on it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from helisim.handling.chart import Chart, ChartAxis
-from helisim.output.clipping import clipped_line, clipped_polygon, middle
-from helisim.output.figure import Area, Ground, Ink, Mark, Panel, Scale
+from helisim.handling.curve import Curve
+from helisim.output.chart_ground import Drawn, areas, borders
+from helisim.output.clipping import clipped_line
+from helisim.output.figure import Ink, Mark, Panel, Scale
 from helisim.output.svg import Drawing
 
-_GROUNDS: dict[int, Ground] = {1: "level1", 2: "level2", 3: "level3"}
 _HEIGHT, _ROW = 250.0, 17.0
 """Units of the frame of a chart; of each row of a strip."""
 _ROOM = 0.05
 """Share of an axis that is left beyond a point that lies outside of the chart's own ends."""
+_STRIP = Drawn("", 1.0, 0.0, 1.0, logarithmic=False)
 
 
 @dataclass(frozen=True)
@@ -28,18 +30,19 @@ class Look:
         width: of the mark.
     """
 
-    kind: str
+    kind: Literal["dots", "rings", "squares", "crosses"]
     ink: Ink
     width: float = 1.0
 
 
 LOOKS = {
+    "before": Look("squares", "grey", 2.2),
+    "shipped": Look("squares", "grey", 2.2),
+    "flown": Look("dots", "data", 1.5),
     "predicted": Look("rings", "identified", 2.4),
     "exact": Look("crosses", "truth", 2.2),
-    "flown": Look("dots", "data", 1.5),
-    "shipped": Look("squares", "grey", 2.2),
 }
-"""What is compared -> how it is drawn. Each has a shape of its own, besides its colour."""
+"""What is compared -> how it is drawn, the last on top. Each has a shape besides its colour."""
 _OTHERS = (
     Look("dots", "identified", 1.5),
     Look("dots", "data", 1.5),
@@ -72,7 +75,12 @@ def look_of(label: str, place: int) -> Look:
 
 
 def draw_chart(
-    name: str, chart: Chart, shown: Sequence[Shown] = (), *, caption: str = ""
+    name: str,
+    chart: Chart,
+    shown: Sequence[Shown] = (),
+    *,
+    curves: Mapping[str, Sequence[Curve]] | None = None,
+    caption: str = "",
 ) -> Drawing:
     """Draw a chart's regions and boundaries, and ratings where their figures are.
 
@@ -80,23 +88,31 @@ def draw_chart(
         name: of the drawing.
         chart: of the criterion.
         shown: the ratings. One that lacks a figure of an axis is left out.
+        curves: label -> curves, for a chart of gain over phase; after the first they are draws.
         caption: of the drawing; the chart's source by default.
     """
     placed = [one for one in shown if _placed(chart, one)]
+    loops = curves or {}
     across = _across(chart.across, placed)
-    up = _strip(len(placed)) if chart.up is None else _across(chart.up, placed)
-    marks = [*_lines(chart, across, up)]
+    up = _STRIP if chart.up is None else _across(chart.up, placed)
+    marks = [*borders(chart, across, up), *_lines(chart, across, up)]
+    rows = len(placed) + 1  # the lowest is left to the names of levels
+    ground = len(marks)
     for k, one in enumerate(placed):
-        row = (len(placed) - k - 0.5) / len(placed)
+        row = (rows - k - 0.5) / rows
         marks += _points(one, look_of(one.label, k), (across, up), row)
+    marks[ground:] = sorted(marks[ground:], key=_precedence)
+    if not chart.across.figure:
+        for k, (label, some) in enumerate(loops.items()):
+            marks += _traces(some, label, look_of(label, k), (across, up))
     label = "" if chart.up is None else _labelled(chart.up)
-    height = _HEIGHT if chart.up is not None else _ROW * max(len(placed), 2)
+    height = _HEIGHT if chart.up is not None else _ROW * rows
     panel = Panel(
         label,
         tuple(marks),
         height,
         limits=up.ends,
-        areas=tuple(_areas(chart, across, up)),
+        areas=areas(chart, across, up, marks[ground:], low=1.0 / rows),
         logarithmic=up.logarithmic,
         bare=chart.up is None,
     )
@@ -111,40 +127,7 @@ def draw_chart(
     )
 
 
-@dataclass(frozen=True)
-class _Drawn:
-    """An axis as it is drawn: the figure along it, its ends and its unit for people."""
-
-    figure: str
-    factor: float
-    low: float
-    high: float
-    logarithmic: bool
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        return self.low, self.high
-
-    @property
-    def scale(self) -> Scale:
-        return Scale(self.low, self.high, (), (), self.logarithmic)
-
-    def share(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where values (n,) of the chart are along the axis, infinity included."""
-        with np.errstate(divide="ignore"):
-            shown = self.factor * np.asarray(values, dtype=np.float64)
-            return self.scale.share(np.maximum(shown, 0.0) if self.logarithmic else shown)
-
-    def at(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values (n,) as drawn."""
-        return self.scale.at(share)
-
-    def shown(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values (n,) of the chart as drawn, what lies beyond the axis at its end."""
-        return self.at(np.clip(self.share(values), 0.0, 1.0))
-
-
-def _across(axis: ChartAxis, shown: Sequence[Shown]) -> _Drawn:
+def _across(axis: ChartAxis, shown: Sequence[Shown]) -> Drawn:
     """Return an axis that is long enough for ratings and their intervals."""
     factor = _factor(axis)
     values = [one.figures[axis.figure] for one in shown]
@@ -156,11 +139,7 @@ def _across(axis: ChartAxis, shown: Sequence[Shown]) -> _Drawn:
     room = _ROOM * (high - low)
     low, high = low - room * (low < 0.0), high + room * (high > 1.0)
     first, last = factor * own.at(np.array([low, high]))
-    return _Drawn(axis.figure, factor, float(first), float(last), axis.logarithmic)
-
-
-def _strip(rows: int) -> _Drawn:
-    return _Drawn("", 1.0, 0.0, 1.0, logarithmic=False)
+    return Drawn(axis.figure, factor, float(first), float(last), axis.logarithmic)
 
 
 def _factor(axis: ChartAxis) -> float:
@@ -174,43 +153,29 @@ def _labelled(axis: ChartAxis) -> str:
 
 def _placed(chart: Chart, one: Shown) -> bool:
     names = [axis.figure for axis in (chart.across, chart.up) if axis is not None]
-    return all(name in one.figures and not np.isnan(one.figures[name]) for name in names)
+    return all(names) and all(
+        name in one.figures and not np.isnan(one.figures[name]) for name in names
+    )
 
 
-def _areas(chart: Chart, across: _Drawn, up: _Drawn) -> list[Area]:
-    """Return the regions, the worse levels last, and on top of others."""
-    areas = []
-    for region in sorted(chart.regions, key=lambda one: one.level):
-        corners = np.stack([across.share(region.across), up.share(region.up)], axis=-1)
-        corners = clipped_polygon(corners)
-        if len(corners) > 2:
-            at = middle(corners)
-            area = Area(_GROUNDS[region.level], across.at(corners[:, 0]), up.at(corners[:, 1]))
-            if at is not None:
-                x, y = across.at(np.array([at[0]])), up.at(np.array([at[1]]))
-                area = replace(area, label=f"Level {region.level}", place=(float(x[0]), float(y[0])))
-            areas.append(area)
-    return areas
-
-
-def _lines(chart: Chart, across: _Drawn, up: _Drawn) -> list[Mark]:
+def _lines(chart: Chart, across: Drawn, up: Drawn) -> list[Mark]:
     marks = []
     for line in chart.lines:
         points = np.stack([across.share(line.across), up.share(line.up)], axis=-1)
         x, y = clipped_line(points).T
         look = ("line", "truth") if line.boundary else ("dashes", "grey")
-        if x.size:
+        if x.size and (line.label or not line.boundary):
             marks.append(Mark(*look, across.at(x), up.at(y), label=line.label, width=0.8))
     return marks
 
 
-def _points(one: Shown, look: Look, axes: tuple[_Drawn, _Drawn], row: float) -> list[Mark]:
+def _points(one: Shown, look: Look, axes: tuple[Drawn, Drawn], row: float) -> list[Mark]:
     """Return the cloud of a rating, its intervals and itself on top."""
 
-    def at(axis: _Drawn, figures: Mapping[str, float]) -> float:
+    def at(axis: Drawn, figures: Mapping[str, float]) -> float:
         return float(axis.shown(np.array([figures[axis.figure]]))[0]) if axis.figure else row
 
-    marks = []
+    marks: list[Mark] = []
     if one.draws:
         x, y = (np.array([at(axis, each) for each in one.draws]) for axis in axes)
         marks.append(Mark("dots", look.ink, x, y, width=0.5))
@@ -223,4 +188,29 @@ def _points(one: Shown, look: Look, axes: tuple[_Drawn, _Drawn], row: float) -> 
             marks.append(Mark("line", look.ink, *pair, width=1.4, halo=True))
     point = (np.array([x]), np.array([y]))
     marks.append(Mark(look.kind, look.ink, *point, label=one.label, width=look.width, halo=True))
+    return marks
+
+
+def _precedence(mark: Mark) -> int:
+    """Return how far on top a mark is: clouds below intervals, and these below points."""
+    inks = [look.ink for look in LOOKS.values()]
+    place = inks.index(mark.ink) if mark.ink in inks else 0
+    return place + 100 * (mark.kind == "line") + 200 * bool(mark.halo and mark.kind != "line")
+
+
+def _traces(
+    curves: Sequence[Curve], label: str, look: Look, axes: tuple[Drawn, Drawn]
+) -> list[Mark]:
+    """Return curves of gain over phase, draws first and thin."""
+    marks = []
+    for k, curve in reversed(list(enumerate(curves))):
+        phase = curve.phase
+        at = int(np.argmin(np.abs(curve.decibel)))
+        phase = phase - 2.0 * np.pi * np.ceil(phase[at] / (2.0 * np.pi))
+        across, up = axes
+        x, y = clipped_line(np.stack([across.share(phase), up.share(curve.decibel)], axis=-1)).T
+        kind = "dashes" if look.kind == "crosses" else "line"
+        word, width = (label, 1.2) if k == 0 else ("", 0.35)
+        if x.size:
+            marks.append(Mark(kind, look.ink, across.at(x), up.at(y), label=word, width=width))
     return marks

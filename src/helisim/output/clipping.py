@@ -1,5 +1,7 @@
 """Polygons and lines as far as they lie in a frame, corners at infinity included."""
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +37,7 @@ def clipped_line(points: Points) -> Points:
     """
     points = np.clip(points, -_FAR, _FAR)
     pieces: list[Points] = []
-    for start, end in zip(points[:-1], points[1:]):
+    for start, end in pairwise(points):
         inside = _within(start, end)
         if inside is None:
             continue
@@ -45,26 +47,20 @@ def clipped_line(points: Points) -> Points:
     return np.concatenate(pieces) if pieces else np.zeros((0, 2))
 
 
-def middle(corners: Points, *, near: float = 0.04) -> tuple[float, float] | None:
-    """Return the place in a polygon that is farthest from its border: where a word has room.
+def inside(polygon: Points, places: Points) -> NDArray[np.bool_]:
+    """Return which places are in a polygon: a ray from them crosses its border oddly.
 
     Args:
-        corners: (n_corner, 2) within the unit square.
-        near: None is returned if no place is as far from the border.
+        polygon: corners, (n_corner, 2).
+        places: (n_place, 2).
     """
-    grid = np.linspace(0.02, 0.98, 49)
-    places = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
-    following = np.roll(corners, -1, axis=0)
-    crossings = np.zeros(len(places), dtype=np.int64)
-    room = np.full(len(places), np.inf)
-    for a, b in zip(corners, following):
-        room = np.minimum(room, _distance(places, a, b))
-        spans = (a[1] > places[:, 1]) != (b[1] > places[:, 1])
-        slope = (b[0] - a[0]) / (b[1] - a[1]) if b[1] != a[1] else 0.0
-        crossings += spans & (places[:, 0] < a[0] + (places[:, 1] - a[1]) * slope)
-    room = np.where(crossings % 2 == 1, room, -1.0)
-    best = int(np.argmax(room))
-    return None if room[best] < near else (float(places[best, 0]), float(places[best, 1]))
+    crossed = np.zeros(len(places), dtype=np.int64)
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0)):
+        if a[1] != b[1]:
+            spans = (a[1] > places[:, 1]) != (b[1] > places[:, 1])
+            slope = (b[0] - a[0]) / (b[1] - a[1])
+            crossed += spans & (places[:, 0] < a[0] + (places[:, 1] - a[1]) * slope)
+    return crossed % 2 == 1
 
 
 def _half(corners: Points, depth: NDArray[np.float64]) -> Points:
@@ -90,19 +86,9 @@ def _within(start: Points, end: Points) -> Points | None:
             continue
         first, last = sorted((-origin / step, (1.0 - origin) / step))
         low, high = max(low, first), min(high, last)
-    if low > high:
+    if low >= high:
         return None
     ends = np.array([low, high])[:, None]
     exact = np.array([start, end])
     inside = start + ends * (end - start)
     return np.where(ends == np.array([[0.0], [1.0]]), exact, inside)
-
-
-def _distance(places: Points, a: Points, b: Points) -> NDArray[np.float64]:
-    """Return how far places, (n_place, 2), are from an edge."""
-    along = b - a
-    length = float(along @ along)
-    if length == 0.0:
-        return np.hypot(*(places - a).T)
-    share = np.clip((places - a) @ along / length, 0.0, 1.0)
-    return np.hypot(*(places - a - share[:, None] * along).T)

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from helisim.design.result import DesignResult
+    from helisim.handling.criteria import Criterion
     from helisim.sim import FlightPlan
     from helisim.study.results import Results
     from helisim.study.run import Run
@@ -103,6 +105,21 @@ def plot_linearization(
     found = _exact(model)
     shown = _chosen(found.outputs, found.inputs, _own_axes(found) if pairs is None else pairs)
     return _drawn(_in_grid(shown, lambda o, i: draw_bode("", o, i, identified=found)), axes)
+
+
+def plot_ratings(criterion: Criterion, ratings: Any, axes: Axes | None) -> Figure:
+    """Draw ratings on the standard chart of their criterion."""
+    from helisim.output import handling_shown  # which imports laws
+
+    drawing = handling_shown.rating_drawing(criterion, ratings)
+    return _drawn([[drawing]], None if axes is None else [axes])
+
+
+def plot_design(result: DesignResult) -> Figure:
+    """Draw the charts of a design's specifications, and its trade-offs."""
+    from helisim.output import handling_shown
+
+    return _drawn(_in_rows(handling_shown.design_drawings(result)), None)
 
 
 def to_html(value: Any) -> str:
@@ -223,6 +240,20 @@ def _results_page(results: Results) -> tuple[str, ...]:
     )
 
 
+def _design_page(result: DesignResult) -> tuple[str, ...]:
+    from helisim.output import handling_shown
+
+    return (
+        "Design of a control law",
+        html.paragraph(
+            f"{len(result.judged)} specifications; every hard and soft one keeps Level 1 in "
+            f"{100.0 * result.share:.3g} % of {result.drawn} models drawn."
+        ),
+        html.bullets(result.misses),
+        _figures(handling_shown.design_drawings(result)),
+    )
+
+
 def _run_page(run: Run) -> tuple[str, ...]:
     return _results_page(run.results)
 
@@ -238,6 +269,7 @@ _PAGES: dict[str, Callable[[Any], tuple[str, ...]]] = {
     "FlightPlan": _plan_page,
     "Results": _results_page,
     "Run": _run_page,
+    "DesignResult": _design_page,
 }
 """By name, so that showing a record of one's own imports no simulator."""
 
