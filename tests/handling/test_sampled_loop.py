@@ -126,12 +126,13 @@ def test_it_is_the_loop_that_a_vehicle_closes_by_itself(jr700):
     fast = loop.poles[np.abs(loop.poles) > 0.02]  # of its place nothing is held: poles near 0
     own = own[np.abs(own) > 0.02]
     np.testing.assert_allclose(np.sort_complex(fast)[-15:], np.sort_complex(own)[-15:], rtol=1e-6)
-    history = loop.step("pitch", size=0.1, duration=1.0)
+    history = loop.step("pitch", size=0.1, duration=0.5)
     state, stick = np.zeros(len(whole.A)), whole.input_labels.index("LON")
+    a, b, c, d = (np.array(getattr(whole, name)) for name in "ABCD")
     moved = []
     for _ in history.time:
-        moved.append(whole.C @ state + whole.D[:, stick] * 0.1)
-        state = whole.A @ state + whole.B[:, stick] * 0.1
+        moved.append(c @ state + d[:, stick] * 0.1)
+        state = a @ state + b[:, stick] * 0.1
     for name in ("q", "theta", "p", "lon"):
         expected = np.array(moved)[:, whole.output_labels.index(name)]
         np.testing.assert_allclose(history.signals[name], expected, atol=1e-10)
