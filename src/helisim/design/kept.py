@@ -42,4 +42,6 @@ class Kept:
         return self._known[key]
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
         return getattr(self.source, name)

@@ -25,6 +25,10 @@ _STABLE = 0.3
 """rad/s by which every pole is moved to the left before anything else is asked for."""
 _HELD = 1e-3
 """Distance by which a goal may be missed and still count as met."""
+_STARTS = 5
+"""Of the nominal model: the given one and others, since more than one law may be locally best."""
+_AROUND = 0.7
+"""By which coordinates of others differ: a factor of 2 where logarithms are moved."""
 _ROUNDS = 4
 """Of models added, until no sampled one is worse than those designed with."""
 
@@ -99,17 +103,45 @@ class Phases:
         Raises:
             UnstableError: no law makes every loop stable.
         """
-        at, margin = self._problem.start, 0.0
+        at, margin = self._nominal()
         for _ in range(_ROUNDS):
-            at = self._stabilised(at)
-            at, margin = self._levels(at)
-            if margin >= 0.0:
-                at = self._cheaper(at, margin)
+            if margin < 0.0 and self._which == (0,):
+                break
             worse = self._worse(at, margin)
-            if not worse or (margin < 0.0 and self._which == (0,)):
+            if not worse:
                 break
             self._which = (*self._which, *worse)
+            at, margin = self._solved(self._stabilised(at))
         return Found(at, margin, self._which, tuple(self._history))
+
+    def _nominal(self) -> tuple[Vector, float]:
+        """Return the best law of the nominal model that several starts lead to, and its margin.
+
+        That with the largest margin, of those as large the cheapest. A start away from the given
+        one that is unstable is not followed.
+        """
+        best: tuple[float, float, Vector] | None = None
+        for k, start in enumerate(self._starts()):
+            if k and self._worth(start) is None:
+                continue
+            at, margin = self._solved(self._stabilised(start))
+            trial = self._worth(at)
+            assert trial is not None  # the descent keeps to stable laws
+            if best is None or (round(margin, 3), -trial.cost) > best[:2]:
+                best = (round(margin, 3), -trial.cost, at)
+        assert best is not None  # the first start is always followed
+        return best[2], best[0]
+
+    def _starts(self) -> list[Vector]:
+        """Return the given start, and others about it within the box, (n_free,) each."""
+        rng, (low, high) = np.random.default_rng(self._seed), self._problem.box
+        own = self._problem.start
+        steps = rng.uniform(-_AROUND, _AROUND, (_STARTS - 1, own.size))
+        return [own, *np.clip(own + steps, low, high)]
+
+    def _solved(self, at: Vector) -> tuple[Vector, float]:
+        at, margin = self._levels(at)
+        return (self._cheaper(at, margin) if margin >= 0.0 else at), margin
 
     def _levels(self, at: Vector) -> tuple[Vector, float]:
         """Return a law by which constraints, then levels, then the margin hold, and that margin."""

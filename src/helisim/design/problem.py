@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from helisim.design.descent import Trial
 from helisim.design.free import Free, box, coordinates, values
+from helisim.design.guarded import distance
 from helisim.design.kept import Kept
 from helisim.handling.closed_loop import ClosedLoop, Linear
 from helisim.handling.criteria import PoleLimits, Rating
@@ -108,7 +109,7 @@ class Problem:
         asked = np.flatnonzero(self.of_kind("hard", "soft"))
         distances = np.full((len(loops), len(self.specs)), np.inf)
         for row, loop in zip(distances, loops):
-            row[asked] = [self.specs[k].criterion.rate(loop).distance for k in asked]
+            row[asked] = [distance(self.specs[k].criterion, loop) for k in asked]
         return Trial(distances.ravel(), self.cost(loops[0]))
 
     def cost(self, loop: Loop) -> float:

@@ -197,7 +197,7 @@ def identify_for_design(
         stick_latency = {"PED": own["gyro.ped_latency"]}
     ticks: float = own.get("gyro.period", _PERIOD) if period is None else period
     if servos is None:
-        test = servos_of(vehicle or _flown(said), seed) or _said(own)
+        test = servos_of(vehicle or flown_vehicle(said), seed) or _said(own)
     else:
         test = _given(servos)
     speed = own.get("main_rotor.speed")
@@ -246,7 +246,7 @@ def _given(servos: Servos) -> RigTest:
     return RigTest(rig=SERVOS, findings=tuple(found))
 
 
-def _flown(said: Mapping[str, Any]) -> Vehicle | None:
+def flown_vehicle(said: Mapping[str, Any]) -> Vehicle | None:
     """Return the shipped vehicle that a record's provenance names, None if it is no such."""
     name, own = said.get("vehicle"), said.get("parameters")
     if name not in vehicle_names() or not own:

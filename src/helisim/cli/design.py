@@ -1,0 +1,118 @@
+"""`helisim design`: a control law from the records of a run, and its proof in flight."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from helisim.cli.common import add_quiet, print_written
+from helisim.cli.progress import Progress
+
+_RUN, _OUT = Path("reproduction"), Path("design")
+
+
+def add(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = commands.add_parser(
+        "design",
+        help="design a control law on identified models, and prove it in flight",
+        description="Identify a vehicle from the records of helisim reproduce, find the parameters "
+        "of a control law that meet specifications in the worst of the models that the records "
+        "leave possible, fly it on the nonlinear vehicle, and hold what was asked, predicted, "
+        "exact and flown side by side.",
+        epilog="examples:\n"
+        "  helisim reproduce\n"
+        "  helisim design                              all of it, into design/\n"
+        "  helisim design --specs specs.toml --no-proof\n"
+        "  helisim fly --controller design/law.toml\n\n"
+        "Exit status 1: a level is missed, in a model drawn or in flight. 2: a\n"
+        "specification can't be met, or the input is at fault.",
+    )
+    command.add_argument(
+        "run_folder",
+        nargs="?",
+        type=Path,
+        default=_RUN,
+        metavar="RUN",
+        help=f"folder of helisim reproduce (default: {_RUN})",
+    )
+    command.add_argument(
+        "--specs",
+        type=Path,
+        metavar="FILE",
+        help="specifications, TOML (default: margins of 45 deg and 6 dB; ADS-33 and disturbance "
+        "rejection, scaled; 1.3 times the rejection bandwidth of the gyro in roll and pitch)",
+    )
+    command.add_argument(
+        "--law",
+        type=Path,
+        metavar="FILE",
+        help="law whose parameters are moved, TOML (default: attitude command with the inverse "
+        "of the identified model)",
+    )
+    command.add_argument(
+        "--out", type=Path, default=_OUT, metavar="DIR", help=f"folder (default: {_OUT})"
+    )
+    command.add_argument("--no-proof", action="store_true", help="don't fly the law")
+    command.add_argument(
+        "--margin",
+        type=float,
+        metavar="M",
+        help="design margin, as a share of the distance between Levels 1 and 2 (default: 0.1)",
+    )
+    command.add_argument(
+        "--models", type=int, metavar="N", help="drawn to design with (default: 20)"
+    )
+    command.add_argument("--drawn", type=int, metavar="N", help="drawn to judge by (default: 200)")
+    command.add_argument(
+        "--seed", type=int, default=1, metavar="S", help="of draws and flights (default: 1)"
+    )
+    command.add_argument("--json", action="store_true", help="print the result as JSON, no table")
+    add_quiet(command)
+    command.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from helisim.handling.spec import read_specs
+    from helisim.laws import read_law
+    from helisim.output.design_table import design_table
+    from helisim.output.table import as_text
+    from helisim.output.terminal import wants_color
+    from helisim.records.files import make_folder
+    from helisim.study.design_chain import (
+        LAW,
+        PROOF,
+        RESULT,
+        DesignOptions,
+        flown_figures,
+        run_design,
+        write_design,
+    )
+
+    given = {"margin": options.margin, "models": options.models, "drawn": options.drawn}
+    chosen = DesignOptions(
+        seed=options.seed,
+        proof=not options.no_proof,
+        **{name: value for name, value in given.items() if value is not None},
+    )
+    specs = None if options.specs is None else read_specs(options.specs)
+    law = None if options.law is None else read_law(options.law)
+    with Progress(None, options.quiet) as advance:
+        run = run_design(options.run_folder, law=law, specs=specs, options=chosen, on_step=advance)
+        make_folder(options.out)
+        write_design(run, options.out)
+    if options.json:
+        found = {"design": run.result.to_dict(), "proof": run.proof and run.proof.to_dict()}
+        print(json.dumps(found, indent=2, allow_nan=False))
+    else:
+        color = wants_color(sys.stdout)
+        flown = None if run.proof is None else flown_figures(run.proof)
+        print(as_text(design_table(run.result, flown), color=color))
+        for miss in run.result.misses:
+            print(f"- {miss}")
+        print_written(options, f"{options.out / LAW}: helisim fly --controller {options.out / LAW}")
+        print_written(options, f"{options.out / RESULT}")
+        if run.proof is not None:
+            print_written(options, f"{options.out / PROOF}: the flights of the proof")
+    return 0 if run.met else 1

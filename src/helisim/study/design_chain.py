@@ -1,0 +1,208 @@
+"""The chain from records to a law that flew: identify, design, prove."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from helisim.design.design import DRAWN, MARGIN, MODELS, design
+from helisim.design.free import free_parameters
+from helisim.design.plant import Plant
+from helisim.design.result import DesignResult
+from helisim.design.start import attitude_start
+from helisim.design.usual import usual_specs
+from helisim.errors import InputError, StorageError
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.loop import GRID, Loop
+from helisim.handling.spec import Spec, write_specs
+from helisim.handling.standards import ATTITUDES
+from helisim.laws import AttitudeCommand, Law, RateCommand
+from helisim.records.files import make_folder
+from helisim.records.value import Value
+from helisim.study.for_design import flown_vehicle, identify_for_design
+from helisim.study.proof.prove import Proof, prove
+from helisim.study.swept import swept
+from helisim.vehicle import Vehicle
+
+RESULT, LAW, SPECS, PROOF = "design.json", "law.toml", "specs.toml", "proof"
+"""What a design leaves in its folder."""
+
+OnStep = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignOptions:
+    """How a design is made.
+
+    Attributes:
+        margin: design margin, of the distance between Levels 1 and 2.
+        models: drawn by the fits' covariances to design with.
+        drawn: drawn anew to judge by.
+        seed: of the draws, and of the proof's flights.
+        trade_offs: axes of which disturbance rejection over phase margin is computed.
+        proof: whether the law is flown.
+    """
+
+    margin: float = MARGIN
+    models: int = MODELS
+    drawn: int = DRAWN
+    seed: int = 1
+    trade_offs: tuple[str, ...] = ATTITUDES
+    proof: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class DesignRun(Value):
+    """What a chain found.
+
+    Attributes:
+        vehicle: whose records it began with, with its own gyro.
+        plant: as it was identified.
+        result: the design.
+        proof: the law in flight; None if it wasn't flown.
+    """
+
+    vehicle: Vehicle
+    plant: Plant
+    result: DesignResult
+    proof: Proof | None
+
+    @property
+    def met(self) -> bool:
+        """Whether every level is kept: in all models drawn, and in flight if it flew."""
+        return not self.result.misses and (self.proof is None or self.proof.met)
+
+    def loop(self, law: Law) -> Loop:
+        """Return the loop that the identified model and a law make."""
+        return ClosedLoop(self.plant, law.linear(self.plant.period), GRID)
+
+
+def run_design(
+    folder: str | Path,
+    *,
+    law: Law | None = None,
+    specs: Sequence[Spec] | None = None,
+    options: DesignOptions | None = None,
+    on_step: OnStep | None = None,
+) -> DesignRun:
+    """Identify a vehicle from a run's records, design a law for it, and fly the proof.
+
+    Args:
+        folder: of a run of `helisim reproduce`.
+        law: of the structure that is wanted, where the search starts; by default attitude command
+            with the inverse of the identified model.
+        specs: what is asked; by default `usual_specs`, measured on the vehicle's own gyro.
+        options: how.
+        on_step: called with a word after each step.
+
+    Raises:
+        StorageError: there is no such run.
+        InputError: the records are of no known vehicle, or the law or a specification is unfit.
+        UnstableError: no values of the law's parameters make the loops stable.
+        InfeasibleError: a specification can't be met.
+        DivergedError: the law doesn't stay in the air.
+    """
+    chosen, tell = options or DesignOptions(), on_step or (lambda _: None)
+    vehicle = vehicle_of(folder)
+    plant = identify_for_design(folder, vehicle=vehicle, seed=chosen.seed)
+    tell("identified")
+    before = RateCommand.of(vehicle)
+    asked = tuple(specs) if specs is not None else _usual(plant, before, vehicle)
+    start, bounds = _start(law, plant)
+    result = design(
+        plant,
+        start,
+        asked,
+        before=before,
+        bounds=bounds,
+        only=tuple(bounds) or None,
+        trade_offs=chosen.trade_offs,
+        margin=chosen.margin,
+        models=chosen.models,
+        drawn=chosen.drawn,
+        seed=chosen.seed,
+        on_progress=tell,
+    )
+    run = DesignRun(vehicle, plant, result, None)
+    if not chosen.proof:
+        return run
+    proof = prove(
+        vehicle,
+        result.law.on(vehicle),
+        asked,
+        predicted=run.loop(result.law),
+        on_flight=lambda: tell("flight"),
+    )
+    return replace(run, proof=proof)
+
+
+def vehicle_of(folder: str | Path) -> Vehicle:
+    """Return the vehicle that flew the records of a run.
+
+    Raises:
+        StorageError: there is no such run.
+        InputError: the records are of no shipped vehicle.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise StorageError(
+            f"{folder}: no such run; fly and identify first: helisim reproduce --out {folder}"
+        )
+    records = [record for axis in swept(folder).values() for record in axis]
+    found = flown_vehicle(records[0].provenance)
+    if found is None:
+        raise InputError(
+            f"{folder}: its records say of no shipped vehicle that it flew: a law can be designed "
+            "from fits by helisim.design, but there is nothing to fly it on"
+        )
+    return found
+
+
+def write_design(run: DesignRun, out: str | Path) -> None:
+    """Write a design into a folder: result, law, specifications, and the proof's records.
+
+    Raises:
+        StorageError: the folder can't be written.
+    """
+    out = make_folder(out)
+    run.result.write(out / RESULT)
+    run.result.law.write(out / LAW)
+    write_specs(run.result.specs, out / SPECS)
+    if run.proof is not None:
+        run.proof.write(out / PROOF)
+
+
+def flown_figures(proof: Proof) -> dict[tuple[str, str, str], float]:
+    """Return what was measured in flight by (criterion, axis, figure)."""
+    return {
+        (row.spec.criterion.name, row.spec.criterion.axis, one.name): one.flown.value
+        for row in proof.table
+        for one in row.figures
+        if one.flown is not None
+    }
+
+
+def _usual(plant: Plant, before: Law, vehicle: Vehicle) -> tuple[Spec, ...]:
+    own = vehicle.parameters
+    return usual_specs(
+        plant,
+        before,
+        period=plant.period,
+        diameter=2.0 * own["main_rotor.radius"],
+        rate_limit=own["servo.rate_limit"],
+    )
+
+
+def _start(law: Law | None, plant: Plant) -> tuple[Law, dict[str, tuple[float, float]]]:
+    """Return where the search starts, and ranges of what is moved; of a law given, all usual."""
+    usual = attitude_start(plant, period=plant.period)
+    if law is None:
+        return usual.law, dict(usual.bounds)
+    if not isinstance(law, AttitudeCommand):
+        return law, {}
+    own = law.parameters()
+    moved = {
+        one.name: (min(one.low, own[one.name]), max(one.high, own[one.name]))
+        for one in free_parameters(own, {k: v for k, v in usual.bounds.items() if k in own})
+        if one.name in usual.bounds
+    }
+    return law, moved

@@ -1,0 +1,70 @@
+"""From records to a law: what the identified model promises, the vehicle keeps."""
+
+import json
+
+import pytest
+
+import helisim as hs
+from command import fails
+from helisim.cli import main
+from helisim.handling.criteria import StabilityMargins
+from helisim.handling.figures.rejection import rejection
+from helisim.handling.spec import read_specs
+from helisim.study.proof.exact import exact_loop
+from helisim.study.reproduce import reproduce
+from helisim.units import RAD_PER_DEG
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory):
+    """A run of three flights an axis."""
+    folder = tmp_path_factory.mktemp("run") / "reproduction"
+    reproduce(out=folder, flights=3, seed=1, jobs=2)
+    return folder
+
+
+@pytest.mark.slow
+def test_the_law_has_on_the_exact_vehicle_what_was_asked_of_it(run_folder, tmp_path, capsys):
+    """The sampled linearisation, of which nothing was told: 45 deg, 6 dB, 1.3 times the gyro's."""
+    out = tmp_path / "design"
+    words = ["design", str(run_folder), "--out", str(out), "--no-proof", "--quiet"]
+    assert main(words) == 0
+    printed = capsys.readouterr().out
+    assert "Level 1 in 100 % of 200 models drawn" in printed
+    assert max(map(len, printed.splitlines())) <= 80
+    vehicle, law = hs.load("jr700"), hs.read_law(out / "law.toml")
+    before, after = exact_loop(vehicle), exact_loop(vehicle.with_controller(law.on(vehicle)))
+    assert after.poles.real.max() < 1e-4
+    for axis in ("lat", "lon", "ped"):
+        margins = StabilityMargins(axis=axis).rate(after).figures
+        assert margins["gain_margin"] > 6.0
+        assert margins["phase_margin"] > 45.0 * RAD_PER_DEG
+    for axis in ("lat", "lon"):
+        gained, had = (rejection(one.disturbance(axis)).bandwidth for one in (after, before))
+        assert gained > 1.3 * had
+    found = json.loads((out / "design.json").read_text(encoding="utf-8"))
+    assert found["law"] == law.parameters()
+    assert {one.kind for one in read_specs(out / "specs.toml")} >= {"hard", "soft", "objective"}
+
+
+@pytest.mark.slow
+def test_a_specification_out_of_reach_is_one_line(run_folder, tmp_path, capsys):
+    specs = tmp_path / "specs.toml"
+    specs.write_text(
+        '[[spec]]\ncriterion = "stability_margins"\naxis = "lat"\nkind = "hard"\n'
+        '[[spec]]\ncriterion = "disturbance_rejection"\naxis = "lat"\nbandwidth = [140.0, 70.0]\n',
+        encoding="utf-8",
+    )
+    out = tmp_path / "design"
+    said = fails(capsys, "design", run_folder, "--specs", specs, "--out", out, "--quiet")
+    assert "disturbance_rejection of roll can't be met" in said
+    assert "instead of drb 140 rad/s" in said
+    assert not out.exists()
+
+
+def test_without_a_run_it_says_what_makes_one(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = fails(capsys, "design")
+    assert "reproduction: no such run" in said
+    assert "helisim reproduce --out reproduction" in said
+    assert not any(tmp_path.iterdir())
