@@ -10,7 +10,7 @@ import helisim as hs
 from helisim.cli import main
 from helisim.errors import InputError
 
-FLY = ["fly", "--axis", "ped", "--duration", "12", "--quiet", "--out", "flown.parquet"]
+FLY = ["fly", "--excitation", "doublet", "--axis", "ped", "--quiet", "--out", "flown.parquet"]
 
 
 @pytest.fixture
