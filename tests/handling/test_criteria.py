@@ -163,6 +163,20 @@ def test_an_axis_answers_to_both_of_its_names():
         criteria.Damping(axis="everything")
 
 
+def test_coupling_is_looked_at_for_a_scaled_time():
+    """Four seconds of a helicopter are 1.2 s of one a tenth as long."""
+    asked = []
+
+    class Watched(AttitudeLoop):
+        def step(self, axis, *, size, duration):
+            asked.append(duration)
+            return super().step(axis, size=size, duration=duration)
+
+    for scale in (1.0, 10.0):
+        criteria.Coupling(axis="lat", scale=scale).rate(Watched())
+    assert asked == [4.0, pytest.approx(4.0 / np.sqrt(10.0))]
+
+
 def test_an_own_criterion_needs_a_rate_and_a_chart():
     """A subclass of three names and two methods is rated like those of the house."""
 

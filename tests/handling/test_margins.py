@@ -103,3 +103,23 @@ def test_margins_are_continuous_where_the_loop_becomes_unstable():
     ):
         assert min(values) < 0.0 < max(values)
         assert np.max(np.abs(np.diff(values))) < 1.1 * step
+
+
+def test_the_crossover_is_the_highest_of_several():
+    """An integral with a mode that rises over one again: the gain falls through one twice."""
+    found = margins(curve(0.5 / S * (S**2 + S + 4.0) / (S**2 / 25.0 + 0.008 * S + 1.0) / 2.0))
+    falls = [where for where, _ in found.phase]
+    assert len(falls) == 3
+    assert found.crossover == falls[-1] > 5.0 > falls[0]
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "size"), [(0.0, 6.0, 1.0), (0.5, 3.0, 1.0), (0.5, 0.0, 1.0), (0.25, 4.5, 1.0)]
+)
+def test_a_hexagon_has_its_corners_where_they_are_said(x, y, size):
+    """Tips at its gain, upright sides half as high, straight between; the same on all sides."""
+    gauge = hexagon(6.0, 0.5)
+    for a, b in ((1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)):
+        assert gauge(a * x, b * y) == pytest.approx(size)
+    assert hexagon(6.0, 0.5, corner=1.0)(0.5, 6.0) == pytest.approx(1.0)
+    assert hexagon(6.0, 0.5, corner=0.0)(0.25, 3.0) == pytest.approx(1.0)

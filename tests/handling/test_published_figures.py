@@ -10,9 +10,9 @@ from scipy.optimize import brentq
 
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.curve import Curve
-from helisim.handling.figures.actuators import limited
+from helisim.handling.figures.actuators import limited, onset
 from helisim.handling.figures.bandwidth import bandwidth
-from helisim.handling.figures.history import changed, quickness, stepped
+from helisim.handling.figures.history import changed, coupling, quickness, stepped
 from helisim.handling.figures.margins import disk_margin, margins
 from helisim.handling.figures.poles import least_damped
 from helisim.handling.figures.rejection import rejection
@@ -251,6 +251,39 @@ def test_rejection_of_a_second_order_loop_is_its_closed_form(zeta):
     dense = np.geomspace(0.1, 100.0, 2_000_001)
     assert found.bandwidth == pytest.approx(omega * np.sqrt(half), rel=1e-4)
     assert found.peak == pytest.approx(10.0 * np.log10(power(dense).max()), abs=1e-4)
+
+
+def test_rejection_ends_at_the_lowest_rise():
+    """|S| that dips again beyond its first rise through -3 dB."""
+
+    def sensitivity(s):
+        return s / (s + 2.0) * (s**2 + 4.0 * s + 400.0) / (s + 20.0) ** 2
+
+    found = rejection(curve(sensitivity))
+    lowest = brentq(lambda w: abs(sensitivity(1j * w)) ** 2 - 0.5, 0.1, 4.0)
+    highest = brentq(lambda w: abs(sensitivity(1j * w)) ** 2 - 0.5, 20.0, 200.0)
+    assert found.bandwidth == pytest.approx(lowest, rel=1e-4)
+    assert highest > 10.0 * lowest
+    assert found.seen
+
+
+def test_the_onset_of_a_rate_limit():
+    """A sine of 10 deg asks for 34 deg/s from 3.4 rad/s on, and there the loop is looked at."""
+    loop = curve(lambda s: 20.0 / (s * (s + 5.0)))
+    one = Curve(FINE, np.ones(FINE.size, dtype=complex))
+    found = onset(loop, one, amplitude=np.radians(10.0), rate_limit=np.radians(34.0))
+    there = 20.0 / (3.4j * (3.4j + 5.0))
+    assert found.reached
+    assert found.frequency == pytest.approx(3.4, rel=1e-4)
+    assert found.gain == pytest.approx(20.0 * np.log10(abs(there)), abs=1e-2)
+    assert found.phase == pytest.approx(np.angle(-there), abs=1e-3)
+
+
+def test_coupling_is_what_happens_within_its_time():
+    """On-axis 2 t, off-axis 0.3 t until 4 s and more later: 1.2 over 8."""
+    time = np.linspace(0.0, 10.0, 1001)
+    other = -0.3 * time - np.maximum(time - 4.0, 0.0)
+    assert coupling(time, 1.0 + 2.0 * time, 0.5 + other, after=4.0) == pytest.approx(0.15)
 
 
 def test_a_rate_limit_is_described_as_it_acts():
