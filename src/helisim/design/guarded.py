@@ -12,9 +12,9 @@ from helisim.handling.criteria import Criterion, DisturbanceRejection, Limit
 from helisim.handling.figures.rejection import HALF_POWER
 from helisim.handling.loop import Loop
 
-_HUMP = 5.0
-"""dB of |S| below 1 / sqrt 2 that count as one unit of distance: a design margin of 0.1 is half a
-decibel."""
+_HUMP = 15.0
+"""dB of |S| below 1 / sqrt 2 that count as one unit of distance. A design margin of 0.1 is 1.5 dB:
+more than |S| is off in another model, or as measured in flight."""
 
 
 def distance(criterion: Criterion, loop: Loop) -> float:
