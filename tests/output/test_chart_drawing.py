@@ -123,6 +123,7 @@ def test_ratings_are_plotted_one_several_or_by_label():
     figure = criterion.plot({"predicted": [one, one], "flown": one})
     words = {text.get_text() for text in figure.axes[0].get_legend().get_texts()}
     assert words == {"predicted", "flown"}
+    assert len(criterion.plot({"before": None, "flown": one}).axes) == 1
     assert criterion.plot(one, axes=figure.axes[0]) is figure
     with pytest.raises(InputError, match="expected ratings by stability_margins, got 3"):
         criterion.plot({"flown": [3]})

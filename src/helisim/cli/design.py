@@ -6,10 +6,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from helisim.cli.common import add_quiet, print_written
+from helisim.cli.common import add_quiet, print_recording, print_written
 from helisim.cli.progress import Progress
 
 _RUN, _OUT = Path("reproduction"), Path("design")
+GUST = "gust.rrd"
+"""How a gust is rejected, before and after."""
 
 
 def add(commands: Any) -> None:
@@ -73,9 +75,19 @@ def add(commands: Any) -> None:
     command.set_defaults(run=_run)
 
 
+def _record_gust(run: Any, path: Path) -> None:
+    """Write how the vehicle's own gyro and the designed law reject one gust, side by side."""
+    from helisim.output.rerun.recording import write_recording
+
+    flights = {"shipped gyro": run.proof.before["gust"], "designed law": run.proof.flights.gust}
+    model, roles = run.vehicle.visual_model(), run.vehicle.roles
+    write_recording(path, flights, model=model, roles=roles, side_by_side=True)
+
+
 def _run(options: argparse.Namespace) -> int:
     from helisim.handling.spec import read_specs
     from helisim.laws import read_law
+    from helisim.output.design_page import REPORT, write_design_page
     from helisim.output.design_table import design_table
     from helisim.output.table import as_text
     from helisim.output.terminal import wants_color
@@ -102,6 +114,15 @@ def _run(options: argparse.Namespace) -> int:
         run = run_design(options.run_folder, law=law, specs=specs, options=chosen, on_step=advance)
         make_folder(options.out)
         write_design(run, options.out)
+        write_design_page(
+            options.out / REPORT,
+            run.result,
+            proof=run.proof,
+            predicted=run.loop(run.result.law),
+            before=run.loop(run.result.before),
+        )
+        if run.proof is not None:
+            _record_gust(run, options.out / GUST)
     if options.json:
         found = {"design": run.result.to_dict(), "proof": run.proof and run.proof.to_dict()}
         print(json.dumps(found, indent=2, allow_nan=False))
@@ -113,6 +134,8 @@ def _run(options: argparse.Namespace) -> int:
             print(f"- {miss}")
         print_written(options, f"{options.out / LAW}: helisim fly --controller {options.out / LAW}")
         print_written(options, f"{options.out / RESULT}")
+        print_written(options, f"{options.out / REPORT}: charts with levels, loops, steps")
         if run.proof is not None:
             print_written(options, f"{options.out / PROOF}: the flights of the proof")
+            print_recording(options.out / GUST, options.quiet)
     return 0 if run.met else 1

@@ -8,6 +8,7 @@ import numpy as np
 
 from helisim.handling.chart import Chart, ChartAxis
 from helisim.handling.curve import Curve
+from helisim.output.bode import decibels
 from helisim.output.chart_ground import Drawn, areas, borders
 from helisim.output.clipping import clipped_line
 from helisim.output.figure import Ink, Mark, Panel, Scale
@@ -128,10 +129,9 @@ def draw_chart(
 
 
 def _across(axis: ChartAxis, shown: Sequence[Shown]) -> Drawn:
-    """Return an axis that is long enough for ratings and their intervals."""
+    """Return an axis that is long enough for ratings; their intervals may leave it."""
     factor = _factor(axis)
     values = [one.figures[axis.figure] for one in shown]
-    values += [edge for one in shown for edge in one.intervals.get(axis.figure, ())]
     inside = [one for one in values if np.isfinite(one) and (one > 0.0 or not axis.logarithmic)]
     own = Scale(axis.low, axis.high, (), (), axis.logarithmic)
     shares = own.share(np.array([axis.low, axis.high, *inside]))
@@ -205,10 +205,11 @@ def _traces(
     marks = []
     for k, curve in reversed(list(enumerate(curves))):
         phase = curve.phase
-        at = int(np.argmin(np.abs(curve.decibel)))
+        at = int(np.argmin(np.abs(decibels(curve.response))))
         phase = phase - 2.0 * np.pi * np.ceil(phase[at] / (2.0 * np.pi))
         across, up = axes
-        x, y = clipped_line(np.stack([across.share(phase), up.share(curve.decibel)], axis=-1)).T
+        gain = decibels(curve.response)
+        x, y = clipped_line(np.stack([across.share(phase), up.share(gain)], axis=-1)).T
         kind = "dashes" if look.kind == "crosses" else "line"
         word, width = (label, 1.2) if k == 0 else ("", 0.35)
         if x.size:

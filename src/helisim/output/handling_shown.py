@@ -13,19 +13,22 @@ from helisim.output.tradeoff_drawing import draw_trade_off
 Ratings = Rating | Sequence[Rating]
 
 
-def rating_drawing(criterion: Criterion, ratings: Ratings | Mapping[str, Ratings]) -> Drawing:
+def rating_drawing(
+    criterion: Criterion, ratings: Ratings | Mapping[str, Ratings | None]
+) -> Drawing:
     """Return the chart of a criterion with ratings.
 
     Args:
         criterion: whose chart it is.
         ratings: one, or several (a cloud of draws), or a mapping from a label to either, of
-            several the first the nominal one.
+            several the first the nominal one; None where there is none.
 
     Raises:
         InputError: something is no rating, or not of that kind of criterion.
     """
     labelled = ratings if isinstance(ratings, Mapping) else {"": ratings}
-    shown = [_shown(criterion, label, some) for label, some in labelled.items()]
+    there = {label: some for label, some in labelled.items() if some is not None}
+    shown = [_shown(criterion, label, some) for label, some in there.items()]
     return draw_chart(criterion.name, criterion.chart(), shown)
 
 

@@ -72,6 +72,17 @@ def folded(summary: str, text: str) -> str:
     return f"<details><summary>{escape(summary)}</summary><pre>{escape(text)}</pre></details>"
 
 
+def folded_list(summary: str, items: Iterable[str]) -> str:
+    """Return a list that opens on a click, or nothing for no items."""
+    inner = bullets(items)
+    return f"<details><summary>{escape(summary)}</summary>{inner}</details>" if inner else ""
+
+
+def preformatted(text: str) -> str:
+    """Return text of a file, line by line."""
+    return f"<pre>{escape(text)}</pre>"
+
+
 def table(shown: Table) -> str:
     """Return the rows of a table, which become cards on a phone; nothing for no rows."""
     if not shown.rows:

@@ -71,8 +71,8 @@ def draw_verification(name: str, verification: Verification, trace: int, flight:
         ),
     ]
     for k, (output, unit) in enumerate(zip(verification.outputs, verification.units)):
-        measured, seen = _for_people(output, shown.measured[:, k], unit)
-        predicted, _ = _for_people(output, shown.predicted[:, k], unit)
+        measured, seen = values_for_people(output, shown.measured[:, k], unit)
+        predicted, _ = values_for_people(output, shown.predicted[:, k], unit)
         begun = np.isin(shown.time, shown.starts)
         marks = (
             Mark("line", "data", shown.time, measured, label="flight", width=2.6),
@@ -80,8 +80,8 @@ def draw_verification(name: str, verification: Verification, trace: int, flight:
             *[Mark("dots", "identified", shown.time[begun], predicted[begun])] * any(begun),
         )
         left = Mark("line", "grey", shown.time, less(measured, predicted))
-        panels.append(Panel(_labelled(output, seen), marks, 96.0))
-        panels.append(Panel(_labelled(f"{output}, flight less model", seen), (left,), 42.0))
+        panels.append(Panel(labelled(output, seen), marks, 96.0))
+        panels.append(Panel(labelled(f"{output}, flight less model", seen), (left,), 42.0))
     tics = ", ".join(f"{output} {tic:.3g}" for output, tic in zip(verification.outputs, shown.tic))
     approach = verification.approach
     brief = approach.in_brief if approach else ""
@@ -94,9 +94,9 @@ def draw_flight(name: str, title: str, record: FlightRecord, channels: Sequence[
     """Draw time histories of some channels of a record, one below the other."""
     panels = []
     for channel in channels:
-        values, unit = _for_people(channel, record[channel], record.unit(channel))
+        values, unit = values_for_people(channel, record[channel], record.unit(channel))
         mark = Mark("line", "identified", record.time, values, width=0.6)
-        panels.append(Panel(_labelled(channel, unit), (mark,), 66.0))
+        panels.append(Panel(labelled(channel, unit), (mark,), 66.0))
     return Drawing(name, title, f"{title}, {record.duration:g} s", tuple(panels), "time, s")
 
 
@@ -112,7 +112,7 @@ def draw_groups(name: str, title: str, record: FlightRecord, channels: Sequence[
     for (family, unit), names in groups.items():
         for k in range(0, len(names), len(_INKS)):
             some = names[k : k + len(_INKS)]
-            shown = [_for_people(one, record[one], unit) for one in some]
+            shown = [values_for_people(one, record[one], unit) for one in some]
             marks = _histories(record.time, some, [values for values, _ in shown])
             thin = tuple(replace(mark, kind="line", width=0.7) for mark in marks)
             unitised = unit == "1" and family in _UNITISED
@@ -184,16 +184,17 @@ def _histories(
     )
 
 
-def _for_people(
+def values_for_people(
     name: str, values: NDArray[np.float64], unit: str
 ) -> tuple[NDArray[np.float64], str]:
-    """Return values (n,) and their unit, rates and attitudes in degrees."""
+    """Return values and their unit, rates and attitudes in degrees; (n_value,) each."""
     if name in (*RATES, *ATTITUDES) and unit.startswith("rad"):
         return np.rad2deg(values), unit.replace("rad", "deg")
     return values, unit
 
 
-def _labelled(name: str, unit: str) -> str:
+def labelled(name: str, unit: str) -> str:
+    """Return the label of a channel's axis."""
     if name.lower() in IN1:
         return f"{name}, unitised"
     return name if unit in ("", "1") else f"{name}, {unit}"
