@@ -15,7 +15,7 @@ from helisim.study.proof.comparison import compare, with_usual
 from helisim.study.proof.exact import exact_loop
 from helisim.study.proof.flights import ProofPlan, step_size, stops
 from helisim.study.proof.hands import hands_off
-from helisim.study.proof.prove import prove
+from helisim.study.proof.prove import GRID, prove
 from helisim.study.proof.sweeps import LINEAR, SWEEPS, SweepKind, sweep
 
 HOLDS = AttitudeCommand(
@@ -126,7 +126,7 @@ def test_without_noise_what_is_flown_is_exact(jr700, tmp_path):
     """Of a law that holds attitude: every figure to a third of its bar, records on disk."""
     plan = ProofPlan(weather=Weather(), recorder=TRUE, repeats=1)
     flies = hands_off(jr700).with_controller(HOLDS)
-    proof = prove(jr700, HOLDS, predicted=exact_loop(flies), plan=plan)
+    proof = prove(jr700, HOLDS, predicted=exact_loop(flies, GRID), plan=plan)
     off, *which = worst(proof)
     # 0.2 is measured, of yaw's gain margin, 27 dB at the end of the band
     assert off < 0.35, which

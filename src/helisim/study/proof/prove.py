@@ -7,6 +7,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from helisim.handling.criteria import Criterion
 from helisim.handling.loop import Loop
 from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
@@ -24,6 +26,8 @@ from helisim.study.proof.flights import ProofFlights, ProofPlan, fly_events, fly
 from helisim.study.proof.hands import hands_off
 from helisim.vehicle import ControllerLike, Vehicle
 
+GRID = np.geomspace(0.2, 250.0, 450)
+"""rad/s, of the exact loops: to where the fastest sweep ends."""
 DRAWS = 200
 """Of the measured loop: an interval's half width is known to 5 %."""
 
@@ -137,7 +141,7 @@ def prove(
     plan = plan or ProofPlan()
     own = hands_off(vehicle)
     flies = own if law is None else own.with_controller(law)
-    exact = exact_loop(flies)
+    exact = exact_loop(flies, GRID)
     flights = fly_proof(flies, plan, exact=exact, on_flight=on_flight)
     measured, remarks = measured_loop(flights, draws=draws)
     before = {} if law is None else fly_events(own, plan, exact_loop(own), on_flight)
