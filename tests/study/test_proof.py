@@ -149,8 +149,8 @@ def test_without_noise_what_is_flown_is_exact(jr700, tmp_path):
 def test_in_light_turbulence_figures_keep_their_bars(jr700):
     """With sensor noise and turbulence, four flights of each sweep; nothing at its stops."""
     proof = prove(jr700, HOLDS)
-    found = worst(proof)
-    assert found[0] < 1.0 or found[1:] == ("stability_margins", "ped", "gain_margin"), found
+    off, *which = worst(proof)
+    assert off < 1.0, which
     assert proof.flights.stops.free
     assert proof.flights.stops.largest["lat"] < 0.1
     for row in proof.table:

@@ -62,7 +62,7 @@ SWEEPS = (
     SweepKind(place="actuators", axes=("lat", "lon"), band=(2.0, 150.0), slope=3.0, corner=20.0),
     SweepKind(place="actuators", axes=("ped",), band=(2.0, 240.0), slope=1.5, corner=20.0),
     SweepKind(place="sensors", axes=("lat", "lon"), band=(2.0, 110.0), slope=6.0, corner=20.0),
-    SweepKind(place="sensors", axes=("ped",), band=(2.0, 110.0), slope=3.0, corner=15.0),
+    SweepKind(place="sensors", axes=("ped",), band=(2.0, 110.0), slope=5.0, corner=20.0),
     SweepKind(place="sticks", axes=("lat", "lon"), band=(2.0, 60.0), slope=-1.0),
     SweepKind(place="sticks", axes=("ped",), band=(2.0, 60.0)),
 )
