@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from autopilot_logs import dataflash, ulog
 from closed_loops import flown, known_loop
 from helisim.cli import main
 from helisim.records.storage import write_record
@@ -56,6 +57,27 @@ def test_columns_of_ones_own_are_named(record, tmp_path, capsys):
     figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
     assert figures["phase_margin"]["value"] == pytest.approx(51.4, abs=3.0)  # three deviations
     assert "gain_margin of lat at actuators isn't within" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("suffix", "write", "injected", "total"),
+    [
+        (".bin", dataflash, ("SIDD", "Targ"), ("RATE", "ROut")),
+        (".ulg", ulog, ("probe", "dither"), ("vehicle_torque_setpoint", "xyz")),
+    ],
+)
+def test_logs_of_autopilots(record, tmp_path, suffix, write, injected, total):
+    """ArduPilot's chirp at the mixer: SIDD.Targ is added, RATE.ROut is the sum; a ULog likewise."""
+    path, out = tmp_path / f"flight{suffix}", tmp_path / "found.json"
+    stamps = np.round(1e6 * (1.0 + record.time))
+    signals = {injected: record["lat_disturbance"], total: record["lat_sum"]}
+    path.write_bytes(write({name: (stamps, {field: x}) for (name, field), x in signals.items()}))
+    given = ["--channel", f"dither={'.'.join(injected)}:1", "--channel", f"sum={'.'.join(total)}:1"]
+    words = ["--axis", "lat", "--injected", "dither", "--total", "sum", "--band", "4", "9"]
+    more = ["--resample", "100", "--draws", "2", "--quiet", "--json", str(out)]
+    assert main(["margins", str(path), *given, *words, *more]) == 0
+    figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
+    assert figures["phase_margin"]["value"] == pytest.approx(51.4, abs=3.0)  # three deviations
 
 
 @pytest.mark.parametrize(

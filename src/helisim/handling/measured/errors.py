@@ -38,10 +38,11 @@ def error_root(scatter: LocalScatter, place: int, alike: NDArray[np.intp]) -> Co
     related = covariance / (deviation * deviation.T)
     np.fill_diagonal(related, 1.0 + _RIDGE)
     try:
-        return deviation * np.linalg.cholesky(related)
+        root = np.linalg.cholesky(related)
     except np.linalg.LinAlgError:
         value, vector = np.linalg.eigh(related)
-        return deviation * vector * np.sqrt(np.maximum(value, 0.0))
+        root = vector * np.sqrt(np.maximum(value, 0.0))
+    return np.asarray(deviation * root, dtype=np.complex128)
 
 
 def _random(scatter: LocalScatter, place: int) -> Complex:

@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import numpy as np
-
 from helisim.handling.axis import BY_NAME, axis_of
 from helisim.handling.curve import Curve
 from helisim.handling.loop import History, NoResponse
@@ -147,11 +145,10 @@ class MeasuredCurves(Value):
 def _broken(cut: Cut, outputs: tuple[str, ...], response: Complex) -> Complex:
     """Return L, (..., n_freq), from responses (..., n_out, n_freq) to what was injected."""
     side = {name: response[..., row, :] for row, name in enumerate(outputs)}
-    back = None if cut.returned is None else side[cut.returned]
-    total = None if cut.total is None else side[cut.total]
-    if back is None:
-        back = np.asarray(total) - 1.0
-    return -back / (1.0 + back if total is None else total)
+    if cut.returned is None:
+        return 1.0 / side[str(cut.total)] - 1.0
+    back = side[cut.returned]
+    return -back / (1.0 + back if cut.total is None else side[cut.total])
 
 
 @dataclass(frozen=True, eq=False)

@@ -236,7 +236,7 @@ def _estimate(
 def _answers(common: Sequence[str], sticks: Sequence[str]) -> list[str]:
     """Return what answers to sticks: rates, angles without one, the swept axes' commands."""
     axes = BY_NAME.values()
-    wanted = [axis.rate if axis.rate in common else axis.angle for axis in axes]
+    wanted = [axis.rate if axis.rate and axis.rate in common else axis.angle for axis in axes]
     return wanted + [axis.name for axis in axes if axis.stick in sticks]
 
 
