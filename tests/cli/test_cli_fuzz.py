@@ -36,13 +36,22 @@ OPTIONS = {
         *(*READING, "--structure", "--fix", "--start", "--responses", "--rename", "--seed"),
         *("--band", "--windows", "--overlap", "--bounds", "--points", "--searches"),
     ),
+    "margins": (
+        *(*READING[:-2], "--axis", "--at", "--injected", "--total", "--returned"),
+        *("--band", "--late", "--draws"),
+    ),
     "linearize": ("--inputs", "--set"),
     "fly": ("--amplitude", "--set", "--fault", "--integrator", "--turbulence", "--wind", "--axis"),
     "structures": ("",),
 }
+LOGS = ("frf", "identify", "margins")
 SOUND = {
     "frf": ["--inputs", "lat", "--outputs", "p", "--band", "2", "20"],
     "identify": ["--structure", "tf:0/1", "--inputs", "lat", "--outputs", "p", "--quiet"],
+    "margins": [
+        *("--axis", "lat", "--injected", "lat", "--returned", "p", "--quiet"),
+        *("--band", "4", "20", "--draws", "2"),
+    ],
     "linearize": [],
     "fly": ["--axis", "lat", "--duration", "13", "--quiet", "--out"],
     "structures": [],
@@ -76,7 +85,7 @@ def outcome(arguments):
 @pytest.mark.parametrize("command", SOUND)
 def test_what_the_fuzzer_starts_from_is_sound(folder, command):
     """Without another option each command ends well: what follows is not refused for others."""
-    place = [str(folder / "r.parquet")] if command in ("frf", "identify") else []
+    place = [str(folder / "r.parquet")] if command in LOGS else []
     more = [str(folder / "sound.csv")] if command == "fly" else []
     status, lines = outcome([command, *place, *SOUND[command], *more])
     assert status in (0, 1), lines
@@ -91,7 +100,7 @@ def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, da
     given_ = []
     for option in data.draw(st.lists(st.sampled_from(OPTIONS[command]), min_size=1, max_size=2)):
         given_ += [text for text in (option, data.draw(ANY)) if text or option]
-    place = [str(folder / "r.parquet")] if command in ("frf", "identify") else []
+    place = [str(folder / "r.parquet")] if command in LOGS else []
     sound = [*SOUND[command], *([str(folder / "out.csv")] if command == "fly" else [])]
     before = sorted(folder.iterdir())
     status, lines = outcome([command, *place, *sound, *given_])

@@ -8,6 +8,7 @@ import helisim as hs
 from closed_loops import PERIOD, chirp, flown, known_loop
 from helisim.errors import IdentificationError, InputError, UnknownNameError
 from helisim.handling.loop import NoResponse
+from helisim.handling.measured.cut import cuts_by_name
 from helisim.handling.measured.interval import intervals
 from helisim.records.channels import Channel
 from helisim.records.record import FlightRecord
@@ -109,6 +110,21 @@ def test_sticks_alone_give_no_loop_and_the_remark_says_so():
     assert found.figure("bandwidth", "lat").value == pytest.approx(exact, rel=0.01)
 
 
+def test_names_of_channels_say_where_loops_are_cut():
+    """What helisim's records call what was added, at actuators, servos, angles and rates."""
+    found = cuts_by_name(["lat_disturbance", "lat", "lat_sum", "r_disturbance", "r_sum", "phi"])
+    assert found == (
+        hs.Cut("lat", "actuators", "lat_disturbance", "lat_sum", "lat"),
+        hs.Cut("ped", "r", "r_disturbance", "r_sum"),
+    )
+    assert cuts_by_name(["ped_added", "ped", "ped_gyro"]) == (
+        hs.Cut("ped", "actuators", "ped_added", "ped", "ped_gyro"),
+    )
+    assert cuts_by_name(["phi_disturbance", "phi_sum", "psi_disturbance"]) == (
+        hs.Cut("roll", "sensors", "phi_disturbance", "phi_sum"),
+    )
+
+
 def test_what_cannot_be_is_said(measured):
     """Bad arguments are refused with what exists."""
     record = flown(known_loop(), seed=3, noise=0.05)
@@ -123,5 +139,7 @@ def test_what_cannot_be_is_said(measured):
     still = FlightRecord(record.time, 0.0 * record.values, record.channels, {})
     with pytest.raises(IdentificationError, match="nothing was injected"):
         hs.margins(still)
+    with pytest.raises(InputError, match="late by inf"):
+        hs.margins(record, late={"lat": np.inf})
     with pytest.raises(UnknownNameError, match="DRB lon"):
         measured.figure("DRB", "lon")

@@ -63,20 +63,23 @@ def cuts_by_name(names: Sequence[str]) -> tuple[Cut, ...]:
     """Return the cuts that channels' names say, by helisim's own names of them."""
     found = []
     for axis in BY_NAME.values():
-        for at, signal in _signals(axis):
-            injected, total = f"{signal}_disturbance", f"{signal}_sum"
-            returned = signal if at == "actuators" else None
-            known = [name if name in names else None for name in (total, returned)]
-            if injected in names and any(known):
-                found.append(Cut(axis.name, at, injected, *known))
+        for at, *signals in _signals(axis):
+            injected, *sides = (name if name in names else None for name in signals)
+            if injected and any(sides):
+                found.append(Cut(axis.name, at, injected, *sides))
     return tuple(found)
 
 
-def _signals(axis: Axis) -> list[tuple[str, str]]:
-    """Return where a loop of the axis may be cut, and the signal there."""
-    signals = [("actuators", axis.name)]
+def _signals(axis: Axis) -> list[tuple[str, str, str, str]]:
+    """Return where a loop of the axis may be cut, what is injected there, the sum, what returns."""
+    name = axis.name
+    signals = [
+        ("actuators", f"{name}_disturbance", f"{name}_sum", name),
+        ("actuators", f"{name}_added", name, f"{name}_gyro"),
+    ]
     if axis.rate is not None:
-        signals += [("sensors", axis.angle), (axis.rate, axis.rate)]
+        for at, sensed in (("sensors", axis.angle), (axis.rate, axis.rate)):
+            signals.append((at, f"{sensed}_disturbance", f"{sensed}_sum", ""))
     return signals
 
 

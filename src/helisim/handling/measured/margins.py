@@ -27,6 +27,10 @@ from helisim.records.value import Value
 _HELD = 0.1
 """Sticks that move by more than this share of what was injected, near it, are told."""
 
+_MOST_DRAWS = 20_000
+_LATEST = 10.0
+"""s; a record later than that is no record of the same moment."""
+
 
 @dataclass(frozen=True)
 class MeasuredFigure:
@@ -136,8 +140,11 @@ def margins(
     flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
     if not flights:
         raise InputError("no records were given; expected at least one FlightRecord")
-    if draws < 2:
-        raise InputError(f"draws is {draws}, expected 2 or more")
+    if not 2 <= draws <= _MOST_DRAWS:
+        raise InputError(f"draws is {draws}, expected 2 to {_MOST_DRAWS}")
+    for name, delay in (late or {}).items():
+        if not abs(delay) < _LATEST:
+            raise InputError(f"{name} is late by {delay} s, expected less than {_LATEST:g} s")
     known = _cuts(flights, cuts)
     chosen = _chosen(known, axes, at)
     moved = moving(flights, known)
