@@ -47,32 +47,46 @@ class Asked:
         return of_command(loop.command(self.axis))
 
 
+_EDGE = 1.05
+"""What lies nearer to an end of a curve's band, as a ratio, is not seen: noise may have made it."""
+
+
+def _inside(curve: Curve, frequency: float) -> bool:
+    own = curve.frequency
+    return bool(own[0] * _EDGE < frequency < own[-1] / _EDGE)
+
+
 def of_broken(curve: Curve) -> dict[str, float]:
     """Return crossover, phase margin (deg) and gain margin (dB) of a broken loop."""
     found = margins(curve)
+    gain, phase = (
+        min(all_, key=lambda one: abs(one[1]), default=(np.nan, np.nan))
+        for all_ in (found.gain, found.phase)
+    )
+    crossed = found.phase and _inside(curve, found.crossover)
     return {
-        "crossover": found.crossover if found.phase else np.nan,
-        "phase_margin": float(np.degrees(found.least_phase)) if found.phase else np.nan,
-        "gain_margin": found.least_gain if found.gain else np.nan,
+        "crossover": found.crossover if crossed else np.nan,
+        "phase_margin": float(np.degrees(found.least_phase))
+        if _inside(curve, phase[0])
+        else np.nan,
+        "gain_margin": found.least_gain if _inside(curve, gain[0]) else np.nan,
     }
 
 
 def of_disturbance(curve: Curve) -> dict[str, float]:
     """Return DRB and DRP of a sensitivity."""
     found = rejection(curve)
-    inside = curve.frequency[0] < found.bandwidth < curve.frequency[-1]
-    crossed = inside and curve.decibel.min() < HALF_POWER
-    peaked = curve.frequency[0] < found.peak_frequency < curve.frequency[-1]
+    crossed = _inside(curve, found.bandwidth) and curve.decibel.min() < HALF_POWER
     return {
         "DRB": found.bandwidth if crossed else np.nan,
-        "DRP": found.peak if peaked else np.nan,
+        "DRP": found.peak if _inside(curve, found.peak_frequency) else np.nan,
     }
 
 
 def of_command(curve: Curve) -> dict[str, float]:
     """Return bandwidth (of a rate response) and phase delay of an angle over its stick."""
     found = bandwidth(curve)
-    inside = curve.frequency[0] < found.rate and found.neutral < curve.frequency[-1]
+    inside = _inside(curve, found.rate) and _inside(curve, found.neutral)
     return {
         "bandwidth": found.rate if inside else np.nan,
         "phase_delay": found.delay if 2.0 * found.neutral <= curve.frequency[-1] else np.nan,
