@@ -149,17 +149,26 @@ def margins(
     chosen = _chosen(known, axes, at)
     moved = moving(flights, known)
     delay = latencies(flights) | dict(late or {})
-    driven, remarks = [], []
+    driven: list[Driven] = []
+    remarks: list[str] = []
+    failed: list[IdentificationError] = []
     for drives, numbers in groups(moved):
         part = [flights[number] for number in numbers]
-        found, said = _estimate(part, drives, known, band, delay)
+        try:
+            found, said = _estimate(part, drives, known, band, delay)
+        except IdentificationError as error:
+            failed.append(error)
+            continue
         driven += found
         remarks += said
+    if failed and not driven:
+        raise failed[0]
     if not driven:
         raise IdentificationError(
             "nothing was injected and no stick moves: no response of a loop can be measured; name "
             "what was injected (--injected), or fly with an excitation"
         )
+    remarks += [str(error) for error in failed]
     curves = MeasuredCurves(tuple(driven), tuple(chosen), draws + draws % 2, seed)
     loop = MeasuredLoop(curves)
     figures, missing = _figures(loop, chosen, _axes(axes), sticks=at is None)
