@@ -7,22 +7,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.design.descent import Goal, Point, Trial, Vector, descend
+from helisim.design.guarded import distance
 from helisim.design.problem import Problem, slowest
 from helisim.handling.axis import axis_of
+from helisim.handling.criteria import DisturbanceRejection, StabilityMargins
+from helisim.handling.criteria.rejection import PEAK
 from helisim.handling.figures.margins import margins
 from helisim.handling.figures.rejection import rejection
 from helisim.handling.loop import Loop, NoResponse
+from helisim.handling.spec import Spec
 from helisim.records.value import Value
 from helisim.units import RAD_PER_DEG
 
-FLOORS = (30.0, 37.5, 45.0, 52.5, 60.0, 67.5)
-"""Phase margins that are kept, degree."""
+_POINTS = 6
+_LOWEST, _BEYOND = 30.0, 25.0
+"""degree: the least phase margin that is kept, and how far beyond the design's the most is."""
 _LEAST_GAIN = 6.0
 """dB, kept at every point."""
 _GAIN_UNIT, _PHASE_UNIT = 3.0, 22.5 * RAD_PER_DEG
 """dB and rad, that count as one unit of distance: those between Levels 1 and 2."""
 _TOP = 100.0
 """rad/s: more is not looked for, near the end of what models are known for."""
+_MISSED = 0.05
+"""dB and degree, by which a point may miss what is kept."""
 _STEPS = 25
 
 
@@ -30,8 +37,8 @@ _STEPS = 25
 class TradeOff(Value):
     """The most disturbance rejection that an axis has at each phase margin. Read-only.
 
-    Other axes and what the law does there stay as designed, gain margins of 6 dB are kept, and
-    hard constraints of other kinds.
+    What the law does in other axes stays as designed. Kept are a gain margin of 6 dB and a peak
+    of 5 dB in this axis, and all that was asked but its margins and rejection.
 
     Attributes:
         axis: of control, by its command.
@@ -69,7 +76,7 @@ def trade_off(
     at: Vector,
     axis: str,
     *,
-    floors: Sequence[float] = FLOORS,
+    floors: Sequence[float] | None = None,
     on_point: Callable[[str], None] | None = None,
 ) -> TradeOff:
     """Return the curve of one axis, each point found by a constraint on the phase margin.
@@ -78,7 +85,8 @@ def trade_off(
         problem: of the design; its nominal model is used.
         at: coordinates of the designed law, (n_free,).
         axis: of control.
-        floors: phase margins, degree.
+        floors: phase margins, degree; by default from 30 to beyond that of the design. One that
+            can't be kept has no point.
         on_point: called with a word after each point.
 
     Raises:
@@ -91,14 +99,31 @@ def trade_off(
     specs = tuple(one for one in problem.specs if one.kind == "hard" and one.criterion.axis != name)
     alone = replace(problem, law=problem.law_at(at), specs=specs, free=own)
     seen = _figures(alone.loops(alone.start)[0], name)
-    points, here = [], alone.start
-    for floor in sorted(floors, reverse=True):
-        here = _most(alone, here, name, floor * RAD_PER_DEG)
-        points.append(_figures(alone.loops(here)[0], name))
+    most = max(seen[1] / RAD_PER_DEG, _LOWEST) + _BEYOND
+    wanted = sorted(np.linspace(_LOWEST, most, _POINTS) if floors is None else floors)
+    falling, here = {}, alone.start
+    for floor in reversed(wanted):
+        falling[floor] = _most(alone, here, name, floor * RAD_PER_DEG)
+        kept_here = _keeps(_figures(alone.loops(falling[floor])[0], name), floor)
+        here = falling[floor] if kept_here else alone.start
         if on_point is not None:
-            on_point(f"trade-off {name} {floor:g} deg")
-    phase, bandwidth, peak = np.array(points)[::-1, [1, 2, 3]].T
+            on_point(f"trade-off {name} {floor:.3g} deg")
+    points = [seen]
+    for floor in wanted:  # from the other side too: either may end in a lesser optimum
+        rising = _most(alone, here, name, floor * RAD_PER_DEG)
+        both = [(_figures(alone.loops(at)[0], name), at) for at in (falling[floor], rising)]
+        kept = [one for one in both if _keeps(one[0], floor)]
+        if kept:
+            best, here = max(kept, key=lambda one: one[0][2])
+            points.append(best)
+    found = points[1:] or points
+    phase, bandwidth, peak = np.array(found)[:, [1, 2, 3]].T
     return TradeOff(name, phase, bandwidth, peak, (seen[1], seen[2]))
+
+
+def _keeps(figures: tuple[float, float, float, float], floor: float) -> bool:
+    gain, phase, *_ = figures
+    return gain >= _LEAST_GAIN - _MISSED and phase >= (floor - _MISSED) * RAD_PER_DEG
 
 
 def _most(problem: Problem, start: Vector, axis: str, floor: float) -> Vector:
@@ -108,9 +133,10 @@ def _most(problem: Problem, start: Vector, axis: str, floor: float) -> Vector:
         loop = problem.loops(at)[0]
         if not near and slowest(loop) > 0.0:
             return None
-        gain, phase, bandwidth, _ = _figures(loop, axis)
+        gain, phase, bandwidth, peak = _figures(loop, axis)
         kept = [(gain - _LEAST_GAIN) / _GAIN_UNIT, (phase - floor) / _PHASE_UNIT]
-        others = [one.distance for one in problem.rate(loop)]
+        kept.append(PEAK.distance(peak))
+        others = [distance(one.criterion, loop) for one in problem.specs]
         return Trial(np.array(kept + others), -float(np.log(min(bandwidth, _TOP))))
 
     trial = worth(start)
@@ -119,6 +145,12 @@ def _most(problem: Problem, start: Vector, axis: str, floor: float) -> Vector:
     count = trial.distances.size
     goal = Goal(np.zeros(count), np.ones(count), 1.0)
     return descend(worth, Point(start, trial), goal, problem.box, steps=_STEPS).at
+
+
+def _own(spec: Spec, axis: str) -> bool:
+    """Return whether a specification is what is traded: margins or rejection of the axis."""
+    traded = isinstance(spec.criterion, StabilityMargins | DisturbanceRejection)
+    return traded and spec.criterion.axis == axis
 
 
 def _figures(loop: Loop, axis: str) -> tuple[float, float, float, float]:
