@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from helisim.design.result import DesignResult, Judged
 from helisim.handling.axis import BY_NAME
 from helisim.handling.criteria import NicholsExclusion, Rating
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
     from helisim.study.proof.prove import Proof
 
 REPORT = "report.html"
+_OPEN = 1e-6
+"""The gain of a loop below which no feedback is meant."""
 
 _ASKED = {
     "hard": "Kept whatever it costs",
@@ -97,6 +101,12 @@ def _summary(result: DesignResult, proof: "Proof | None") -> str:
         flown = [one for one in proof.table if one.spec.kind in ("hard", "soft") and one.flown]
         good = sum(one.flown.level == 1 for one in flown if one.flown)
         text += f" In flight {good} of {len(flown)} that were measured are in Level 1."
+        said += [
+            f"{one.spec.criterion.name} of {one.spec.criterion.word}: Level {one.flown.level} in "
+            "flight"
+            for one in flown
+            if one.flown and one.flown.level > 1
+        ]
         said += _stops(proof)
     return html.paragraph(text, "lead") + html.bullets(said)
 
@@ -195,7 +205,7 @@ def _loops(loops: Mapping[str, Loop]) -> str:
     drawings = []
     for axis in BY_NAME:
         curves = {label: _broken(loop, axis) for label, loop in loops.items()}
-        there = {label: curve for label, curve in curves.items() if curve is not None}
+        there = {label: one for label, one in curves.items() if one and _closed(one)}
         if "predicted" in there or "exact" in there:
             drawings += _of_axis(axis, there)
     if not drawings:
@@ -207,12 +217,18 @@ def _loops(loops: Mapping[str, Loop]) -> str:
     return html.paragraph(lead, "note") + html.figures(drawings)
 
 
+def _closed(curve: Curve | MeasuredCurve) -> bool:
+    """Return whether a loop is there at all: what rounding leaves of an open one is none."""
+    return bool(np.max(np.abs(curve.response)) > _OPEN)
+
+
 def _of_axis(axis: str, curves: Loops) -> list[Drawing]:
     word = BY_NAME[axis].word
     bode = draw_loops(f"loop_{axis}", f"Broken loop, {word}", curves)
     lines = {label: [_line(curve)] for label, curve in curves.items()}
     chart = NicholsExclusion(axis=axis).chart()
-    return [bode, draw_chart(f"nichols_{axis}", chart, curves=lines)]
+    caption = f"The loop of {word} as gain over phase, and the zone that it is to stay out of"
+    return [bode, draw_chart(f"nichols_{axis}", chart, curves=lines, caption=caption)]
 
 
 def _line(curve: Curve | MeasuredCurve) -> Curve:

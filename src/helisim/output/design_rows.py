@@ -12,23 +12,25 @@ if TYPE_CHECKING:
     from helisim.study.proof.prove import Proof
 
 _FORM = ".3g"
+_STYLES = {"Level 1": "verdict ok", "": "verdict"}
+_ALSO = "crossover"
+"""A figure that is looked at without a border."""
 
 
 def proof_table(proof: "Proof", before: Mapping[int, Rating | None]) -> Table:
-    """Return every figure of every specification, four times over.
+    """Return every figure with a border of every specification, four times over, and crossovers.
 
     Args:
         proof: of the law.
         before: ratings of the law before, by the number of the row of the proof's table.
     """
     rows = [
-        _row(one, figure, before.get(k), first=number_ == 0)
+        _row(one, figure, before.get(k), first=place == 0)
         for k, one in enumerate(proof.table)
-        for number_, figure in enumerate(one.figures)
+        for place, figure in enumerate(_listed(one))
     ]
     columns = (
         Column("criterion", left=True),
-        Column("figure", left=True),
         Column("unit", left=True),
         Column("Level 1"),
         Column("before"),
@@ -41,12 +43,16 @@ def proof_table(proof: "Proof", before: Mapping[int, Rating | None]) -> Table:
     return Table("Asked, predicted, exact, flown", columns, tuple(rows))
 
 
+def _listed(one: "ComparedCriterion") -> "list[ComparedFigure]":
+    return [each for each in one.figures if each.limit is not None or each.name == _ALSO]
+
+
 def _row(
     one: "ComparedCriterion", figure: "ComparedFigure", before: Rating | None, *, first: bool
 ) -> tuple[Cell, ...]:
     criterion, unit, flown = one.spec.criterion, figure.unit, figure.flown
-    at = getattr(criterion, "at", "")
-    name = f"{criterion.word}: {criterion.name.replace('_', ' ')}" + (f", {at}" if at else "")
+    called = (criterion.name, figure.name)
+    name = f"{criterion.word}: {', '.join(one.replace('_', ' ') for one in called)}"
     limit = figure.limit.level1 if isinstance(figure.limit, Limit) else None
     was = None if before is None else before.figures.get(figure.name)
     half = None if flown is None else 0.5 * (flown.high - flown.low)
@@ -54,7 +60,6 @@ def _row(
     level = "" if rated is None or not first else f"Level {rated.level}"
     return (
         words(name, "name"),
-        words(figure.name.replace("_", " ")),
         words("deg" if unit == "rad" else unit, "unit"),
         _value(limit, unit),
         _value(was, unit),
@@ -62,7 +67,7 @@ def _row(
         _value(figure.exact, unit),
         _value(None if flown is None else flown.value, unit),
         words("-") if half is None else words(f"\u00b1 {_people(half, unit):.2g}"),
-        words(level, "verdict ok" if level == "Level 1" else "verdict off" if level else ""),
+        words(level, _STYLES.get(level, "verdict off")),
     )
 
 

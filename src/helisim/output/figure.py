@@ -51,7 +51,7 @@ class Area:
 
     Attributes:
         ground: what it stands for.
-        x: (n_corner,) within the figure's axis.
+        x: (n_corner,) within the figure's axis; none for a label alone.
         y: (n_corner,) within the panel's.
         label: written on it; "" for nothing.
         place: where the middle of the label is, x and y.

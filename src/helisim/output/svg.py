@@ -254,7 +254,7 @@ def _panel(
         for x, end in ((left, start), (stop, right)):
             if end - x > 0.5:
                 yield _rectangle("f-unused", x, top, end - x, panel.height)
-    for area in panel.areas:
+    for area in (one for one in panel.areas if len(one.x)):
         yield _area(area, _x(across.share(area.x), left), heights(area.y))
     columns = _x(across.share(np.array(across.ticks)), left)
     rows = heights(np.array(scale.ticks))
@@ -268,7 +268,8 @@ def _panel(
         yield f'<path class="frame dashes" d="M{left:.1f} {y:.1f}H{right:.1f}"/>'
     for area in panel.areas:
         (x,), (y,) = across.share(np.array([area.place[0]])), heights(np.array([area.place[1]]))
-        yield _words(_x(x, left), y + 4.0, area.label, "middle")
+        if area.label:
+            yield _words(_x(x, left), y + 4.0, area.label, "middle")
     for mark in panel.marks:
         if len(mark.x):
             x, y = mark.x, mark.y

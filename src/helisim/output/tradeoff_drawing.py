@@ -4,8 +4,11 @@ import numpy as np
 
 from helisim.design.tradeoff import TradeOff
 from helisim.handling.axis import axis_of
-from helisim.output.figure import Mark, Panel
+from helisim.output.figure import Mark, Panel, extent
 from helisim.output.svg import Drawing
+
+_MARGIN, _PEAK = 3.0, 0.5
+"""Degrees and dB that are shown beside the curve."""
 
 
 def draw_trade_off(found: TradeOff) -> Drawing:
@@ -30,12 +33,21 @@ def draw_trade_off(found: TradeOff) -> Drawing:
                 Mark("dots", "identified", margin, found.peak),
             ),
             64.0,
+            limits=(float(found.peak.min()) - _PEAK, float(found.peak.max()) + _PEAK),
         ),
     )
+    ends = extent([np.append(margin, at[0])])
     word = axis_of(found.axis).word
     caption = (
         "Each point is the most bandwidth at a phase margin, with 6 dB of gain margin; other axes "
         "as designed."
     )
     title = f"Disturbance rejection against phase margin, {word}"
-    return Drawing(f"trade_off_{found.axis}", title, caption, panels, "phase margin, deg")
+    return Drawing(
+        f"trade_off_{found.axis}",
+        title,
+        caption,
+        panels,
+        "phase margin, deg",
+        limits=(ends[0] - _MARGIN, ends[1] + _MARGIN),
+    )
