@@ -2,13 +2,16 @@
 
 import re
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import browser
 import numpy as np
 import pytest
+from rerun.chunk import RrdReader
 
 from closed_loops import flown, known_loop
 from helisim import margins
+from helisim.cli.design import record_gust
 from helisim.design.result import DesignResult, Judged
 from helisim.design.tradeoff import TradeOff
 from helisim.handling.criteria import (
@@ -98,7 +101,7 @@ def proof():
         gust,
         Stops({"lat": 0.125}, {"lat": 0.5}, 60.0),
     )
-    before = FrozenMap({"step_lat": make_flight(seed=3)})
+    before = FrozenMap({"step_lat": make_flight(seed=3), "gust": make_flight(seed=4)})
     return Proof(
         table=table,
         flights=flights,
@@ -206,6 +209,15 @@ def test_a_design_is_plotted_and_shown_in_a_notebook():
     result = made_result()
     assert len(result.plot().axes) == 3 + 2
     assert "every hard and soft one keeps Level 1 in 50 %" in result._repr_html_()
+
+
+def test_a_gust_before_and_after_is_one_recording(proof, jr700, tmp_path):
+    """Both flights, each with the vehicle in a view of its own."""
+    path = tmp_path / "gust.rrd"
+    record_gust(SimpleNamespace(proof=proof, vehicle=jr700), path)
+    entities = {chunk.entity_path for chunk in RrdReader(path).stream()}
+    for name in ("shipped gyro", "designed law"):
+        assert "/" + name.replace(" ", "\\ ") + "/attitudes" in entities
 
 
 @pytest.mark.slow

@@ -157,9 +157,13 @@ def test_words_and_lines_are_seen_on_their_paper(colours):
         bright, dim = sorted((luminance(colours[name]), luminance(colours[ground])), reverse=True)
         return (bright + 0.05) / (dim + 0.05)
 
-    for ground in ("paper", "unused"):
+    levels = ("level1", "level2", "level3")
+    for ground in ("paper", "unused", *levels):
         for name in ("ink", "soft"):
             assert contrast(name, ground) >= 4.5, name
+    for ground in levels:  # what is lighter, such as "data", has a halo of paper there
+        for name in ("identified", "truth", "third", "fourth", "grey"):
+            assert contrast(name, ground) >= 3.0, name
     for name in ("data", "identified", "truth", "third", "fourth", "grey", "frame"):
         assert contrast(name, "paper") >= 3.0, name
 

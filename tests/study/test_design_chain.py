@@ -29,6 +29,7 @@ def test_the_law_has_on_the_exact_vehicle_what_was_asked_of_it(run_folder, tmp_p
     out = tmp_path / "design"
     words = ["design", str(run_folder), "--out", str(out), "--no-proof", "--quiet"]
     assert main(words) == 0
+    assert "Handling qualities" in (out / "report.html").read_text(encoding="utf-8")
     printed = capsys.readouterr().out
     assert "Level 1 in 100 % of 200 models drawn" in printed
     assert max(map(len, printed.splitlines())) <= 80

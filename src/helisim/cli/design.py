@@ -75,7 +75,7 @@ def add(commands: Any) -> None:
     command.set_defaults(run=_run)
 
 
-def _record_gust(run: Any, path: Path) -> None:
+def record_gust(run: Any, path: Path) -> None:
     """Write how the vehicle's own gyro and the designed law reject one gust, side by side."""
     from helisim.output.rerun.recording import write_recording
 
@@ -122,7 +122,7 @@ def _run(options: argparse.Namespace) -> int:
             before=run.loop(run.result.before),
         )
         if run.proof is not None:
-            _record_gust(run, options.out / GUST)
+            record_gust(run, options.out / GUST)
     if options.json:
         found = {"design": run.result.to_dict(), "proof": run.proof and run.proof.to_dict()}
         print(json.dumps(found, indent=2, allow_nan=False))

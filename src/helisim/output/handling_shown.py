@@ -6,6 +6,7 @@ from typing import Any
 from helisim.design.result import DesignResult, Judged
 from helisim.errors import InputError
 from helisim.handling.criteria import Criterion, Rating
+from helisim.output import html
 from helisim.output.chart_drawing import Shown, draw_chart
 from helisim.output.svg import Drawing
 from helisim.output.tradeoff_drawing import draw_trade_off
@@ -36,6 +37,20 @@ def design_drawings(result: DesignResult) -> list[Drawing]:
     """Return the chart of each criterion, laws before and after, and the trade-offs."""
     charts = [judged_drawing(one) for one in result.judged]
     return [*charts, *(draw_trade_off(one) for one in result.trade_offs)]
+
+
+def design_parts(result: DesignResult) -> tuple[str, ...]:
+    """Return a design as parts of a page, its title first."""
+    lead = (
+        f"{len(result.judged)} specifications; every hard and soft one keeps Level 1 in "
+        f"{100.0 * result.share:.3g} % of {result.drawn} models drawn."
+    )
+    return (
+        "Design of a control law",
+        html.paragraph(lead),
+        html.bullets(result.misses),
+        html.figures(design_drawings(result), anchors=False),
+    )
 
 
 def judged_drawing(one: Judged) -> Drawing:

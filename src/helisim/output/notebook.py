@@ -243,15 +243,7 @@ def _results_page(results: Results) -> tuple[str, ...]:
 def _design_page(result: DesignResult) -> tuple[str, ...]:
     from helisim.output import handling_shown
 
-    return (
-        "Design of a control law",
-        html.paragraph(
-            f"{len(result.judged)} specifications; every hard and soft one keeps Level 1 in "
-            f"{100.0 * result.share:.3g} % of {result.drawn} models drawn."
-        ),
-        html.bullets(result.misses),
-        _figures(handling_shown.design_drawings(result)),
-    )
+    return handling_shown.design_parts(result)
 
 
 def _run_page(run: Run) -> tuple[str, ...]:
