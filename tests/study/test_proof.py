@@ -157,5 +157,7 @@ def test_in_light_turbulence_figures_keep_their_bars(jr700):
         for figure in row.figures:
             if figure.name in BARS:
                 one = figure.flown
-                # 4 standard deviations: one in 16 000 by chance, of 18
-                assert abs(one.value - figure.exact) < 2.1 * (one.high - one.low) / 2.0
+                # 4 standard deviations: one in 16 000 by chance, of 18; and what is nonlinear: in
+                # yaw 0.8 % are measured without noise
+                most = 2.1 * (one.high - one.low) / 2.0 + 0.01 * figure.met
+                assert abs(one.value - figure.met) < most, (figure.name, row.spec.criterion.axis)

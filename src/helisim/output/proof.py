@@ -1,5 +1,6 @@
 """The tables of a proof: asked, predicted, exact and flown; and how far a gust turned what flew."""
 
+from collections.abc import Sequence
 from math import floor, isfinite, log10
 
 from helisim.handling.axis import axis_of
@@ -24,6 +25,7 @@ def proof_table(proof: Proof) -> Table:
         Column("asked"),
         Column("predicted"),
         Column("exact"),
+        Column("in that air"),
         Column("flown"),
         Column("95 % from"),
         Column("to"),
@@ -83,8 +85,12 @@ def _numbers(figure: ComparedFigure) -> list[Cell]:
     measured = (None, None, None) if flown is None else (flown.value, flown.low, flown.high)
     return [
         _cell(asked, figure.unit, _PLAIN),
-        *(_cell(one, figure.unit, form) for one in (figure.predicted, figure.exact, *measured)),
+        *(_cell(one, figure.unit, form) for one in _known(figure, measured)),
     ]
+
+
+def _known(figure: ComparedFigure, measured: Sequence[float | None]) -> list[float | None]:
+    return [figure.predicted, figure.exact, figure.met, *measured]
 
 
 def _cell(value: float | None, unit: str, form: str) -> Cell:

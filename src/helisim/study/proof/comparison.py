@@ -34,6 +34,8 @@ class ComparedFigure:
         predicted: by the identified model; None where that doesn't know it.
         exact: of the sampled linearisation.
         flown: measured in flight, with its 95 % interval.
+        met: exact, but over the air that was flown in, whose slow gusts move the point that is
+            linearised about: what the flown figure tends to. None in calm air.
     """
 
     name: str
@@ -42,6 +44,7 @@ class ComparedFigure:
     predicted: float | None
     exact: float | None
     flown: Interval | None
+    met: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; what is not finite is None."""
@@ -54,6 +57,7 @@ class ComparedFigure:
             "level2": self.limit.level2 if isinstance(self.limit, Limit) else None,
             "predicted": _finite(self.predicted),
             "exact": _finite(self.exact),
+            "exact_over_air": _finite(self.met),
             "flown": {name: _finite(one) for name, one in ends.items()} or None,
         }
 
@@ -117,6 +121,7 @@ def compare(
     predicted: Loop | None,
     exact: Loop | None,
     flown: MeasuredLoop | None,
+    met: Loop | None = None,
 ) -> tuple[ComparedCriterion, ...]:
     """Return each specification's figures and ratings, of the loops that there are.
 
@@ -125,23 +130,34 @@ def compare(
         predicted: loop of the identified model.
         exact: the sampled linearisation's.
         flown: measured.
+        met: exact, over the air that was flown in.
     """
-    return tuple(_compared(spec, predicted, exact, flown) for spec in specs)
+    return tuple(_compared(spec, predicted, exact, flown, met) for spec in specs)
 
 
 def _compared(
-    spec: Spec, predicted: Loop | None, exact: Loop | None, flown: MeasuredLoop | None
+    spec: Spec,
+    predicted: Loop | None,
+    exact: Loop | None,
+    flown: MeasuredLoop | None,
+    met: Loop | None,
 ) -> ComparedCriterion:
     criterion, unknown = spec.criterion, {}
     ratings: dict[str, Rating | None] = {}
-    for name, loop in (("predicted", predicted), ("exact", exact), ("flown", flown)):
+    for name, loop in (
+        ("predicted", predicted),
+        ("exact", exact),
+        ("flown", flown),
+        ("met", met),
+    ):
         ratings[name] = None
         if loop is None:
             continue
         try:
             ratings[name] = criterion.rate(loop)
         except NoResponse as error:
-            unknown[name] = str(error)
+            if name != "met":  # a mean has neither poles nor steps
+                unknown[name] = str(error)
     measured = ratings["flown"]
     drawn = {} if flown is None or measured is None else _intervals(criterion, flown, measured)
     names = dict.fromkeys(name for one in ratings.values() if one for name in one.figures)
@@ -153,6 +169,7 @@ def _compared(
             _figure(ratings["predicted"], name),
             _figure(ratings["exact"], name),
             drawn.get(name),
+            _figure(ratings["met"], name),
         )
         for name in names
     )

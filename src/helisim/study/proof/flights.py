@@ -32,14 +32,14 @@ GUST = Gust(north=-6.0, east=6.0, start=2.0, rise=0.5, hold=1.0)
 _STEADY = Pilot(remnant=0.0)
 _STEP_BEFORE, _STEP_LASTS = 0.5, 3.5
 _STEPPED = 0.25
-"""rad, the most that a step turns the vehicle while it is plan."""
+"""rad, the most that a step turns the vehicle while it is flown."""
 _LARGEST_STEP = 0.3
 """Of a stick, unitised."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProofPlan:
-    """How a proof is plan.
+    """How a proof is flown.
 
     Attributes:
         sweeps: what is swept.

@@ -19,15 +19,19 @@ from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from helisim.records.value import FrozenMap
 from helisim.sim import Gust
+from helisim.study.proof.air import exact_over
 from helisim.study.proof.comparison import ComparedCriterion, compare, with_usual
 from helisim.study.proof.deviation import Deviation, deviations
 from helisim.study.proof.exact import ExactLoop, exact_loop
 from helisim.study.proof.flights import ProofFlights, ProofPlan, fly_events, fly_proof
 from helisim.study.proof.hands import hands_off
+from helisim.study.proof.sweeps import TRIM_TIME
 from helisim.vehicle import ControllerLike, Vehicle
 
 GRID = np.geomspace(0.2, 250.0, 450)
 """rad/s, of the exact loops: to where the fastest sweep ends."""
+_EDGE = 0.15
+"""s, over which the jump of a rate at the ends of a sweep shows in commands."""
 DRAWS = 200
 """Of the measured loop: an interval's half width is known to 5 %."""
 
@@ -146,7 +150,8 @@ def prove(
     measured, remarks = measured_loop(flights, draws=draws)
     before = {} if law is None else fly_events(own, plan, exact_loop(own), on_flight)
     asked = with_usual(specs, plan.axes)
-    table = compare(asked, predicted=predicted, exact=exact, flown=measured)
+    met = exact_over(flies, plan.weather, GRID) if plan.weather.low_wind > 0.0 else None
+    table = compare(asked, predicted=predicted, exact=exact, flown=measured, met=met)
     return Proof(table, flights, exact, measured, predicted, plan.gust, FrozenMap(before), remarks)
 
 
@@ -162,7 +167,8 @@ def measured_loop(
     """
     parts, remarks = [], []
     for name, records in flights.sweeps.items():
-        found = margins(records, band=flights.bands[name], draws=draws, seed=seed)
+        inner = [_inside(record) for record in records]
+        found = margins(inner, band=flights.bands[name], draws=draws, seed=seed)
         parts.append(found.loop.curves)
         if name.startswith(("actuators", "sensors")):  # of the rest all cuts are missing
             remarks += [f"{name}: {one}" for one in found.remarks]
@@ -170,3 +176,9 @@ def measured_loop(
     cuts = tuple(dict.fromkeys(cut for part in parts for cut in part.cuts))
     curves = MeasuredCurves(driven, cuts, parts[0].count, seed)
     return MeasuredLoop(curves), tuple(dict.fromkeys(remarks))
+
+
+def _inside(record: FlightRecord) -> FlightRecord:
+    """Return the sweep of a record without its edges, where a derivative of it jumps."""
+    edge = TRIM_TIME + _EDGE
+    return record.slice(record.time[0] + edge, record.time[-1] - edge)

@@ -24,6 +24,8 @@ LINEAR = {
 """How far a channel may go from its trim in a sweep: commands stop at 0.5, unitised; rad/s, rad;
 m/s, of a hover whose induced velocity is about 5 m/s."""
 
+TRIM_TIME = 5.0
+"""s of trimmed flight before a sweep, and again after."""
 _SERVO = 0.6
 """Of a servo's rate limit."""
 _MOST = 0.5
@@ -76,7 +78,7 @@ def sweep(
     *,
     period: float,
     periods: int = 1,
-    trim_time: float = 5.0,
+    trim_time: float = TRIM_TIME,
 ) -> Multisine:
     """Return the multisine of a sweep, as large as everything stays linear.
 
