@@ -14,6 +14,9 @@ import numpy as np
 import pytest
 
 import helisim as hs
+from helisim.design.phases import Step
+from helisim.design.result import Judged
+from helisim.design.tradeoff import TradeOff
 from helisim.errors import DivergedError, HelisimError, RecordError, UnknownNameError
 from helisim.handling.measured.driven import Driven
 from helisim.handling.measured.interval import Interval
@@ -33,6 +36,24 @@ def lagging_yaw(seen, state):
     """Return the tail servo's command of a law with a state."""
     state[0] += 0.1 * (seen.PED - state[0])
     return state[0] - 0.1 * seen.r
+
+
+def make_design(law):
+    """Return a design of one specification that left a law as it was."""
+    spec = hs.standard("margins", axes=("lat",))[1]
+    rating = spec.criterion.rated({"gain_margin": 9.0, "phase_margin": 1.0, "crossover": 12.0})
+    curve = TradeOff("lat", np.array([0.5, 1.0]), np.array([20.0, 14.0]), np.ones(2), (0.9, 15.0))
+    return hs.DesignResult(
+        before=law,
+        law=law,
+        judged=(Judged(spec, None, rating, rating, 1.0),),
+        margin=0.1,
+        share=1.0,
+        drawn=200,
+        trade_offs=(curve,),
+        history=(Step("soft", 1, 0.2, 0.1, -3.0),),
+        provenance={"seed": 1},
+    )
 
 
 @pytest.fixture(scope="module")
@@ -132,6 +153,7 @@ def values(jr700, tmp_path_factory):
             ("short",),
         ),
         "Plant": hs.Plant((fit,), late={"p": 0.0035}),
+        "DesignResult": make_design(hs.RateCommand.of(jr700)),
         "Tracked": hs.Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0),
         "LqgWeights": hs.LqgWeights(effort={"lat": 0.1}),
         "StateSpaceLaw": hs.StateSpaceLaw(
@@ -187,7 +209,7 @@ NAMES = [
         "VerificationFigures",
         "Trace",
     ),
-    *("Cut", "MeasuredMargins", "Plant", "Tracked", "LqgWeights", "StateSpaceLaw"),
+    *("Cut", "MeasuredMargins", "Plant", "DesignResult", "Tracked", "LqgWeights", "StateSpaceLaw"),
     *("ArduPilotModel", "IdentifiedModel", "Results"),
     *("Spec", "Froude", "Criterion", "Rating", "Run"),
 ]

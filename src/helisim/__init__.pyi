@@ -6,6 +6,7 @@ from helisim.design.lqg import LqgWeights as LqgWeights
 from helisim.design.lqg import Tracked as Tracked
 from helisim.design.lqg import lqg as lqg
 from helisim.design.plant import Plant as Plant
+from helisim.design.result import DesignResult as DesignResult
 from helisim.handling import criteria as criteria
 from helisim.handling.froude import Froude as Froude
 from helisim.handling.measured.cut import Cut as Cut

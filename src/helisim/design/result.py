@@ -84,6 +84,12 @@ class DesignResult(Value, Displayed):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "provenance", FrozenMap(self.provenance))
 
+    def __repr__(self) -> str:
+        return (
+            f"DesignResult({len(self.judged)} specifications, Level 1 in "
+            f"{100.0 * self.share:.3g} % of {self.drawn} models drawn, margin {self.margin:.3g})"
+        )
+
     @property
     def specs(self) -> tuple[Spec, ...]:
         """What was asked for."""
