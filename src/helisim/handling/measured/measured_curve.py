@@ -10,7 +10,7 @@ from helisim.handling.loop import NoResponse
 from helisim.handling.measured.driven import Complex
 from helisim.records.value import Value
 
-_KNOWN = 0.3
+_KNOWN = 0.15
 """A point of a curve is of use where half of its draws are off by less than this share of it."""
 
 
