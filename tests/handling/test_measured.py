@@ -7,8 +7,10 @@ import pytest
 import helisim as hs
 from closed_loops import PERIOD, chirp, flown, known_loop
 from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.handling.curve import Curve
 from helisim.handling.loop import NoResponse
 from helisim.handling.measured.cut import cuts_by_name
+from helisim.handling.measured.figures import of_broken
 from helisim.handling.measured.interval import intervals
 from helisim.records.channels import Channel
 from helisim.records.record import FlightRecord
@@ -108,6 +110,15 @@ def test_sticks_alone_give_no_loop_and_the_remark_says_so():
     # of 60 / (s (s^2 + 12 s + 60)) the phase is -135 deg where w^2 + 12 w = 60
     exact = -6.0 + np.sqrt(96.0)
     assert found.figure("bandwidth", "lat").value == pytest.approx(exact, rel=0.01)
+
+
+def test_a_gain_margin_is_that_of_a_crossing_that_was_seen(measured):
+    """Where the band begins at a gain of 1.2, -1 is not near: only the crossing at 16 rad/s is."""
+    _, _, turn, _ = control.margin(known_loop())
+    curve = measured.loop.broken("lat")
+    inside = (curve.frequency > 4.4) & (curve.frequency < 2.0 * turn)
+    found = of_broken(Curve(curve.frequency[inside], curve.response[inside]))
+    assert found["gain_margin"] == pytest.approx(measured.figure("gain_margin", "lat").value)
 
 
 def test_names_of_channels_say_where_loops_are_cut():

@@ -57,19 +57,22 @@ def _inside(curve: Curve, frequency: float) -> bool:
 
 
 def of_broken(curve: Curve) -> dict[str, float]:
-    """Return crossover, phase margin (deg) and gain margin (dB) of a broken loop."""
+    """Return crossover, phase margin (deg) and gain margin (dB) of a broken loop.
+
+    Of the crossings that were seen alone: how near -1 the curve may come beyond its band is a
+    bound, no measurement.
+    """
     found = margins(curve)
     gain, phase = (
         min(all_, key=lambda one: abs(one[1]), default=(np.nan, np.nan))
         for all_ in (found.gain, found.phase)
     )
+    sign = 1.0 if found.stable else -1.0
     crossed = found.phase and _inside(curve, found.crossover)
     return {
         "crossover": found.crossover if crossed else np.nan,
-        "phase_margin": float(np.degrees(found.least_phase))
-        if _inside(curve, phase[0])
-        else np.nan,
-        "gain_margin": found.least_gain if _inside(curve, gain[0]) else np.nan,
+        "phase_margin": sign * np.degrees(abs(phase[1])) if _inside(curve, phase[0]) else np.nan,
+        "gain_margin": sign * abs(gain[1]) if _inside(curve, gain[0]) else np.nan,
     }
 
 
