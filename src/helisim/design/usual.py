@@ -10,11 +10,12 @@ from helisim.handling.criteria import (
     Crossover,
     DisturbanceRejection,
     Limit,
+    LoadRejection,
     PoleLimits,
 )
 from helisim.handling.figures.rejection import rejection
 from helisim.handling.froude import Froude
-from helisim.handling.loop import GRID
+from helisim.handling.loop import GRID, Loop
 from helisim.handling.spec import Spec
 from helisim.handling.standards import ATTITUDES, standard
 from helisim.laws.law import Law
@@ -23,6 +24,12 @@ BETTER = {"lat": 1.3, "lon": 1.3, "ped": 1.0}
 """Disturbance rejection bandwidth over that of the law before."""
 TASK = "ads33e_other_divided"
 """Of ADS-33E-PRF: all tasks but target acquisition, with divided attention."""
+_SLOWER = (10.0, 3.0, 1.5)
+"""Times slower than the rejection bandwidth of the law before, where loads are looked at."""
+_STIFFER = 3.0
+"""dB by which loads turn the vehicle less: as BETTER asks of bandwidth, to the next whole one."""
+_CYCLIC = ("lat", "lon")
+"""A rotor turns what is done to one of them into the other."""
 _GROWTH = Limit(1e-3, 0.05)
 """1/s: integrals of what is commanded stand at 0, but for rounding."""
 _FAST = Limit(30.0, 60.0)
@@ -37,7 +44,8 @@ def usual_specs(
     Hard: stability, and margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay
     and damping of ADS-33E-PRF, and rejection of disturbances, scaled by Froude's law; in roll and
     pitch 1.3 times the rejection bandwidth of the law before, in yaw as much as that, where this
-    is more. Objective: crossovers, and what the actuators do. The rest of the standards is
+    is more; and slow loads, as of gusts, turn the vehicle no further than with the law before.
+    Objective: crossovers, and what the actuators do. The rest of the standards is
     checked.
 
     Args:
@@ -53,7 +61,8 @@ def usual_specs(
     found += [one for one in standard("margins") if not isinstance(one.criterion, PoleLimits)]
     for spec in standard("disturbance_rejection", scale=scale):
         axis = spec.criterion.axis
-        own = rejection(loop.disturbance(axis)).bandwidth
+        seen = loop.disturbance(axis)
+        own = rejection(seen).bandwidth
         usual = spec.criterion.limits["drb"]
         wanted = Limit(BETTER[axis] * own, own if BETTER[axis] > 1.0 else 0.75 * own)
         more = isinstance(usual, Limit) and wanted.level1 > usual.level1
@@ -62,6 +71,8 @@ def usual_specs(
             if more
             else spec
         )
+        for slower in _SLOWER:
+            found.append(Spec(_no_softer(loop, axis, own / slower)))
     found += standard(TASK, scale=scale)
     for axis in ATTITUDES:
         found += [
@@ -70,3 +81,11 @@ def usual_specs(
             Spec(ActuatorOnset(axis=axis, rate_limit=rate_limit), "check"),
         ]
     return tuple(found)
+
+
+def _no_softer(loop: Loop, axis: str, frequency: float) -> LoadRejection:
+    """Return that slow loads turn the vehicle no further than with the law before."""
+    by = _CYCLIC if axis in _CYCLIC else (axis,)
+    asked = LoadRejection(axis=axis, frequency=frequency, by=by, turned=Limit(0.0, _STIFFER))
+    own = asked.rate(loop).figures["turned"]
+    return replace(asked, turned=Limit(own - _STIFFER, own))

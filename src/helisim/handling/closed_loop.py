@@ -123,6 +123,12 @@ class ClosedLoop:
         row = self._sensor(output or axis_of(axis).angle)
         return self._curve((self._plant @ self._by_stick(axis))[:, row, 0])
 
+    def turned(self, axis: str, by: str) -> Curve:
+        """Return the axis's angle over what is added to a servo command; see `Loop`."""
+        row, place = self._sensor(axis_of(axis).angle), self._place(by)
+        moved = self._plant[:, [row], :] @ self._follows[:, :, [place]]
+        return self._curve(moved[:, 0, 0])
+
     def actuator(self, axis: str, by: str = "stick") -> Curve:
         """Return the axis's servo command over its stick or its disturbance; see `Loop`."""
         place = self._place(axis)

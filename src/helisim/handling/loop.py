@@ -63,6 +63,15 @@ class Loop(Protocol):
         """Return an output over the axis's stick: by default its own angle, of heave w."""
         ...
 
+    def turned(self, axis: str, by: str) -> Curve:
+        """Return the axis's angle, of heave w, over what is added to a servo command.
+
+        Args:
+            axis: whose angle.
+            by: axis of the command, its own or another; all loops stay closed.
+        """
+        ...
+
     def actuator(self, axis: str, by: str = "stick") -> Curve:
         """Return the axis's servo command over its stick, or over its "disturbance"."""
         ...

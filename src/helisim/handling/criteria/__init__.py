@@ -11,6 +11,7 @@ from helisim.handling.criteria.criterion import Criterion, Rating
 from helisim.handling.criteria.crossover import Crossover, CrossoverOrder
 from helisim.handling.criteria.hold import AttitudeHold
 from helisim.handling.criteria.limit import Border, Limit
+from helisim.handling.criteria.load_rejection import LoadRejection
 from helisim.handling.criteria.nichols import DiskMargin, NicholsExclusion
 from helisim.handling.criteria.poles import Damping, PoleLimits
 from helisim.handling.criteria.quickness import AttitudeQuickness
@@ -32,6 +33,7 @@ __all__ = [
     "DiskMargin",
     "DisturbanceRejection",
     "Limit",
+    "LoadRejection",
     "NicholsExclusion",
     "PoleLimits",
     "Rating",

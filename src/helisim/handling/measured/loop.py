@@ -60,18 +60,24 @@ class MeasuredCurves(Value):
         An angle follows from its rate, of which less noise is recorded.
         """
         one = axis_of(axis)
-        wanted = output or one.angle
-        driven = self._driven(one.stick)
-        rate = {other.angle: other.rate for other in BY_NAME.values()}.get(wanted)
-        if rate in driven.outputs:
-            return self._over(one.stick, str(rate), integrated=True)
-        return self._over(one.stick, wanted)
+        return self._angle(one.stick, output or one.angle)
+
+    def turned(self, axis: str, by: str) -> MeasuredCurve:
+        """Return the axis's angle over what was added to a servo command. Raises NoResponse."""
+        return self._angle(self._cut(by, "actuators").injected, axis_of(axis).angle)
 
     def actuator(self, axis: str, by: str = "stick") -> MeasuredCurve:
         """Return the axis's servo command over its stick or its disturbance. Raises NoResponse."""
         one = axis_of(axis)
         drive = one.stick if by == "stick" else self._cut(one.name, "sensors").injected
         return self._over(drive, one.name)
+
+    def _angle(self, drive: str, wanted: str) -> MeasuredCurve:
+        """Return an output over what was moved, an angle by its rate where that is recorded."""
+        rate = {one.angle: one.rate for one in BY_NAME.values()}.get(wanted)
+        if rate in self._driven(drive).outputs:
+            return self._over(drive, str(rate), integrated=True)
+        return self._over(drive, wanted)
 
     @cached_property
     def _drives(self) -> dict[str, Driven]:
@@ -184,6 +190,10 @@ class MeasuredLoop(Value):
     def command(self, axis: str, output: str | None = None) -> Curve:
         """Return an output over the axis's stick; see `Loop`."""
         return self.curves.command(axis, output).curve(self.draw)
+
+    def turned(self, axis: str, by: str) -> Curve:
+        """Return the axis's angle over what is added to a servo command; see `Loop`."""
+        return self.curves.turned(axis, by).curve(self.draw)
 
     def actuator(self, axis: str, by: str = "stick") -> Curve:
         """Return the axis's servo command over its stick or its disturbance; see `Loop`."""

@@ -46,6 +46,10 @@ class MeanLoop:
         """Return the mean of an output over the axis's stick; see `Loop`."""
         return self._mean(lambda one: one.command(axis, output))
 
+    def turned(self, axis: str, by: str) -> Curve:
+        """Return the mean of the angle over what is added to a command; see `Loop`."""
+        return self._mean(lambda one: one.turned(axis, by))
+
     def actuator(self, axis: str, by: str = "stick") -> Curve:
         """Return the mean of the axis's command over its stick; see `Loop`."""
         return self._mean(lambda one: one.actuator(axis, by))
