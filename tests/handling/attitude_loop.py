@@ -53,6 +53,11 @@ class AttitudeLoop:
             )
         )
 
+    def turned(self, axis, by):
+        return self.curve(
+            lambda s, late: self.plant(s) * late / (1.0 + self.plant(s) * self.feedback(s) * late)
+        )
+
     def actuator(self, axis, by="stick"):
         way = (lambda s: self.k) if by == "stick" else (lambda s: -self.feedback(s))
         return self.curve(lambda s, late: way(s) / (1.0 + self.plant(s) * self.feedback(s) * late))

@@ -44,7 +44,7 @@ def usual_specs(
     Hard: stability, and margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay
     and damping of ADS-33E-PRF, and rejection of disturbances, scaled by Froude's law; in roll and
     pitch 1.3 times the rejection bandwidth of the law before, in yaw as much as that, where this
-    is more; and slow loads, as of gusts, turn the vehicle no further than with the law before.
+    is more; and slow loads, as of gusts, turn the vehicle less far than with the law before.
     Objective: crossovers, and what the actuators do. The rest of the standards is
     checked.
 
@@ -72,7 +72,7 @@ def usual_specs(
             else spec
         )
         for slower in _SLOWER:
-            found.append(Spec(_no_softer(loop, axis, own / slower)))
+            found.append(Spec(_stiffer(loop, axis, own / slower)))
     found += standard(TASK, scale=scale)
     for axis in ATTITUDES:
         found += [
@@ -83,9 +83,10 @@ def usual_specs(
     return tuple(found)
 
 
-def _no_softer(loop: Loop, axis: str, frequency: float) -> LoadRejection:
-    """Return that slow loads turn the vehicle no further than with the law before."""
-    by = _CYCLIC if axis in _CYCLIC else (axis,)
+def _stiffer(loop: Loop, axis: str, frequency: float) -> LoadRejection:
+    """Return that loads turn the vehicle less far than with the law before."""
+    frequency = max(frequency, float(GRID[0]))
+    by = "+".join(_CYCLIC) if axis in _CYCLIC else axis
     asked = LoadRejection(axis=axis, frequency=frequency, by=by, turned=Limit(0.0, _STIFFER))
     own = asked.rate(loop).figures["turned"]
     return replace(asked, turned=Limit(own - _STIFFER, own))

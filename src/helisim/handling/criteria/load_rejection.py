@@ -16,6 +16,9 @@ from helisim.handling.criteria.regions import strip
 from helisim.handling.loop import Loop, NoResponse
 from helisim.units import DB_PER_NEPER
 
+_LEAST = 1e-12
+"""rad a unit of command: less turns nothing, and figures are finite."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LoadRejection(Criterion):
@@ -27,8 +30,8 @@ class LoadRejection(Criterion):
     Attributes:
         frequency: rad/s, of the load.
         turned: dB of rad, or in heave of m/s, a unit of command.
-        by: axes whose commands are disturbed, one after the other: the angle is the root of the
-            sum of squares; its own alone where it is empty.
+        by: axes whose commands are disturbed, one after the other, as "lat+lon": the angle is the
+            root of the sum of squares. Its own alone where it is empty.
 
     Raises:
         InputError: the frequency is not above 0.
@@ -37,7 +40,7 @@ class LoadRejection(Criterion):
 
     frequency: float
     turned: Limit
-    by: tuple[str, ...] = ()
+    by: str = ""
 
     name: ClassVar[str] = "load_rejection"
     source: ClassVar[str] = (
@@ -48,8 +51,8 @@ class LoadRejection(Criterion):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        by = tuple(axis_of(one).name for one in self.by) or (self.axis,)
-        object.__setattr__(self, "by", by)
+        loads = [axis_of(one.strip()).name for one in (self.by or self.axis).split("+")]
+        object.__setattr__(self, "by", "+".join(loads))
         if not (math.isfinite(self.frequency) and self.frequency > 0.0):
             raise InputError(f"frequency must be above 0 rad/s, got {self.frequency!r}")
 
@@ -65,8 +68,8 @@ class LoadRejection(Criterion):
 
     def rate(self, loop: Loop) -> Rating:
         """Return how far the load turns the vehicle."""
-        size = math.hypot(*(self._turned(loop, by) for by in self.by))
-        return self.rated({"turned": DB_PER_NEPER * float(np.log(size))})
+        size = math.hypot(*(self._turned(loop, by) for by in self.by.split("+")))
+        return self.rated({"turned": DB_PER_NEPER * math.log(max(size, _LEAST))})
 
     def _turned(self, loop: Loop, by: str) -> float:
         seen = loop.turned(self.axis, by)
@@ -76,7 +79,9 @@ class LoadRejection(Criterion):
                 f"what a load on {by} does to {self.word} is known from {low:g} to {high:g} "
                 f"rad/s, not at {self.asked_at:g}"
             )
-        return float(np.abs(seen.at(self.asked_at)[0]))
+        # a load that turns nothing has no logarithm, so its size itself is interpolated
+        where, size = np.log(seen.frequency), np.abs(seen.response)
+        return float(np.interp(math.log(self.asked_at), where, size))
 
     def chart(self) -> Chart:
         """Return a strip of the angle."""
