@@ -1,6 +1,7 @@
 """From records to a law: what the identified model promises, the vehicle keeps."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -69,3 +70,23 @@ def test_without_a_run_it_says_what_makes_one(tmp_path, capsys, monkeypatch):
     assert "reproduction: no such run" in said
     assert "helisim reproduce --out reproduction" in said
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_records_of_no_shipped_vehicle_need_one(run_folder, tmp_path, capsys, jr700):
+    """Whose records say nothing of what flew: the vehicle is asked for, and taken."""
+    from helisim.records.storage import read_record, write_record
+
+    own = tmp_path / "flights"
+    own.mkdir()
+    for path in sorted((run_folder / "flights").glob("*_0?.parquet")):
+        record = read_record(path)
+        if (record.provenance.get("excitation") or {}).get("kind") == "Sweep":
+            said = {**record.provenance, "vehicle": "mine"}
+            write_record(replace(record, provenance=said), own / path.name)
+    said = fails(capsys, "design", own, "--out", tmp_path / "a", "--quiet")
+    assert "--vehicle FOLDER" in said
+    words = ["--vehicle", "jr700", "--no-proof", "--models", "2", "--drawn", "5", "--quiet"]
+    out = tmp_path / "b"
+    assert main(["design", *map(str, own.glob("*.parquet")), *words, "--out", str(out)]) in (0, 1)
+    assert (out / "law.toml").is_file()

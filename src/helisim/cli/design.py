@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +33,17 @@ def add(commands: Any) -> None:
         "specification can't be met, or the input is at fault.",
     )
     command.add_argument(
-        "run_folder",
-        nargs="?",
+        "source",
+        nargs="*",
         type=Path,
-        default=_RUN,
         metavar="RUN",
-        help=f"folder of helisim reproduce (default: {_RUN})",
+        help=f"folder of helisim reproduce (default: {_RUN}), or flight records of sweeps",
+    )
+    command.add_argument(
+        "--vehicle",
+        type=Path,
+        metavar="FOLDER",
+        help="that flew the records, a shipped one's name or a folder (default: as they say)",
     )
     command.add_argument(
         "--specs",
@@ -84,6 +90,15 @@ def record_gust(run: Any, path: Path) -> None:
     write_recording(path, flights, model=model, roles=roles, side_by_side=True)
 
 
+def _source(paths: Sequence[Path]) -> Any:
+    """Return the one folder that was given, or the records of files."""
+    from helisim.records.storage import read_record
+
+    if len(paths) == 1 and (paths[0].is_dir() or not paths[0].suffix):
+        return paths[0]
+    return [read_record(path) for path in paths]
+
+
 def _run(options: argparse.Namespace) -> int:
     from helisim.handling.spec import read_specs
     from helisim.laws import read_law
@@ -101,6 +116,7 @@ def _run(options: argparse.Namespace) -> int:
         run_design,
         write_design,
     )
+    from helisim.vehicle import load
 
     given = {"margin": options.margin, "models": options.models, "drawn": options.drawn}
     chosen = DesignOptions(
@@ -110,8 +126,16 @@ def _run(options: argparse.Namespace) -> int:
     )
     specs = None if options.specs is None else read_specs(options.specs)
     law = None if options.law is None else read_law(options.law)
+    vehicle = None if options.vehicle is None else load(options.vehicle)
     with Progress(None, options.quiet) as advance:
-        run = run_design(options.run_folder, law=law, specs=specs, options=chosen, on_step=advance)
+        run = run_design(
+            _source(options.source or [_RUN]),
+            vehicle=vehicle,
+            law=law,
+            specs=specs,
+            options=chosen,
+            on_step=advance,
+        )
         make_folder(options.out)
         write_design(run, options.out)
         write_design_page(

@@ -200,7 +200,8 @@ def _check_signals(plant: Linear, law: Linear) -> None:
             f"the law commands {', '.join(law.outputs)} and the model has none of them: it has "
             f"{', '.join(plant.inputs)}"
         )
-    used = np.any(law.response(GRID[::40]) != 0.0, axis=(0, 2))
+    rows = [law.outputs.index(name) for name in law.outputs if name in plant.inputs]
+    used = np.any(law.response(GRID[::40])[rows] != 0.0, axis=(0, 2))
     lacks = [
         name
         for name, used_here in zip(law.inputs, used)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 
 from helisim.design.design import DRAWN, MARGIN, MODELS, design
@@ -18,9 +19,10 @@ from helisim.handling.standards import ATTITUDES
 from helisim.laws import AttitudeCommand, Law, RateCommand
 from helisim.records.files import make_folder
 from helisim.records.value import Value
+from helisim.study.flights import Flights
 from helisim.study.for_design import flown_vehicle, identify_for_design
 from helisim.study.proof.prove import Proof, prove
-from helisim.study.swept import swept
+from helisim.study.swept import Source, swept
 from helisim.vehicle import Vehicle
 
 RESULT, LAW, SPECS, PROOF = "design.json", "law.toml", "specs.toml", "proof"
@@ -77,17 +79,20 @@ class DesignRun(Value):
 
 
 def run_design(
-    folder: str | Path,
+    source: Source,
     *,
+    vehicle: Vehicle | None = None,
     law: Law | None = None,
     specs: Sequence[Spec] | None = None,
     options: DesignOptions | None = None,
     on_step: OnStep | None = None,
 ) -> DesignRun:
-    """Identify a vehicle from a run's records, design a law for it, and fly the proof.
+    """Identify a vehicle from records, design a law for it, and fly the proof.
 
     Args:
-        folder: of a run of `helisim reproduce`.
+        source: the folder of a run of `helisim reproduce`, or of sweeps; sweeps by axis, or such
+            as say which axis they sweep.
+        vehicle: that flew them, and flies the proof; a shipped one is known by its records.
         law: of the structure that is wanted, where the search starts; by default attitude command
             with the inverse of the identified model.
         specs: what is asked; by default `usual_specs`, measured on the vehicle's own gyro.
@@ -102,8 +107,9 @@ def run_design(
         DivergedError: the law doesn't stay in the air.
     """
     chosen, tell = options or DesignOptions(), on_step or (lambda _: None)
-    vehicle = vehicle_of(folder)
-    plant = identify_for_design(folder, vehicle=vehicle, seed=chosen.seed)
+    flights = _flights(source)
+    vehicle = vehicle or vehicle_of(flights)
+    plant = identify_for_design(flights, vehicle=vehicle, seed=chosen.seed)
     tell("identified")
     before = RateCommand.of(vehicle)
     asked = tuple(specs) if specs is not None else _usual(plant, before, vehicle)
@@ -135,26 +141,28 @@ def run_design(
     return replace(run, proof=proof)
 
 
-def vehicle_of(folder: str | Path) -> Vehicle:
-    """Return the vehicle that flew the records of a run.
+def vehicle_of(flights: Flights) -> Vehicle:
+    """Return the shipped vehicle that flew records, by what they say.
 
     Raises:
-        StorageError: there is no such run.
-        InputError: the records are of no shipped vehicle.
+        InputError: they are of no shipped vehicle.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise StorageError(
-            f"{folder}: no such run; fly and identify first: helisim reproduce --out {folder}"
-        )
-    records = [record for axis in swept(folder).values() for record in axis]
-    found = flown_vehicle(records[0].provenance)
+    record = next(record for records in flights.values() for record in records)
+    found = flown_vehicle(record.provenance)
     if found is None:
         raise InputError(
-            f"{folder}: its records say of no shipped vehicle that it flew: a law can be designed "
-            "from fits by helisim.design, but there is nothing to fly it on"
+            "the records don't say of a shipped vehicle that it flew: give the vehicle, on which "
+            "the law shall be proved (--vehicle FOLDER); helisim.design needs none"
         )
     return found
+
+
+def _flights(source: Source) -> Flights:
+    if isinstance(source, str | PathLike) and not Path(source).is_dir():
+        raise StorageError(
+            f"{source}: no such run; fly and identify first: helisim reproduce --out {source}"
+        )
+    return swept(source)
 
 
 def write_design(run: DesignRun, out: str | Path) -> None:
