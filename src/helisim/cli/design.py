@@ -41,7 +41,6 @@ def add(commands: Any) -> None:
     )
     command.add_argument(
         "--vehicle",
-        type=Path,
         metavar="FOLDER",
         help="that flew the records, a shipped one's name or a folder (default: as they say)",
     )
