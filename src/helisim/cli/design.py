@@ -153,7 +153,7 @@ def _run(options: argparse.Namespace) -> int:
         color = wants_color(sys.stdout)
         flown = None if run.proof is None else flown_figures(run.proof)
         print(as_text(design_table(run.result, flown), color=color))
-        for miss in run.result.misses:
+        for miss in (*run.result.misses, *(run.proof.misses if run.proof else ())):
             print(f"- {miss}")
         print_written(options, f"{options.out / LAW}: helisim fly --controller {options.out / LAW}")
         print_written(options, f"{options.out / RESULT}")

@@ -67,10 +67,21 @@ class Proof:
 
     @property
     def met(self) -> bool:
-        """Whether every specification but those to check is met as flown, or else exactly."""
-        asked = [one for one in self.table if one.spec.kind != "check"]
-        rated = [one.flown or one.exact for one in asked]
-        return all(one is not None and one.level == 1 for one in rated)
+        """Whether every hard and soft specification is met as flown, or else exactly."""
+        return not self.misses
+
+    @property
+    def misses(self) -> tuple[str, ...]:
+        """One sentence for each hard or soft specification that isn't met, as `met` says."""
+        asked = [one for one in self.table if one.spec.kind in ("hard", "soft")]
+        rated = [(one.spec.criterion, one.flown, one.exact) for one in asked]
+        return tuple(
+            f"{criterion.name} of {criterion.word}: "
+            + (f"Level {known.level} {how}" if known else "known neither exactly nor from flight")
+            for criterion, flown, exact in rated
+            for known, how in [(flown, "in flight") if flown else (exact, "exactly")]
+            if known is None or known.level > 1
+        )
 
     @property
     def gust_deviations(self) -> dict[str, Mapping[str, Deviation]]:
