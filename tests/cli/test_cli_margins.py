@@ -91,6 +91,7 @@ def test_logs_of_autopilots(record, tmp_path, suffix, write, injected, total):
         (["--axis", "lat", "--injected", "foo", "--total", "lat_sum"], "'foo'"),
         (["--band", "9", "4"], "0 < lower < upper"),
         (["--late", "lat"], "--late takes NAME=VALUE"),
+        (["--late", "lta=0.004"], "unknown channel that is late 'lta'"),
         (["--draws", "1"], "draws is 1"),
         (["--json", "found.txt"], ".json"),
     ],

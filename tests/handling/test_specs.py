@@ -66,7 +66,7 @@ def test_what_people_write_is_read(tmp_path):
         ("", r"no specification: each is a table \[\[spec\]\]"),
         ("spec = 3\n", "no specification"),
         ("sepc = 3\n", "did you mean spec"),
-        ('[[spec]]\naxis = "lat"\n', "spec 1: unknown criterion None"),
+        ('[[spec]]\naxis = "lat"\n', "spec 1: it says no criterion; there are actuator_onset"),
         ('[[spec]]\ncriterion = "margins"\n', "did you mean stability_margins"),
         ('[[spec]]\ncriterion = "damping"\nkind = "firm"\n', "hard, soft, objective, check"),
         (
@@ -76,6 +76,23 @@ def test_what_people_write_is_read(tmp_path):
         ('[[spec]]\ncriterion = "damping"\nratio = 0.5\n', "two numbers, where Levels 1 and 2"),
         ('[[spec]]\ncriterion = "damping"\nratio = [0.5, 0.5]\n', "can't end at the same value"),
         ('[[spec]]\ncriterion = "damping"\nlowest = 2.0\n', "unknown number 'lowest'"),
+        (
+            '[[spec]]\ncriterion = "stability_margins"\naxis = "lat"\ngain_deg = [6.0, 3.0]\n',
+            "unknown number 'gain_deg'; available: .* phase_deg",
+        ),
+        (
+            '[[spec]]\ncriterion = "stability_margins"\naxis = "lat"\nphase_deg = [20, 45]\n',
+            "phase: more is better, so Level 1 must end above where Level 2 does",
+        ),
+        (
+            '[[spec]]\ncriterion = "disturbance_rejection"\naxis = "lat"\nbandwidth = [1, 2]\n',
+            "bandwidth: more is better",
+        ),
+        (
+            '[[spec]]\ncriterion = "nichols_exclusion"\naxis = "lat"\nphase = 0.5\n'
+            "phase_deg = 30\n",
+            "phase and phase_deg say the same",
+        ),
         ('[[spec]]\ncriterion = "crossover"\naxis = "lat"\n', "it needs frequency"),
         ('[[spec]]\ncriterion = "crossover"\n', "it needs axis and frequency"),
         ('[[spec]]\ncriterion = "disk_margin"\naxis = "rol"\n', "did you mean roll"),

@@ -90,6 +90,13 @@ def _relaxed(problem: Problem, at: Vector, spec: int) -> _Relaxed | None:
         trial = problem.trial(there, (0,), near=near)
         return None if trial is None else Trial(trial.distances, -float(trial.distances[spec]))
 
+    def as_rated(there: Vector, near: bool = False) -> Trial | None:
+        trial = problem.trial(there, (0,), near=near)
+        if trial is None:
+            return None
+        rating = problem.specs[spec].criterion.rate(problem.loops(there)[0])
+        return Trial(trial.distances, -rating.distance)
+
     trial = worth(at)
     assert trial is not None
     point = descend(worth, Point(at, trial), goal, problem.box, steps=_STEPS)
@@ -97,6 +104,9 @@ def _relaxed(problem: Problem, at: Vector, spec: int) -> _Relaxed | None:
         return None
     nearest = Goal(wanted, np.ones(wanted.size), 1.0)
     point = descend(worth, point, nearest, problem.box, steps=_STEPS)
+    start = as_rated(point.at)
+    assert start is not None
+    point = descend(as_rated, Point(point.at, start), nearest, problem.box, steps=_STEPS)
     return _Relaxed(spec, problem.rate(problem.loops(point.at)[0])[spec])
 
 
@@ -112,16 +122,30 @@ def _name(rating: Rating) -> str:
 
 
 def _figures(rating: Rating) -> str:
-    """Return the figures that are limited."""
-    shown = [name for name in rating.criterion.limits if name in rating.figures]
-    return ", ".join(_told(name, rating.figures[name], rating) for name in shown)
+    """Return the figures that miss their limits."""
+    return ", ".join(_told(name, rating.figures[name], rating) for name in _missed(rating))
 
 
 def _limits(rating: Rating) -> str:
     """Return where Level 1 begins, of limits that don't depend on another figure."""
-    borders = rating.criterion.limits.items()
-    told = [_told(name, one.level1, rating) for name, one in borders if isinstance(one, Limit)]
+    borders = rating.criterion.limits
+    limits = {name: borders[name] for name in _missed(rating)}
+    told = [
+        _told(name, one.level1, rating) for name, one in limits.items() if isinstance(one, Limit)
+    ]
     return ", ".join(told) or "Level 1"
+
+
+def _missed(rating: Rating) -> list[str]:
+    """Return the figures that are limited and miss it; all of them where none does by itself."""
+    limits = rating.criterion.limits
+    shown = [name for name in limits if name in rating.figures]
+    missed = [
+        name
+        for name in shown
+        if not isinstance(one := limits[name], Limit) or one.distance(rating.figures[name]) < 0.0
+    ]
+    return missed or shown
 
 
 def _told(name: str, value: float, rating: Rating) -> str:

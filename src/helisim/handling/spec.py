@@ -114,6 +114,8 @@ def _spec(number: int, table: dict[str, Any], scale: float) -> Spec:
     try:
         name = table.pop("criterion", None)
         known = known_criteria()
+        if name is None:
+            raise InputError(f"it says no criterion; there are {', '.join(known)}")
         if name not in known:
             raise UnknownNameError("criterion", name, known)
         called = f"spec {number}, {name}"
@@ -128,11 +130,14 @@ def _spec(number: int, table: dict[str, Any], scale: float) -> Spec:
 def _values(kind: type[Criterion], table: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of a criterion. Raises InputError."""
     own = {one.name: one for one in fields(kind)}
+    names = {name: name for name in own} | {f"{one}{_DEGREES}": one for one in kind.angles}
     found: dict[str, Any] = {}
     for key, item in table.items():
-        name = key.removesuffix(_DEGREES) if key not in own else key
-        if name not in own:
-            raise UnknownNameError("number", key, own)
+        if key not in names:
+            raise UnknownNameError("number", key, names)
+        name = names[key]
+        if name in found:
+            raise InputError(f"{name} and {name}{_DEGREES} say the same: give one of them")
         found[name] = _value(item, own[name].type, key, RAD_PER_DEG if key != name else 1.0)
     needed = [one.name for one in own.values() if one.default is MISSING]
     missing = [name for name in needed if name not in found]

@@ -115,6 +115,7 @@ class ActuatorUse(Criterion):
         "Berger, Ivler, Mansur, Cheung and Soong, Practical Methods for Aircraft and Rotorcraft "
         "Flight Control Design, AIAA, 2017; disturbance and borders are a choice of ours"
     )
+    angles: ClassVar[tuple[str, ...]] = ("rms",)
     units: ClassVar[Mapping[str, str]] = {"position": "", "rate": ""}
 
     @property

@@ -66,6 +66,8 @@ class AttitudeBandwidth(Criterion):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.bandwidth is not None:
+            self.bandwidth.check_direction("bandwidth", more=True)
         if self.task not in TASKS:
             raise UnknownNameError("task", self.task, TASKS)
         if self.command is not None and self.command not in KINDS:

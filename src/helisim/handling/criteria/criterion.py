@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from helisim.errors import InputError
@@ -61,11 +61,17 @@ class Criterion(ABC):
     """Document, paragraph and figure, and what of it is a choice of ours."""
     units: ClassVar[Mapping[str, str]]
     """Figure -> unit: SI, or dB."""
+    angles: ClassVar[tuple[str, ...]] = ()
+    """Fields in radians: a file may give them in degrees, `phase` as `phase_deg`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", axis_of(self.axis).name)
         if not (math.isfinite(self.scale) and self.scale > 0.0):
             raise InputError(f"scale is a ratio of lengths above 0, got {self.scale!r}")
+        for one in fields(self):
+            given = getattr(self, one.name)
+            if isinstance(given, Limit) and isinstance(one.default, Limit):
+                given.check_direction(one.name, more=one.default.more_is_better)
 
     @abstractmethod
     def rate(self, loop: Loop) -> Rating:

@@ -38,6 +38,14 @@ class Limit:
         """Whether Level 1 lies above its border."""
         return self.level1 > self.level2
 
+    def check_direction(self, name: str, *, more: bool) -> None:
+        """Raise InputError where Level 1 lies on the wrong side of a figure's border."""
+        if self.more_is_better != more:
+            better, side = ("more", "above") if more else ("less", "below")
+            raise InputError(
+                f"{name}: {better} is better, so Level 1 must end {side} where Level 2 does"
+            )
+
     def distance(self, value: float) -> float:
         """Return 0 at the border of Level 1, -1 at that of Level 2, positive in Level 1."""
         return (value - self.level1) / (self.level1 - self.level2)

@@ -34,7 +34,7 @@ class LoadRejection(Criterion):
             root of the sum of squares. Its own alone where it is empty.
 
     Raises:
-        InputError: the frequency is not above 0.
+        InputError: the frequency is not above 0, or Level 1 ends above Level 2.
         UnknownNameError: there is no such axis.
     """
 
@@ -51,6 +51,7 @@ class LoadRejection(Criterion):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.turned.check_direction("turned", more=False)
         loads = [axis_of(one.strip()).name for one in (self.by or self.axis).split("+")]
         object.__setattr__(self, "by", "+".join(loads))
         if not (math.isfinite(self.frequency) and self.frequency > 0.0):

@@ -51,6 +51,7 @@ class NicholsExclusion(Criterion):
         "Clearance of Flight Control Laws, Springer, 2002, and half of it ends Level 2, both a "
         "choice of ours"
     )
+    angles: ClassVar[tuple[str, ...]] = ("phase",)
     units: ClassVar[Mapping[str, str]] = {"size": "", "frequency": "rad/s"}
 
     def __post_init__(self) -> None:

@@ -66,6 +66,7 @@ class AttitudeQuickness(Criterion):
         "Prencipe, MSc thesis, Delft University of Technology (github.com/YPrencipe/CCHThesis: "
         "qpitchhq1, prollhq1, ryawhq1 and 2), to about 0.02 1/s"
     )
+    angles: ClassVar[tuple[str, ...]] = ("change",)
     units: ClassVar[Mapping[str, str]] = {"quickness": "1/s", "least": "rad", "peak": "rad"}
 
     def __post_init__(self) -> None:

@@ -43,6 +43,11 @@ class DisturbanceRejection(Criterion):
     )
     units: ClassVar[Mapping[str, str]] = {"drb": "rad/s", "drp": "dB", "peak_frequency": "rad/s"}
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.bandwidth is not None:
+            self.bandwidth.check_direction("bandwidth", more=True)
+
     @property
     def limits(self) -> Mapping[str, Limit]:
         """Of DRB and DRP."""

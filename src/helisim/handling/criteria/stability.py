@@ -39,6 +39,7 @@ class StabilityMargins(Criterion):
         "MIL-DTL-9490E, 3.1.3.6.1, and SAE AS94900: 6 dB and 45 deg below the first "
         "aeroelastic mode; that half of it ends Level 2 is a choice of ours"
     )
+    angles: ClassVar[tuple[str, ...]] = ("phase",)
     units: ClassVar[Mapping[str, str]] = {
         "gain_margin": "dB",
         "phase_margin": "rad",

@@ -142,7 +142,10 @@ def margins(
         raise InputError("no records were given; expected at least one FlightRecord")
     if not 2 <= draws <= _MOST_DRAWS:
         raise InputError(f"draws is {draws}, expected 2 to {_MOST_DRAWS}")
+    recorded = sorted({name for flight in flights for name in flight.names})
     for name, delay in (late or {}).items():
+        if name not in recorded:
+            raise UnknownNameError("channel that is late", name, recorded)
         if not abs(delay) < _LATEST:
             raise InputError(f"{name} is late by {delay} s, expected less than {_LATEST:g} s")
     known = _cuts(flights, cuts)
