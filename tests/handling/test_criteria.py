@@ -28,7 +28,7 @@ ALL = [
     criteria.ActuatorOnset(axis="lat", rate_limit=4.0),
     criteria.ActuatorUse(axis="lat", rate_limit=4.0),
     criteria.Coupling(axis="lat"),
-    criteria.LoadRejection(axis="lat", frequency=2.0, turned=Limit(6.0, 12.0)),
+    criteria.LoadRejection(axis="lat", high=2.0, turned=Limit(6.0, 12.0)),
 ]
 NAMES = [f"{one.name} {k}" for k, one in enumerate(ALL)]
 SCALES = (1.0, 10.7)

@@ -35,7 +35,7 @@ EVERY = (
     Spec(criteria.ActuatorOnset(axis="lat", rate_limit=3.0)),
     Spec(criteria.ActuatorUse(axis="lat", rate_limit=3.0)),
     Spec(criteria.Coupling(axis="ped", onto="lat")),
-    Spec(criteria.LoadRejection(axis="lon", frequency=2, by="lat+lon", turned=Limit(-6, 0))),
+    Spec(criteria.LoadRejection(axis="lon", high=2, by="lat", turned=Limit(-6, 0))),
 )
 
 

@@ -22,7 +22,7 @@ NEEDED = {
     "actuator_onset": {"rate_limit": 5.0},
     "actuator_use": {"rate_limit": 5.0},
     "crossover": {"frequency": Limit(5.0, 3.0)},
-    "load_rejection": {"frequency": 2.0, "turned": Limit(-6.0, 0.0)},
+    "load_rejection": {"high": 2.0, "turned": Limit(-6.0, 0.0)},
 }
 
 

@@ -24,12 +24,16 @@ BETTER = {"lat": 1.3, "lon": 1.3, "ped": 1.0}
 """Disturbance rejection bandwidth over that of the law before."""
 TASK = "ads33e_other_divided"
 """Of ADS-33E-PRF: all tasks but target acquisition, with divided attention."""
-_SLOWER = (10.0, 3.0, 1.5)
-"""Times slower than the rejection bandwidth of the law before, where loads are looked at."""
-_STIFFER = 3.0
-"""dB by which loads turn the vehicle less: as BETTER asks of bandwidth, to the next whole one."""
+_LOADS = 1.5
+"""Times slower than the rejection bandwidth of the law before are the fastest loads."""
+_STIFFER = {True: 3.0, False: 0.0}
+"""dB by which loads on its own command turn an axis less, and those on another's."""
 _CYCLIC = ("lat", "lon")
 """A rotor turns what is done to one of them into the other."""
+_SLOWEST = 0.3
+"""rad/s, of loads: slower ones are the pilot's."""
+_SPAN = 3.0
+"""dB from Level 1 to the end of Level 2: 1.4 times as far."""
 _GROWTH = Limit(1e-3, 0.05)
 """1/s: integrals of what is commanded stand at 0, but for rounding."""
 _FAST = Limit(30.0, 60.0)
@@ -71,8 +75,8 @@ def usual_specs(
             if more
             else spec
         )
-        for slower in _SLOWER:
-            found.append(Spec(_stiffer(loop, axis, own / slower)))
+        loads = _CYCLIC if axis in _CYCLIC else (axis,)
+        found += [Spec(_stiffer(loop, axis, by, own / _LOADS)) for by in loads]
     found += standard(TASK, scale=scale)
     for axis in ATTITUDES:
         found += [
@@ -83,10 +87,9 @@ def usual_specs(
     return tuple(found)
 
 
-def _stiffer(loop: Loop, axis: str, frequency: float) -> LoadRejection:
-    """Return that loads turn the vehicle less far than with the law before."""
-    frequency = max(frequency, float(GRID[0]))
-    by = "+".join(_CYCLIC) if axis in _CYCLIC else axis
-    asked = LoadRejection(axis=axis, frequency=frequency, by=by, turned=Limit(0.0, _STIFFER))
-    own = asked.rate(loop).figures["turned"]
-    return replace(asked, turned=Limit(own - _STIFFER, own))
+def _stiffer(loop: Loop, axis: str, by: str, high: float) -> LoadRejection:
+    """Return that loads turn an axis less far than with the law before."""
+    high = max(high, 2.0 * _SLOWEST)
+    asked = LoadRejection(axis=axis, by=by, low=_SLOWEST, high=high, turned=Limit(0.0, _SPAN))
+    most = asked.rate(loop).figures["turned"] - _STIFFER[by == axis]
+    return replace(asked, turned=Limit(most, most + _SPAN))

@@ -22,23 +22,25 @@ _LEAST = 1e-12
 
 @dataclass(frozen=True, kw_only=True)
 class LoadRejection(Criterion):
-    """How far a slow load turns the vehicle: a disturbance that is added to servo commands.
+    """How far a slow load turns the vehicle: a disturbance that is added to a servo command.
 
     Disturbance rejection bandwidth says where the loop begins to reject, not how much it does: a
     loop whose gain stays near one for a decade has a high bandwidth, and gives way to gusts.
 
     Attributes:
-        frequency: rad/s, of the load.
-        turned: dB of rad, or in heave of m/s, a unit of command.
-        by: axes whose commands are disturbed, one after the other, as "lat+lon": the angle is the
-            root of the sum of squares. Its own alone where it is empty.
+        low: rad/s, of the slowest load.
+        high: rad/s, of the fastest.
+        turned: dB of rad, or in heave of m/s, a unit of command: the most that is turned.
+        by: axis whose command is disturbed; its own where it is empty. A rotor turns what is done
+            to one axis into another.
 
     Raises:
-        InputError: the frequency is not above 0, or Level 1 ends above Level 2.
+        InputError: not 0 < low < high, or Level 1 ends above Level 2.
         UnknownNameError: there is no such axis.
     """
 
-    frequency: float
+    low: float = 0.3
+    high: float
     turned: Limit
     by: str = ""
 
@@ -47,15 +49,14 @@ class LoadRejection(Criterion):
         "The closed loop's compliance, angle over load, as of any servomechanism; borders are the "
         "user's, such as what the law before gives way"
     )
-    units: ClassVar[Mapping[str, str]] = {"turned": "dB"}
+    units: ClassVar[Mapping[str, str]] = {"turned": "dB", "frequency": "rad/s"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.turned.check_direction("turned", more=False)
-        loads = [axis_of(one.strip()).name for one in (self.by or self.axis).split("+")]
-        object.__setattr__(self, "by", "+".join(loads))
-        if not (math.isfinite(self.frequency) and self.frequency > 0.0):
-            raise InputError(f"frequency must be above 0 rad/s, got {self.frequency!r}")
+        object.__setattr__(self, "by", axis_of(self.by or self.axis).name)
+        if not (math.isfinite(self.high) and 0.0 < self.low < self.high):
+            raise InputError(f"loads go from low to high, 0 < low < high; got {self.band} rad/s")
 
     @property
     def limits(self) -> Mapping[str, Limit]:
@@ -63,31 +64,28 @@ class LoadRejection(Criterion):
         return {"turned": self.turned}
 
     @property
-    def asked_at(self) -> float:
-        """The load's frequency, scaled, rad/s."""
-        return self.frequency * self.faster
+    def band(self) -> tuple[float, float]:
+        """Of the loads, scaled, rad/s."""
+        return self.low * self.faster, self.high * self.faster
 
     def rate(self, loop: Loop) -> Rating:
-        """Return how far the load turns the vehicle."""
-        size = math.hypot(*(self._turned(loop, by) for by in self.by.split("+")))
-        return self.rated({"turned": DB_PER_NEPER * math.log(max(size, _LEAST))})
-
-    def _turned(self, loop: Loop, by: str) -> float:
-        seen = loop.turned(self.axis, by)
-        low, high = seen.frequency[0], seen.frequency[-1]
-        if not low <= self.asked_at <= high:
+        """Return the most that loads turn the vehicle, and at which frequency."""
+        seen, (low, high) = loop.turned(self.axis, self.by), self.band
+        there = (seen.frequency >= low) & (seen.frequency <= high)
+        if not (seen.frequency[0] <= low and high <= seen.frequency[-1] and there.any()):
             raise NoResponse(
-                f"what a load on {by} does to {self.word} is known from {low:g} to {high:g} "
-                f"rad/s, not at {self.asked_at:g}"
+                f"what a load on {self.by} does to {self.word} is known from "
+                f"{seen.frequency[0]:g} to {seen.frequency[-1]:g} rad/s, not from {low:g} to "
+                f"{high:g}"
             )
-        # a load that turns nothing has no logarithm, so its size itself is interpolated
-        where, size = np.log(seen.frequency), np.abs(seen.response)
-        return float(np.interp(math.log(self.asked_at), where, size))
+        size = np.abs(seen.response[there])
+        most = int(np.argmax(size))
+        turned = DB_PER_NEPER * math.log(max(float(size[most]), _LEAST))
+        return self.rated({"turned": turned, "frequency": float(seen.frequency[there][most])})
 
     def chart(self) -> Chart:
         """Return a strip of the angle."""
-        label = f"angle a unit of command at {self.asked_at:.3g} rad/s"
+        label = f"angle a unit of command on {axis_of(self.by).word}"
         ends = self.turned.level1 - 20.0, self.turned.level2 + 10.0
-        return strip(
-            f"Loads, {self.word}", ChartAxis("turned", label, "dB", *ends), self.turned, self.source
-        )
+        axis = ChartAxis("turned", label, "dB", *ends)
+        return strip(f"Loads, {self.word}", axis, self.turned, self.source)
