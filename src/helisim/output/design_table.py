@@ -3,15 +3,16 @@
 from collections.abc import Mapping
 
 from helisim.design.result import DesignResult, Judged
-from helisim.handling.criteria import Limit, Rating
+from helisim.handling.axis import axis_of
+from helisim.handling.criteria import Criterion, Limit, LoadRejection, Rating
 from helisim.output.table import Cell, Column, Table, number, words
 from helisim.units import RAD_PER_DEG
 
 _DIGITS = ".3g"
 _SHORT = {"drb": "DRB", "drp": "DRP", "growth": "growth of poles"}
 
-Flown = Mapping[tuple[str, str, str], float]
-"""(criterion, axis, figure) -> as measured in flight."""
+Flown = Mapping[tuple[Criterion, str], float]
+"""(criterion, figure) -> as measured in flight."""
 
 
 def design_table(result: DesignResult, flown: Flown | None = None) -> Table:
@@ -48,16 +49,22 @@ def _rows(one: Judged, flown: Flown | None) -> list[tuple[Cell, ...]]:
     for name, limit in criterion.limits.items():
         unit = criterion.units.get(name, "")
         asked = limit.level1 if isinstance(limit, Limit) else None
-        figure = _SHORT.get(name, name.replace("_", " "))
+        figure = _called(criterion, name)
         cells = [words(criterion.word), words(criterion.name.replace("_", " ")), words(figure)]
         cells.append(_cell(asked, unit))
         cells += [_figure(rating, name, unit) for rating in (one.before, one.nominal, one.worst)]
         if flown is not None:
-            cells.append(_cell(flown.get((criterion.name, criterion.axis, name)), unit))
+            cells.append(_cell(flown.get((criterion, name)), unit))
         cells.append(words("deg" if unit == "rad" else unit))
         cells.append(number(100.0 * one.share, _DIGITS))
         rows.append(tuple(cells))
     return rows
+
+
+def _called(criterion: Criterion, name: str) -> str:
+    if isinstance(criterion, LoadRejection):
+        return f"turned by {axis_of(criterion.by).word} load"
+    return _SHORT.get(name, name.replace("_", " "))
 
 
 def _figure(rating: Rating | None, name: str, unit: str) -> Cell:

@@ -68,8 +68,8 @@ def judged(one: Judged) -> list[Shown]:
 
 def drawing_name(criterion: Criterion) -> str:
     """Return a name for the drawing of a criterion of one axis."""
-    at = getattr(criterion, "at", None)
-    return "_".join(filter(None, (criterion.name, criterion.axis, at)))
+    more = (getattr(criterion, name, None) for name in ("at", "by"))
+    return "_".join(filter(None, (criterion.name, criterion.axis, *more)))
 
 
 def _shown(criterion: Criterion, label: str, ratings: Any) -> Shown:

@@ -13,6 +13,7 @@ from helisim.design.start import attitude_start
 from helisim.design.usual import usual_specs
 from helisim.errors import InputError, StorageError
 from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.criteria import Criterion
 from helisim.handling.loop import GRID, Loop
 from helisim.handling.spec import Spec, write_specs
 from helisim.handling.standards import ATTITUDES
@@ -179,10 +180,10 @@ def write_design(run: DesignRun, out: str | Path) -> None:
         run.proof.write(out / PROOF)
 
 
-def flown_figures(proof: Proof) -> dict[tuple[str, str, str], float]:
-    """Return what was measured in flight by (criterion, axis, figure)."""
+def flown_figures(proof: Proof) -> dict[tuple[Criterion, str], float]:
+    """Return what was measured in flight by (criterion, figure)."""
     return {
-        (row.spec.criterion.name, row.spec.criterion.axis, one.name): one.flown.value
+        (row.spec.criterion, one.name): one.flown.value
         for row in proof.table
         for one in row.figures
         if one.flown is not None
