@@ -123,3 +123,9 @@ def test_a_hexagon_has_its_corners_where_they_are_said(x, y, size):
         assert gauge(a * x, b * y) == pytest.approx(size)
     assert hexagon(6.0, 0.5, corner=1.0)(0.5, 6.0) == pytest.approx(1.0)
     assert hexagon(6.0, 0.5, corner=0.0)(0.25, 3.0) == pytest.approx(1.0)
+
+
+def test_between_points_without_a_response_there_is_none():
+    """A logarithm of nothing is no warning: the middle of 0 and 0 is 0."""
+    nothing = Curve([1.0, 2.0], [0.0, 0.0])
+    assert abs(nothing.at(1.5)[0]) < 1e-300

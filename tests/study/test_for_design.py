@@ -190,3 +190,12 @@ def test_servos_are_known_by_all_four_numbers():
     flights = {axis: [make_flight()] for axis in ("lat", "lon", "ped", "col")}
     with pytest.raises(InputError, match="swash_zeta, tail_omega, tail_zeta; got swash_omega"):
         identify_for_design(flights, servos={"swash_omega": 200.0})
+
+
+@pytest.mark.slow
+def test_yaw_needs_no_sweeps_of_other_axes(flown):
+    """It is identified from its own sweeps alone, the collective in them taken out."""
+    whole, part = (
+        identify_for_design(flights, axes=("ped",)) for flights in (flown, {"ped": flown["ped"]})
+    )
+    assert part.fits[0].values == whole.fits[0].values

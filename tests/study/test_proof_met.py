@@ -5,6 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 import helisim as hs
+from helisim.errors import TrimError
+from helisim.sim import Weather
+from helisim.study.proof import prove
 from helisim.study.proof.prove import Proof
 
 
@@ -29,3 +32,16 @@ def test_hard_and_soft_specifications_are_held_against_flight_first(kind, flown,
     row = SimpleNamespace(spec=spec, flown=rated(flown), exact=rated(exact))
     misses = Proof.misses.fget(SimpleNamespace(table=(row,)))
     assert misses == (() if said is None else (f"stability_margins of roll: {said}",))
+
+
+def test_a_wind_that_a_vehicle_can_not_hover_in_is_a_remark(monkeypatch):
+    """A small vehicle meets gusts that it couldn't hover in: exact figures are of calm air then."""
+
+    def refuse(*_):
+        raise TrimError("the hover needs ped = -1.03")
+
+    monkeypatch.setattr(prove, "exact_over", refuse)
+    found, doubts = prove._over_air(None, Weather(turbulence="light"))
+    assert found is None
+    assert doubts[0].endswith("of calm air alone: the hover needs ped = -1.03")
+    assert prove._over_air(None, Weather()) == (None, ())

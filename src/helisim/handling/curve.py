@@ -9,6 +9,9 @@ from helisim.errors import InputError
 from helisim.records.value import Value
 from helisim.units import DB_PER_NEPER
 
+_LEAST = np.finfo(np.float64).tiny
+"""Of a response whose logarithm is taken: none at all has none."""
+
 
 @dataclass(frozen=True, eq=False)
 class Curve(Value):
@@ -70,5 +73,5 @@ class Curve(Value):
                 f"{wanted.min():g} to {wanted.max():g}"
             )
         where, known = np.log(wanted), np.log(own)
-        size = np.exp(np.interp(where, known, np.log(np.abs(self.response))))
+        size = np.exp(np.interp(where, known, np.log(np.maximum(np.abs(self.response), _LEAST))))
         return (size * np.exp(1j * np.interp(where, known, self.phase))).astype(np.complex128)

@@ -159,6 +159,8 @@ def _of_one_axis(axis: str, drawings: Sequence[Drawing]) -> str:
 
 def _verdict(one: Judged, flown: "ComparedCriterion | None") -> str:
     """Return in a line how a law stands by one specification."""
+    if one.spec.kind == "objective":
+        return f"{_ASKED[one.spec.kind]}: its borders only weigh it against others"
     words = [f"{_ASKED[one.spec.kind]}. Predicted: Level {one.nominal.level}"]
     if one.cloud:
         words.append(f"Level 1 in {100.0 * one.share:.3g} % of the models drawn")

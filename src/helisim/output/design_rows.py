@@ -38,7 +38,7 @@ def proof_table(proof: "Proof", before: Mapping[int, Rating | None]) -> Table:
         Column("exact"),
         Column("flown"),
         Column("95 %"),
-        Column("level", label="level flown", left=True),
+        Column("level", label="level flown, or exact", left=True),
     )
     return Table("Asked, predicted, exact, flown", columns, tuple(rows))
 
@@ -57,7 +57,8 @@ def _row(
     was = None if before is None else before.figures.get(figure.name)
     half = None if flown is None else 0.5 * (flown.high - flown.low)
     rated = one.flown or one.exact
-    level = "" if rated is None or not first else f"Level {rated.level}"
+    told = first and one.spec.kind != "objective"  # borders that only weigh it against others
+    level = "" if rated is None or not told else f"Level {rated.level}"
     return (
         words(name, "name"),
         words("deg" if unit == "rad" else unit, "unit"),

@@ -18,6 +18,7 @@ from helisim.handling.loop import GRID, Loop
 from helisim.handling.spec import Spec, write_specs
 from helisim.handling.standards import ATTITUDES
 from helisim.laws import AttitudeCommand, Law, RateCommand
+from helisim.records.channels import AXES
 from helisim.records.files import make_folder
 from helisim.records.value import Value
 from helisim.study.flights import Flights
@@ -110,7 +111,8 @@ def run_design(
     chosen, tell = options or DesignOptions(), on_step or (lambda _: None)
     flights = _flights(source)
     vehicle = vehicle or vehicle_of(flights)
-    plant = identify_for_design(flights, vehicle=vehicle, seed=chosen.seed)
+    axes = [one for one in AXES if one in ATTITUDES or flights.get(one)]  # heave has no loop
+    plant = identify_for_design(flights, axes=axes, vehicle=vehicle, seed=chosen.seed)
     tell("identified")
     before = RateCommand.of(vehicle)
     asked = tuple(specs) if specs is not None else _usual(plant, before, vehicle)

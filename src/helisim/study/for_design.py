@@ -273,12 +273,13 @@ def _chosen(axes: tuple[str, ...], flights: Flights) -> tuple[_Model, ...]:
 
 
 def _identified(model: _Model, flights: Flights, known: _Known, own: Mapping[str, Any]) -> Fit:
+    lacking = [axis for axis in model.spec.sweeps if not flights.get(axis)]
+    sticks = [axis.upper() for axis in lacking]
     spec = replace(
         model.spec,
-        sweeps=tuple(axis for axis in model.spec.sweeps if flights.get(axis)),
-        conditioning=tuple(
-            name for name in model.spec.conditioning if name not in AXES or flights.get(name)
-        ),
+        sweeps=tuple(axis for axis in model.spec.sweeps if axis not in lacking),
+        conditioning=tuple(name for name in model.spec.conditioning if name not in lacking),
+        reference=tuple(name for name in model.spec.reference if name not in sticks),
         band=_band(model, flights, own),
     )
     response = frequency_response(spec, flights)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from helisim.errors import ModelError, TrimError
 from helisim.handling.criteria import Criterion
 from helisim.handling.loop import Loop
 from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
@@ -18,7 +19,7 @@ from helisim.records.files import atomic_write
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from helisim.records.value import FrozenMap
-from helisim.sim import Gust
+from helisim.sim import Gust, Weather
 from helisim.study.proof.air import exact_over
 from helisim.study.proof.comparison import ComparedCriterion, compare, with_usual
 from helisim.study.proof.deviation import Deviation, deviations
@@ -161,9 +162,23 @@ def prove(
     measured, remarks = measured_loop(flights, draws=draws)
     before = {} if law is None else fly_events(own, plan, exact_loop(own), on_flight)
     asked = with_usual(specs, plan.axes)
-    met = exact_over(flies, plan.weather, GRID) if plan.weather.low_wind > 0.0 else None
+    met, doubts = _over_air(flies, plan.weather)
     table = compare(asked, predicted=predicted, exact=exact, flown=measured, met=met)
+    remarks = (*remarks, *doubts)
     return Proof(table, flights, exact, measured, predicted, plan.gust, FrozenMap(before), remarks)
+
+
+def _over_air(vehicle: Vehicle, weather: Weather) -> tuple[Loop | None, tuple[str, ...]]:
+    """Return the exact loop over the air that was flown in, and why there is none.
+
+    A small vehicle can't hover in every wind that it meets for a moment.
+    """
+    if weather.low_wind <= 0.0:
+        return None, ()
+    try:
+        return exact_over(vehicle, weather, GRID), ()
+    except (TrimError, ModelError) as error:
+        return None, (f"no exact figures over the air that was met, of calm air alone: {error}",)
 
 
 def measured_loop(
