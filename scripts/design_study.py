@@ -1,0 +1,195 @@
+"""How far each number of a design made on an identified model is from what flies.
+
+The chain of `helisim design` on the JR700: sweeps, identification, design, flown proof, page.
+Predicted and flown figures stand beside the exact sampled linearisation, each error beside its
+bar; in turbulence flown figures are held against the exact ones over the air that is met. Then
+rejection and stops in light turbulence beside the shipped gyro's, flown alike; and the chain again
+for truths that differ by 20 %. What the flown intervals hold is counted by
+`python scripts/proof/margins_study.py 200`.
+
+    python scripts/design_study.py [FLIGHTS] [SEED]        flights on each axis, 10 by default
+"""
+
+import math
+import re
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import helisim as hs
+from helisim.output.design_page import write_design_page
+from helisim.study.design_chain import DesignRun, run_design, write_design
+from helisim.study.proof.air import exact_over
+from helisim.study.proof.flights import ProofPlan
+from helisim.study.proof.hands import hands_off
+from helisim.study.proof.prove import Proof, prove
+
+BARS = {
+    "crossover": (2.0, "%"),
+    "phase_margin": (1.5, "deg"),
+    "gain_margin": (0.3, "dB"),
+    "drb": (3.0, "%"),
+    "bandwidth": (3.0, "%"),
+    "phase_delay": (5.0, "ms"),
+}
+"""Figure -> largest error of a prediction, and of a flight, against the exact."""
+CRITERIA = ("stability_margins", "disturbance_rejection", "attitude_bandwidth")
+MORE = 1.3
+"""Disturbance rejection bandwidth over the shipped gyro's, in roll and pitch."""
+_SWEEPS = 4
+"""Flights on each axis of another truth."""
+CHANGED = 0.2
+"""By which truths differ."""
+TRUTHS = ("main_rotor.hub_stiffness", "tail_rotor.lift_slope", "mass")
+
+
+class Error(NamedTuple):
+    """One figure against the exact one, in the bar's unit."""
+
+    axis: str
+    figure: str
+    exact: float
+    predicted: float
+    flown: float
+
+    @property
+    def fine(self) -> bool:
+        """Whether both are within the bar."""
+        bar, _ = BARS[self.figure]
+        return max(abs(self.predicted), abs(self.flown)) <= bar
+
+
+def main(flights: int = 10, seed: int = 1) -> int:
+    """Print the study; return 0 if every bar is met."""
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        hs.reproduce(out=Path(folder) / "run", flights=flights, seed=seed)
+        run = run_design(Path(folder) / "run")
+        write_design(run, Path(folder) / "design")
+        write_design_page(Path(folder) / "design" / "report.html", run.result, proof=run.proof)
+        took = time.perf_counter() - began
+    print(f"sweeps, identification, design, proof and page: {took:.0f} s (bar: 300 s, idle)\n")
+    fine = [errors_are_small(run), rejection_is_better(run), took < 300.0]
+    fine.append(other_truths_keep_level_1(seed))
+    print("\nevery bar is met" if all(fine) else "\na bar is missed")
+    return 0 if all(fine) else 1
+
+
+def errors_are_small(run: DesignRun) -> bool:
+    """Print predicted and flown against exact; return whether all are within the bars."""
+    found = list(errors(run))
+    print(f"{'axis':6}{'figure':14}{'exact':>10}{'predicted':>13}{'flown':>13}{'bar':>10}")
+    for one in found:
+        bar, unit = BARS[one.figure]
+        print(
+            f"{one.axis:6}{one.figure:14}{one.exact:10.4g}{one.predicted:+13.3f}"
+            f"{one.flown:+13.3f}{bar:>6g} {unit:3}{'' if one.fine else '  missed'}"
+        )
+    return all(one.fine for one in found)
+
+
+def errors(run: DesignRun) -> Iterator[Error]:
+    """Yield each figure's errors, in the units of `BARS`."""
+    assert run.proof is not None
+    plan = ProofPlan()
+    flies = hands_off(run.vehicle).with_controller(run.result.law)
+    air = exact_over(flies, plan.weather, run.proof.exact.frequency)
+    for row in run.proof.table:
+        if row.spec.criterion.name not in CRITERIA:
+            continue
+        over = row.spec.criterion.rate(air).figures
+        for one in row.figures:
+            if one.name in BARS and one.exact is not None:
+                flown = math.nan if one.flown is None else one.flown.value
+                yield Error(
+                    row.spec.criterion.axis,
+                    one.name,
+                    one.exact,
+                    off(one.name, one.predicted or math.nan, one.exact),
+                    off(one.name, flown, over[one.name]),
+                )
+
+
+def off(figure: str, value: float, exact: float) -> float:
+    """Return a figure's error in the unit of its bar."""
+    unit = BARS[figure][1]
+    return {
+        "%": 100.0 * (value / exact - 1.0),
+        "deg": math.degrees(value - exact),
+        "dB": value - exact,
+        "ms": 1e3 * (value - exact),
+    }[unit]
+
+
+def rejection_is_better(run: DesignRun) -> bool:
+    """Print what the designed law and the shipped gyro reject, both flown."""
+    assert run.proof is not None
+    shipped = prove(run.vehicle)
+    fine = not run.proof.flights.stops.share
+    print(f"\nat its stops in light turbulence: {run.proof.flights.stops}")
+    for axis in ("lat", "lon"):
+        before, after = (_figures(one, axis) for one in (shipped, run.proof))
+        ratio = after["drb"] / before["drb"]
+        kept = after["phase_margin"] >= math.radians(45.0) and after["gain_margin"] >= 6.0
+        fine = fine and kept and ratio >= MORE
+        print(
+            f"{axis}: flown DRB {after['drb']:.2f} rad/s, {ratio:.2f} of the shipped gyro's, with "
+            f"{math.degrees(after['phase_margin']):.0f} deg and {after['gain_margin']:.1f} dB"
+        )
+    return fine
+
+
+def _figures(proof: Proof, axis: str) -> dict[str, float]:
+    return {
+        one.name: one.flown.value
+        for row in proof.table
+        if row.spec.criterion.axis == axis and row.spec.criterion.name in CRITERIA
+        for one in row.figures
+        if one.flown is not None
+    }
+
+
+def other_truths_keep_level_1(seed: int) -> bool:
+    """Print the chain's levels for truths that differ; return whether all are kept."""
+    fine = True
+    for name in TRUTHS:
+        for factor in (1.0 - CHANGED, 1.0 + CHANGED):
+            with tempfile.TemporaryDirectory() as folder:
+                vehicle = changed(Path(folder), name, factor)
+                sweeps = {
+                    axis: hs.fly(vehicle, hs.Sweep(axis=axis), count=_SWEEPS, seed=seed)
+                    for axis in ("lat", "lon", "ped", "col")
+                }
+                run = run_design(sweeps, vehicle=vehicle)
+            fine = fine and run.met
+            word = "Level 1 kept" if run.met else "Level 1 missed"
+            print(f"{name} x {factor:.1f}: {word}, in {100.0 * run.result.share:.0f} % of models")
+    return fine
+
+
+def changed(folder: Path, name: str, factor: float) -> hs.Vehicle:
+    """Return the JR700 with one of its numbers changed, its mass in a folder of its own."""
+    if name != "mass":
+        own = hs.load("jr700").parameters[name]
+        return hs.load("jr700", parameters={name: factor * own})
+    mine = hs.new_vehicle("other", like="jr700", to=folder)
+    mjcf = mine / "other.xml"
+    text = mjcf.read_text(encoding="utf-8")
+    more = (factor - 1.0) * float(hs.load("jr700").model.body_mass.sum())
+
+    def heavier(found: re.Match[str]) -> str:
+        return f'{found[1]}"{float(found[2]) + more:.9g}"'
+
+    changed_text, count = re.subn(r'(<inertial [^>]*mass=)"([\d.eE+-]+)"', heavier, text, count=1)
+    assert count == 1
+    mjcf.write_text(changed_text, encoding="utf-8")
+    return hs.load(mine)
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")  # what flights say of themselves is in the proof's remarks
+    sys.exit(main(*map(int, sys.argv[1:])))
