@@ -132,7 +132,7 @@ def rejection_is_better(run: DesignRun) -> bool:
     fine = not run.proof.flights.stops.share
     print(f"\nat its stops in light turbulence: {run.proof.flights.stops}")
     for axis in ("lat", "lon"):
-        before, after = (_figures(one, axis) for one in (shipped, run.proof))
+        before, after = (figures(one, axis) for one in (shipped, run.proof))
         ratio = after["drb"] / before["drb"]
         kept = after["phase_margin"] >= math.radians(45.0) and after["gain_margin"] >= 6.0
         fine = fine and kept and ratio >= MORE
@@ -143,7 +143,8 @@ def rejection_is_better(run: DesignRun) -> bool:
     return fine
 
 
-def _figures(proof: Proof, axis: str) -> dict[str, float]:
+def figures(proof: Proof, axis: str) -> dict[str, float]:
+    """Return the margins, rejection and bandwidth of an axis as flown, SI and dB."""
     return {
         one.name: one.flown.value
         for row in proof.table

@@ -14,7 +14,7 @@ from helisim.design.usual import usual_specs
 from helisim.errors import InputError, StorageError
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import Criterion
-from helisim.handling.loop import GRID, Loop
+from helisim.handling.loop import Loop
 from helisim.handling.spec import Spec, write_specs
 from helisim.handling.standards import ATTITUDES
 from helisim.laws import AttitudeCommand, Law, RateCommand
@@ -23,7 +23,7 @@ from helisim.records.files import make_folder
 from helisim.records.value import Value
 from helisim.study.flights import Flights
 from helisim.study.for_design import flown_vehicle, identify_for_design
-from helisim.study.proof.prove import Proof, prove
+from helisim.study.proof.prove import GRID, Proof, prove
 from helisim.study.swept import Source, swept
 from helisim.vehicle import Vehicle
 
