@@ -143,6 +143,6 @@ def _cuts(options: argparse.Namespace) -> "tuple[Cut, ...] | None":
             )
     nothing = (None,) * len(injected)
     return tuple(
-        Cut(axis, options.at or "actuators", *channels)
-        for axis, *channels in zip(axes, injected, total or nothing, returned or nothing)
+        Cut(axis, options.at or "actuators", added, both, back)
+        for axis, added, both, back in zip(axes, injected, total or nothing, returned or nothing)
     )

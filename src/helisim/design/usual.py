@@ -47,9 +47,10 @@ def usual_specs(
     """Return what is asked of a law that replaces another one on a small helicopter.
 
     Hard: stability, and margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay,
-    quickness and damping of ADS-33E-PRF, and rejection of disturbances, scaled by Froude's law; in roll and
-    pitch 1.3 times the rejection bandwidth of the law before, in yaw as much as that, where this
-    is more; and slow loads, as of gusts, turn the vehicle less far than with the law before.
+    quickness and damping of ADS-33E-PRF, and rejection of disturbances, scaled by Froude's law; in
+    roll and pitch 1.3 times the rejection bandwidth of the law before, in yaw as much as that,
+    where this is more; and slow loads, as of gusts, turn the vehicle less far than with the law
+    before.
     Objective: crossovers, and what the actuators do. The rest of the standards is
     checked.
 

@@ -203,7 +203,7 @@ def _descend(
         )[..., sought]
         rows = np.concatenate([slope, -residual[..., None]], axis=-1)[running]
         step = np.zeros_like(now)
-        step[np.ix_(running, sought)] = _least_squares(
+        step[np.flatnonzero(running)[:, None], np.flatnonzero(sought)] = _least_squares(
             np.concatenate([rows.real, rows.imag], axis=1), damping[running]
         )
         tried = compare(now + step)

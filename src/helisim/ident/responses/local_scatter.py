@@ -85,8 +85,8 @@ class LocalScatter(Value):
                 if shared is None:
                     break
                 block = mixed[a] @ shared @ mixed[b].T
-                total[np.ix_(mine[a], mine[b])] = block
-                total[np.ix_(mine[b], mine[a])] = block.conj().T
+                total[mine[a][:, None], mine[b]] = block
+                total[mine[b][:, None], mine[a]] = block.conj().T
         total *= root @ root.conj().T
         total += bias_covariance(self.bias, self.frequency, o, i, w)
         if self.spread is not None:
