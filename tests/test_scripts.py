@@ -26,6 +26,7 @@ def run(monkeypatch, tmp_path, capsys):
 def test_a_few_scripts_are_for_users():
     """Proofs and benchmarks have folders of their own."""
     assert sorted(path.name for path in SCRIPTS.glob("*.py")) == [
+        "design_study.py",
         "first_look.py",
         "fly_and_identify.py",
         "fly_by_hand.py",

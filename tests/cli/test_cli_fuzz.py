@@ -96,7 +96,10 @@ def test_what_the_fuzzer_starts_from_is_sound(folder, command):
 @given(data=st.data())
 @settings(max_examples=30)
 def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, data):
-    """Status 0 or 1 and an answer, or status 2 and one line: never another exception."""
+    """Status 0 or 1 and an answer, or status 2 and one line: never another exception.
+
+    A flight in a storm may end early, which is status 3.
+    """
     given_ = []
     for option in data.draw(st.lists(st.sampled_from(OPTIONS[command]), min_size=1, max_size=2)):
         given_ += [text for text in (option, data.draw(ANY)) if text or option]
@@ -104,9 +107,10 @@ def test_any_text_behind_any_option_is_an_answer_or_one_line(folder, command, da
     sound = [*SOUND[command], *([str(folder / "out.csv")] if command == "fly" else [])]
     before = sorted(folder.iterdir())
     status, lines = outcome([command, *place, *sound, *given_])
-    assert status in (0, 1, 2), given_
+    assert status in ((0, 1, 2, 3) if command == "fly" else (0, 1, 2)), given_
     if status == 2:
-        assert len(lines) == 1, lines
+        # of logs every fault is told at once, a line each below the first
+        assert len(lines) == 1 or "things are wrong with the logs" in lines[0], lines
         assert lines[0].startswith("helisim"), lines
         assert sorted(folder.iterdir()) == before
     (folder / "out.csv").unlink(missing_ok=True)

@@ -1,16 +1,15 @@
 """The bars of a design on the JR700, by the script that prints them; each with room to spare."""
 
 import math
-import sys
 
 import pytest
 
 import helisim as hs
 from helisim.study.design_chain import run_design
-from script import SCRIPTS
+from script import loaded
 
-sys.path.insert(0, str(SCRIPTS))
-from design_study import BARS, errors, figures
+STUDY = loaded("design_study")
+BARS, errors, figures = STUDY.BARS, STUDY.errors, STUDY.figures
 
 AXES = ("lat", "lon", "ped")
 SHARE = {"predicted": 0.8, "flown": 0.9}

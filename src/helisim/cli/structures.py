@@ -1,8 +1,8 @@
 """`helisim structures`: what can be identified, and the start of a structure of your own."""
 
 import argparse
+import os
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helisim.cli.common import wrapped
@@ -66,7 +66,7 @@ def find_structure(
         return structures.transfer_function(
             zeros=orders[0], poles=orders[1], input=inputs[0], output=outputs[0]
         )
-    if name.lower().endswith(".toml") or Path(name).is_file():
+    if name.lower().endswith(".toml") or os.path.isfile(name):
         return Structure.from_toml(name)
     raise UnknownNameError("structure", name, (*structures.BUILT_IN, *_GENERIC, "FILE.toml"))
 

@@ -25,6 +25,12 @@ _LOWEST, _HIGHEST = 10.0 * METRE_PER_FOOT, 1000.0 * METRE_PER_FOOT
 _STATES = 8
 
 
+_STILL = 1e-6
+"""m/s: less wind is calm air."""
+_STORM = 150.0
+"""m/s: the strongest winds of tornadoes; the filters' numbers stay in proportion."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Gust:
     """A discrete "1 - cosine" gust (MIL-F-8785C, section 3.7.1.3).
@@ -155,9 +161,9 @@ class Weather:
         rms = (1.0, 1.0, 1.0) if self.rms is None else self.rms
         if len(rms) != 3 or not all(0.0 < level < math.inf for level in rms):
             raise InputError(f"rms needs three positive numbers in m/s, got {self.rms}")
-        if not 0.0 <= self.low_wind < math.inf:
+        if not 0.0 <= self.low_wind <= _STORM:
             raise InputError(
-                "turbulence must be a wind at 20 ft of 0 m/s or more, or one of "
+                f"turbulence must be a wind at 20 ft of 0 to {_STORM:g} m/s, or one of "
                 f"{', '.join(LEVELS)}, got {self.turbulence!r}"
             )
         if self.rms is not None and self.turbulence is not None:
@@ -189,7 +195,7 @@ class Weather:
     @property
     def dryden(self) -> Dryden | None:
         """The turbulence of a hover over the ground; None if calm."""
-        if self.low_wind == 0.0:
+        if self.low_wind < _STILL:
             return None
         shape = 0.177 + 0.000823 * self.height / METRE_PER_FOOT
         down = 0.1 * self.low_wind

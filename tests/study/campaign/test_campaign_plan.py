@@ -222,7 +222,7 @@ def test_a_plan_is_plain_data():
         ("[vary.sweep]\nduration = { mean = 60, std = 0 }", "std must be positive"),
         ("[vary.sweep]\nduration = { values = [1, 2], relative = 1 }", "true or false"),
         ("[set.sweep]\nduration = 30\n[vary.sweep]\nduration = [30, 60]", "both set and varied"),
-        ("[vary.weather]\nturbulence = [0, -1]", "wind at 20 ft of 0 m/s or more"),
+        ("[vary.weather]\nturbulence = [0, -1]", "wind at 20 ft of 0 to 150 m/s"),
         ("[vary.weather]\nturbulence = ['light', 'rough']", "available: light, moderate, severe"),
         ("[vary.weather]\nturbulence = [0, 'light']", "mixes numbers and text"),
         (
