@@ -7,7 +7,6 @@ from helisim.handling.closed_loop import Linear
 from helisim.handling.criteria import (
     ActuatorOnset,
     ActuatorUse,
-    AttitudeQuickness,
     Crossover,
     DisturbanceRejection,
     Limit,
@@ -46,8 +45,8 @@ def usual_specs(
 ) -> tuple[Spec, ...]:
     """Return what is asked of a law that replaces another one on a small helicopter.
 
-    Hard: stability, and margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay,
-    quickness and damping of ADS-33E-PRF, and rejection of disturbances, scaled by Froude's law; in
+    Hard: stability, and margins of 45 deg and 6 dB at the actuators. Soft: bandwidth, phase delay
+    and damping of ADS-33E-PRF, and rejection of disturbances, scaled by Froude's law; in
     roll and pitch 1.3 times the rejection bandwidth of the law before, in yaw as much as that,
     where this is more; and slow loads, as of gusts, turn the vehicle less far than with the law
     before.
@@ -79,10 +78,7 @@ def usual_specs(
         )
         loads = _CYCLIC if axis in _CYCLIC else (axis,)
         found += [Spec(_stiffer(loop, axis, by, own / _LOADS)) for by in loads]
-    found += [
-        replace(one, kind="soft") if isinstance(one.criterion, AttitudeQuickness) else one
-        for one in standard(TASK, scale=scale)
-    ]
+    found += standard(TASK, scale=scale)
     for axis in ATTITUDES:
         found += [
             Spec(Crossover(axis=axis, frequency=_FAST), "objective"),
