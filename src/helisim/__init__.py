@@ -19,6 +19,7 @@ The house, from the ground up; each room imports only from those above it in thi
     look            a first look at logs of which nothing is known: what to identify, and how
     sim             what is flown and recorded: pilot, manoeuvre, weather, faults; `rigs`: benches
     design          from an identified model to a control law that meets specifications
+    sitl            an outside autopilot in the loop: ArduPilot flies the vehicle, lock step
     paper           published values and the paper's errata: compared with, never fed to `ident`
     study           the experiment: models, truth, flights, results; `campaign`: many replicates
     output          results as tables, plots, a report, a Rerun recording; computes nothing
