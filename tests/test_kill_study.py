@@ -4,7 +4,7 @@ import pytest
 
 from script import loaded
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.study
 
 
 @pytest.fixture(scope="module")

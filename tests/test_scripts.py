@@ -136,7 +136,7 @@ def test_a_report_of_a_fit_is_one_page(run, tmp_path):
         assert part in page
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_campaign_is_flown_and_looked_at(run):
     """Both levels of noise; a second run flies nothing and prints the same."""
     printed = run("run_campaign.py", "noise", 1)
@@ -155,7 +155,7 @@ def test_an_agent_of_a_few_lines_flies(run):
     assert int(lost) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_policy_learns_to_hover(run, tmp_path):
     """A fifth of a million frames: a curve that rises, a picture, a policy that beats none."""
     pytest.importorskip("stable_baselines3", reason="pip install helisim[learn]")
@@ -169,7 +169,7 @@ def test_a_policy_learns_to_hover(run, tmp_path):
     assert learned > 2.0 * held
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_four_axes_at_once_take_a_fifth_of_the_time(run):
     """The sweeps' Cramér-Rao bounds, to 5 %, and no parameter further from the truth than its own.
 

@@ -221,7 +221,7 @@ class Baseline:
         )
         measured.start()
         times = Times(measured)
-        status = pytest.main(["-q", "-n0", "-m", "not slow", *tests], plugins=[times])
+        status = pytest.main(["-q", "-n0", "-m", "not slow and not study", *tests], plugins=[times])
         measured.stop()
         data = measured.get_data()
         lines = {

@@ -92,7 +92,7 @@ def test_random_systems_are_found(case, number):
     assert study(case, 0.5, 77, number) == number
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("case", "delay"),
     [("0/1", 0.5), ("1/2", 0.28), ("1/2", 1.2), ("2/4", 0.5), ("3/4", 0.5), ("rollpitch", 0.5)],

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from monte_carlo import CASES, replicate
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.study
 
 
 def at_most(limit, scatter, count):

@@ -32,7 +32,7 @@ def yaw_estimate(seed, **options):
     return identify(frf, structures.yaw_base, frequencies_per_response=40)["N_r"].value
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.filterwarnings("ignore::helisim.ident.ClosedLoopWarning")
 def test_joint_beats_direct_in_yaw():
     """A gust under rate feedback biases N_r of the direct estimate, not the joint one's."""
@@ -46,7 +46,7 @@ def test_joint_beats_direct_in_yaw():
     assert np.mean(np.abs(joint)) < 0.6 * np.mean(np.abs(direct))
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.filterwarnings("ignore::helisim.ident.ClosedLoopWarning")
 def test_joint_response_is_closer_in_roll_and_pitch():
     """Where a gust and feedback drive the cyclic, the joint response is nearer to the truth."""

@@ -24,7 +24,7 @@ def run(jr700):
     return run_design(sweeps, vehicle=jr700)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_predicted_and_flown_figures_are_within_their_bars(run):
     """Against the exact sampled linearisation, flown ones over the air that was met."""
     found = list(errors(run))
@@ -35,7 +35,7 @@ def test_predicted_and_flown_figures_are_within_their_bars(run):
         assert abs(one.flown) < SHARE["flown"] * bar, one
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_it_keeps_its_levels_in_flight_away_from_all_stops(run):
     """In every model drawn, in flight, and in light turbulence."""
     assert run.met
@@ -44,7 +44,7 @@ def test_it_keeps_its_levels_in_flight_away_from_all_stops(run):
     assert max(run.proof.flights.stops.largest.values()) < 0.25  # half of the way to the stops
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize(("axis", "shipped"), [("lat", 9.91), ("lon", 20.9)])
 def test_it_rejects_a_third_more_than_the_shipped_gyro(run, axis, shipped):
     """Flown, with 45 degrees and 6 dB; the gyro's is the exact one."""
@@ -54,7 +54,7 @@ def test_it_rejects_a_third_more_than_the_shipped_gyro(run, axis, shipped):
     assert found["gain_margin"] > 6.0
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("angle", ["phi", "theta", "psi"])
 def test_a_gust_turns_it_less_than_with_the_shipped_gyro(run, angle):
     """The same gust, flown with both, hands off."""

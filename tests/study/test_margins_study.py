@@ -13,7 +13,7 @@ from margins_study import study
 REPLICATES = 16
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_intervals_hold_the_exact_figures_and_are_no_wider_than_need_be(jr700):
     """Noise and light turbulence: 94 % of all, with the gyro, at actuators, sensors and sticks.
 

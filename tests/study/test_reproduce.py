@@ -57,7 +57,7 @@ def test_every_parameter_is_recovered_and_agrees_with_the_paper(results):
     assert results.misses == ()
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_another_truth_is_followed():
     """With hub stiffness and both lift slopes changed by 20 %, the estimates move along."""
     changed = {
@@ -74,7 +74,7 @@ def test_another_truth_is_followed():
         assert moved > 2.0 * TIGHT_PERCENT / 100.0, (name, moved)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_halving_the_time_step_changes_little(results):
     """Half the time step moves no parameter by more than a third of its tolerance."""
     finer = hs.reproduce(seed=1, timestep=0.001).results

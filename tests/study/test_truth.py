@@ -136,7 +136,7 @@ def test_gusts_lie_along_the_path_through_the_air(jr700):
     assert spread == pytest.approx([0.1, 2.0, 0.1], rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_truth_in_gusts_is_the_mean_over_the_air(jr700, recorder):
     """Derivatives, the gyro's sideslip and the equivalents; delays stay."""
     air = air_met(jr700, LIGHT)

@@ -24,7 +24,7 @@ def table(vehicle):
     return margin_table(vehicle)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_tuning_again_prints_the_shipped_gains_and_the_margins(vehicle, table, capsys):
     """`helisim tune` finds the numbers of tuned.toml: nobody typed them. Margins stand below."""
     assert main(["tune"]) == 0

@@ -175,7 +175,7 @@ def test_an_estimate_says_what_it_lacks(tmp_path, capsys):
     assert "[geometry] with lift_slope (1/rad), blade_inertia (kg m^2), hub_stiffness" in said
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("size", [0.415, 2.78])
 def test_the_same_at_any_size(tmp_path, size):
     """From 0.3 to 90 kg: what isn't calibrated follows Froude's laws, and sweeps identify it."""

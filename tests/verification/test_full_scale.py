@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from tests import script
+import script
 
 from helisim.paper import lynx
 

@@ -59,7 +59,7 @@ def random_error(campaign, model, name):
     return identify_model(model, flights, estimated=noise)[name].standard_error
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("name", MAIN)
 def test_the_joint_estimate_is_within_ten_percent_of_truth_in_light_turbulence(gusty, name):
     """Ten percent is what is asked for; no estimate is further off than its error explains."""
@@ -70,7 +70,7 @@ def test_the_joint_estimate_is_within_ten_percent_of_truth_in_light_turbulence(g
     assert error < 3.0 * one["standard_error"] + 0.02 * abs(one["truth"])
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_direct_estimate_of_the_yaw_damping_is_biased(light, gusty):
     """The gyro answers each gust with the pedal, which adds its inverse to r/ped."""
     joint, direct = gusty["joint", "N_r"], gusty["direct", "N_r"]
@@ -81,7 +81,7 @@ def test_the_direct_estimate_of_the_yaw_damping_is_biased(light, gusty):
     assert truth - direct["estimate"] > 2.0 * random_error(light, model, "N_r")
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_an_uncorrected_lever_arm_moves_the_yaw_damping(jr700, tmp_path):
     """N_r by what the geometry says, heave by less than a percent, roll and pitch not at all."""
     campaign = read_campaign(CAMPAIGNS / "lever_arm.toml")
