@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import pytest
-import script
 
+import script
 from helisim.paper import lynx
 
 proof = script.loaded("proof/full_scale")
