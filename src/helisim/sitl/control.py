@@ -208,7 +208,7 @@ class ArduCopterLaw(Value):
         return whole
 
     def gyro(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the response of the gyro's filter, (n_freq,), at frequencies, rad/s."""
+        """Return the response of the gyro's filter, (n_freq,), at frequencies, (n_freq,) rad/s."""
         if not self.gyro_hz:
             return np.ones(np.shape(frequency), dtype=np.complex128)
         b, a = butter(2, min(self.gyro_hz, 0.4 * self.gyro_rate), fs=self.gyro_rate)
@@ -219,6 +219,10 @@ class ArduCopterLaw(Value):
 
         The loop is open: what is sensed stands still. What such an axis adds is thus as if this
         times as much had been added at the command.
+
+        Args:
+            axis: of control.
+            frequency: (n_freq,) rad/s.
         """
         row = COMMANDS.index(axis_of(axis).name)
         return self.ticked.response(frequency)[row, len(self.inputs) + row]
