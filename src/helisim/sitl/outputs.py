@@ -1,45 +1,124 @@
 """What an autopilot's outputs move: pulses of so many microseconds to servos and rotor speed."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 
-import numpy as np
-from numpy.typing import NDArray
+from helisim.errors import InputError, ModelError
+
+_CHANNELS = 32
+"""Of ArduPilot, at most."""
 
 
 @dataclass(frozen=True)
 class Output:
-    """One servo's output.
+    """One output.
 
     Attributes:
         channel: of the autopilot, from 1.
-        trim_us: pulse at which the servo stands in its middle, us.
-        travel_us: by which it moves one unit, us; negative where the servo is reversed.
+        trim: pulse at which what it moves stands in its middle, or a motor is off, us.
+        travel: how much longer the pulse is at the end of the travel, or of the rotor's nominal
+            speed, us; negative where it is reversed.
+
+    Raises:
+        InputError: there is no such channel, or no travel.
     """
 
     channel: int
-    trim_us: float = 1500.0
-    travel_us: float = 500.0
+    trim: float = 1500.0
+    travel: float = 500.0
 
-    def position(self, pulses: Sequence[int]) -> float:
-        """Return where the servo is asked to be, unitised; its middle while the output is off."""
-        pulse = pulses[self.channel - 1]
-        return (pulse - self.trim_us) / self.travel_us if pulse else 0.0
+    def __post_init__(self) -> None:
+        if self.channel not in range(1, _CHANNELS + 1):
+            raise InputError(
+                f"an output's channel must be a whole number from 1 to {_CHANNELS}, got "
+                f"{self.channel:g}"
+            )
+        object.__setattr__(self, "channel", int(self.channel))
+        if self.travel == 0.0:
+            raise InputError("an output's travel must not be 0 us")
+
+    def share(self, pulses: Sequence[int], off: float = 0.0) -> float:
+        """Return which share of the travel a pulse asks for: 0 in the middle, 1 at its end.
+
+        Args:
+            pulses: of all outputs, us; 0 where one is off.
+            off: what to return then, and where there is no such output.
+
+        Returns:
+            Not limited: what is moved has its own stops.
+        """
+        pulse = pulses[self.channel - 1] if self.channel <= len(pulses) else 0
+        return (pulse - self.trim) / self.travel if pulse else off
+
+    def pulse(self, share: float) -> float:
+        """Return the pulse that asks for a share of the travel, us."""
+        return self.trim + self.travel * share
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """All outputs of a vehicle.
+    """The outputs of a vehicle, by what they move.
 
     Attributes:
-        servos: of the front, left, right and tail servo.
-        rotor: of the speed controller: 0 at its trim, the nominal speed one travel above.
+        front: servo of the swashplate.
+        left: likewise.
+        right: likewise.
+        tail: servo of the tail rotor, or the pedals where a gyro stays between.
+        rotor: the motor's speed controller: off up to its trim, the nominal speed one travel above.
+        reach: farthest that a servo moves to each side, in the unit of its position.
+
+    Raises:
+        InputError: two are moved by the same channel.
     """
 
-    servos: tuple[Output, ...] = (Output(1), Output(2), Output(3), Output(4))
-    rotor: Output = Output(8, 1000.0, 1000.0)
+    front: Output = Output(1)
+    left: Output = Output(2)
+    right: Output = Output(3)
+    tail: Output = Output(4)
+    rotor: Output = Output(8, 1000.0, 700.0)
+    reach: float = 0.75
 
-    def commands(self, pulses: Sequence[int]) -> NDArray[np.float64]:
-        """Return the commands of the four servos, and the rotor's speed over the nominal, (5,)."""
-        servos = [servo.position(pulses) for servo in self.servos]
-        return np.array([*servos, max(0.0, self.rotor.position(pulses))])
+    def __post_init__(self) -> None:
+        found: dict[int, str] = {}
+        for name in ("front", "left", "right", "tail", "rotor"):
+            channel = getattr(self, name).channel
+            if channel in found:
+                raise InputError(f"output {channel} can't move both {found[channel]} and {name}")
+            found[channel] = name
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, float]) -> "Outputs":
+        """Return those of a vehicle, by its parameters `outputs.front_channel` and so on.
+
+        Raises:
+            ModelError: they are none.
+        """
+        numbers = [field.name for field in fields(Output)]
+        try:
+            each = [
+                Output(*(parameters[f"outputs.{name}_{number}"] for number in numbers))
+                for name in ("front", "left", "right", "tail", "rotor")
+            ]
+            return cls(*each, reach=parameters["servo.travel"])
+        except InputError as error:
+            raise ModelError(f"[outputs]: {error}") from None
+
+    def servos(self, pulses: Sequence[int], held: Sequence[float]) -> list[float]:
+        """Return the commands of the front, left, right and tail servo, unitised.
+
+        Args:
+            pulses: of all outputs, us.
+            held: where the servos are asked to be now, (4,); one without pulses stays there.
+        """
+        return [
+            self.reach * output.share(pulses, off / self.reach)
+            for output, off in zip((self.front, self.left, self.right, self.tail), held)
+        ]
+
+    def speed(self, pulses: Sequence[int]) -> float:
+        """Return the speed that is asked of the rotor, over the nominal one; 0 without pulses."""
+        return max(0.0, self.rotor.share(pulses))
+
+    def pedals(self, pulses: Sequence[int], held: float) -> float:
+        """Return the stick PED that the tail's output asks for where a gyro stays, unitised."""
+        return 0.5 * self.tail.share(pulses, 2.0 * held)

@@ -13,6 +13,7 @@ OPTIONAL = (
     "tailplane",
     "drive",
     "swashplate",
+    "outputs",
     "recorder_latency",
     "tuning",
     "targets",

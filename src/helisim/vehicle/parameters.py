@@ -168,6 +168,17 @@ _LEFT_OUT = {
     "swashplate.right_angle": (-2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),
     **{f"swashplate.{name}_arm": (1.0, "1", "all arms are equal") for name in _SWASH_SERVOS},
     **{f"swashplate.{name}_sign": (1.0, "1", "none is reversed") for name in _SWASH_SERVOS},
+    **{
+        f"outputs.{name}_channel": (number, "1", "as ArduPilot numbers them")
+        for name, number in dict(front=1.0, left=2.0, right=3.0, tail=4.0, rotor=8.0).items()
+    },
+    **{
+        f"outputs.{name}_{what}": (value, "us", "usual for servos")
+        for what, value in {"trim": 1500.0, "travel": 500.0}.items()
+        for name in (*_SWASH_SERVOS, "tail")
+    },
+    "outputs.rotor_trim": (1000.0, "us", "usual for speed controllers"),
+    "outputs.rotor_travel": (700.0, "us", "the nominal speed at 70 %, as ArduPilot has it"),
     "airframe.drag_centre_x": (0.0, "m", "at the centre of gravity"),
     "airframe.drag_centre_z": (0.0, "m", "at the centre of gravity"),
     "airframe.pitch_volume": (0.0, "m^3", "no moment of the fuselage"),
