@@ -1,81 +1,242 @@
-"""A vehicle on its ground, flown by frames of pulses."""
+"""A vehicle on its ground, flown by frames of pulses.
 
+Timing, which a model of the loop needs: an answer tells the state at its own time t. The pulses of
+the frame that follows act from t on, held until the next answer's time, t + 1 / rate_hz; there is
+no other delay on this side than the servos'. Rates and specific force are those at t too, not of
+the time step's start.
+"""
+
+import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from fractions import Fraction
+from typing import Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from helisim.physics.frames import flip
-from helisim.physics.layout import CONTROL, SENSOR
+from helisim.errors import InputError, UnknownNameError
+from helisim.physics.layout import CONTROL, SENSOR, STATE
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
 from helisim.sim.ground import Ground
+from helisim.sim.simulation import generator
+from helisim.sim.weather import Weather
+from helisim.sitl.drive import SlowRotor, powered
 from helisim.sitl.outputs import Outputs
 from helisim.sitl.packet import Sensed
-from helisim.vehicle import load
+from helisim.sitl.watch import Watch
+from helisim.vehicle import Vehicle, load
+from helisim.vehicle.controller import DIRECT, SHIPPED, Controller
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 
+Tail = Literal["direct", "gyro"]
+TAILS: tuple[Tail, ...] = ("direct", "gyro")
+RATE_HZ = 1000.0
+"""Frames a second: the rate of the simulated gyro of ArduPilot's, which has one sample a frame."""
+_SHORTEST = Fraction(1, 10_000)
+"""s, of a time step."""
+
 
 class Aircraft:
-    """A vehicle that stands on the ground, its rotor stopped, until an autopilot flies it."""
+    """A vehicle that stands on the ground, its rotor stopped, until an autopilot flies it.
 
-    def __init__(self, vehicle: str = "jr700", *, ground: Ground | None = None) -> None:
+    It takes off, flies, lands and stands again. After a rotor's strike or a hard landing the rotor
+    is gone: what is left falls, and lies there, until `reset`.
+
+    Attributes:
+        vehicle: that flies, with a motor where it has the numbers of one.
+        outputs: which of them moves what.
+        model: MuJoCo's, with the ground.
+        data: MuJoCo's, evaluated at its time.
+        crashed: why it flies no longer, "" if it does.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle | str = "jr700",
+        *,
+        tail: str = "direct",
+        rate_hz: float = RATE_HZ,
+        ground: Ground | None = None,
+        weather: Weather | None = None,
+        seed: int = 1,
+    ) -> None:
         """Place a vehicle on the ground.
 
         Args:
-            vehicle: name or folder.
-            ground: level, with its effect, if None.
+            vehicle: a vehicle, or its name or folder.
+            tail: "direct" where the tail's output moves the servo, "gyro" where the vehicle's own
+                yaw gyro stays between, whose pedals it then is.
+            rate_hz: frames a second of simulated time.
+            ground: that it stands on; level, with its effect, if None.
+            weather: that is flown through; calm if None.
+            seed: of turbulence, 0 or more.
+
+        Raises:
+            UnknownNameError: no such vehicle or tail.
+            InputError: the rate or the seed is out of range, or the gyro's ticks don't fit.
+            ModelError: the vehicle's outputs are none.
         """
-        ground = ground or Ground(parked=True, rotor=0.0)
-        loaded = load(vehicle, parameters={"drive.governor": "motor"})
-        self.vehicle = ground.felt_by(loaded.with_controller(None))
-        self.model = self.vehicle.grounded_model(ground.put_into)
-        self.data = mujoco.MjData(self.model)
-        self.outputs = Outputs()
+        if tail not in TAILS:
+            raise UnknownNameError("tail", tail, TAILS)
+        if seed < 0:
+            raise InputError(f"seed must be 0 or more, got {seed}")
+        self.ground = replace(ground or Ground(), parked=True)
+        self.weather, self.seed, self.tail = weather or Weather(), seed, tail
+        gyro = tail == "gyro"
+        loaded = load(vehicle) if isinstance(vehicle, str) else vehicle
+        self.period = _period(rate_hz)
+        self._each = _steps(self.period, loaded)
+        flown = powered(loaded, float(self.period / self._each))
+        flown = flown.with_controller(Controller(swash=None, tail=SHIPPED) if gyro else DIRECT)
+        self.vehicle = self.weather.trimmed(self.ground.felt_by(flown))
+        self.outputs = Outputs.of(self.vehicle.parameters)
+        self.model = self.vehicle.grounded_model(self.ground.put_into)
         self._where = addresses(self.model)
         par = self.model.actuator_user[self._where.rotor]
-        par[PARAM.gyro_on] = par[PARAM.pilot_on] = 0.0
-        par[PARAM.ground_effect] = ground.effect
+        par[PARAM.gyro_on], par[PARAM.pilot_on] = float(gyro), 0.0
+        par[PARAM.ground_effect] = self.ground.effect
+        air_seed = int(generator(seed, 0, "air").integers(2**31))
+        self.weather.write(par, self.vehicle, seed=air_seed)
+        self._rotor = SlowRotor(float(self.period)) if not par[PARAM.drive_governor] else None
+        self._imu = int(self.model.sensor("imu_gyro").adr[0])
+        self._watch = Watch(self.vehicle, self.ground)
+        self.data = mujoco.MjData(self.model)
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand on the ground again at time 0, the rotor stopped."""
         place(self.model, self.data, self.vehicle.trim)
+        ground = self.ground if self._rotor else replace(self.ground, rotor=0.0)
         ground.begin(self.vehicle, self.model, self.data)
-
-    def step(self, pulses: Sequence[int]) -> Sensed:
-        """Fly on by one time step with the outputs where they are, and return what is sensed."""
-        first = self._where.control
-        commands = self.outputs.commands(pulses)
-        self.data.ctrl[first + CONTROL.servo_front : first + CONTROL.rotor + 1] = commands
+        act = self.data.act[self._where.state :]
+        act[STATE.inflow_0 : STATE.inflow_c + 1] = 0.0
+        rough = self.weather.start(self.vehicle, generator(self.seed, 0, "first air"))
+        act[STATE.air_u : STATE.air_u + len(rough)] = rough
+        self.data.ctrl[self._where.control + CONTROL.rotor] = 0.0
+        self.crashed, self._frames, self._finite = "", 0, True
+        self._watch.begin()
+        if self._rotor is not None:
+            self._rotor.speed = 0.0
         with installed():
-            mujoco.mj_step(self.model, self.data)
-        return self.sensed()
-
-    def sensed(self) -> Sensed:
-        """Return what the IMU senses where the last step began."""
-        sensors = self.data.sensordata[int(self.model.sensor_adr[self._first]) :]
-
-        def three(name: int) -> NDArray[np.float64]:
-            return np.array(flip(*sensors[name : name + 3]))
-
-        w, x, y, z = sensors[SENSOR.imu_quat_w : SENSOR.imu_quat_w + 4]
-        turn = np.array([w, *flip(x, y, z)])
-        return Sensed(
-            time=float(sensors[SENSOR.clock]),
-            gyro=three(SENSOR.imu_p),
-            force=three(SENSOR.imu_ax),
-            position=three(SENSOR.imu_x),
-            velocity=_turned(turn, three(SENSOR.imu_u)),
-            quaternion=turn,
-        )
+            mujoco.mj_forward(self.model, self.data)
+        self._sensed = self._read()
 
     @property
-    def _first(self) -> int:
-        return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SENSOR, "imu_gyro"))
+    def time(self) -> float:
+        """Simulated time since the last `reset`, s."""
+        return float(self._frames * self.period)
+
+    @property
+    def sensed(self) -> Sensed:
+        """What the sensors say now."""
+        return self._sensed
+
+    @property
+    def rotor_speed(self) -> float:
+        """Of the main rotor, over its nominal speed."""
+        return float(self.data.sensordata[self._imu + SENSOR.speed])
+
+    @property
+    def stands(self) -> bool:
+        """Whether anything touches the ground."""
+        return bool(self.data.ncon)
+
+    def step(self, pulses: Sequence[int]) -> Sensed:
+        """Fly on by one frame with the outputs at these pulses, and return what is sensed then.
+
+        Args:
+            pulses: of the autopilot's outputs, us; 0 where one is off: a servo stays where it is
+                asked to be, and the motor stops.
+        """
+        self._frames += 1
+        if self._finite:
+            self._command(pulses)
+            with installed():
+                mujoco.mj_step(self.model, self.data, self._each)
+                mujoco.mj_forward(self.model, self.data)
+            sensed = self._read()
+            self._finite = math.isfinite(float(sensed.position.sum() + sensed.gyro.sum()))
+        if not self._finite:
+            self.crashed = self.crashed or "the flight has no finite state"
+            self._sensed = replace(self._sensed, time=self.time)
+            return self._sensed
+        self._sensed = sensed
+        if not self.crashed:
+            self.crashed = self._watch.found(sensed, self.stands)
+            if self.crashed:
+                self._lose_rotor()
+        return sensed
+
+    def _command(self, pulses: Sequence[int]) -> None:
+        first = self._where.control
+        held = self.data.ctrl[first : first + CONTROL.rotor + 1].tolist()
+        servos = self.outputs.servos(pulses, held[CONTROL.servo_front : CONTROL.rotor])
+        speed = 0.0 if self.crashed else self.outputs.speed(pulses)
+        if self._rotor is not None:
+            speed = self._rotor.towards(speed)
+        if self.tail == "gyro":
+            held[CONTROL.ped] = self.outputs.pedals(pulses, held[CONTROL.ped])
+            servos[-1] = held[CONTROL.servo_tail]
+        held[CONTROL.servo_front :] = [*servos, speed]
+        self.data.ctrl[first : first + CONTROL.rotor + 1] = held
+
+    def _lose_rotor(self) -> None:
+        act = self.data.act[self._where.state :]
+        act[STATE.speed] = act[STATE.engine] = act[STATE.governor] = 0.0
+        if self._rotor is not None:
+            self._rotor.speed = 0.0
+
+    def _read(self) -> Sensed:
+        """Return what the IMU senses in the state that was evaluated last."""
+        (p, q, r, ax, ay, az, u, v, w, qw, qx, qy, qz, x, y, z) = self.data.sensordata[
+            self._imu : self._imu + SENSOR.imu_z + 1
+        ].tolist()
+        v, w, qy, qz = -v, -w, -qy, -qz
+        # t + 2 qw (q x u) + ...: a quaternion turns the velocity into earth axes
+        tx, ty, tz = 2.0 * (qy * w - qz * v), 2.0 * (qz * u - qx * w), 2.0 * (qx * v - qy * u)
+        return Sensed(
+            time=self.time,
+            gyro=np.array((p, -q, -r)),
+            force=np.array((ax, -ay, -az)),
+            position=np.array((x, -y, -z)),
+            velocity=np.array(
+                (
+                    u + qw * tx + qy * tz - qz * ty,
+                    v + qw * ty + qz * tx - qx * tz,
+                    w + qw * tz + qx * ty - qy * tx,
+                )
+            ),
+            quaternion=np.array((qw, qx, qy, qz)),
+        )
 
 
-def _turned(quaternion: NDArray[np.float64], vector: NDArray[np.float64]) -> Any:
-    """Return a body's vector in earth axes, (3,)."""
-    turned = np.empty(3)
-    mujoco.mju_rotVecQuat(turned, vector, quaternion)
-    return turned
+def _period(rate_hz: float) -> Fraction:
+    """Return the time between two frames, s, whole microseconds as the autopilot counts them."""
+    microseconds = 1e6 / rate_hz if rate_hz > 0.0 else math.inf
+    if not (100.0 <= microseconds <= 20_000.0 and abs(microseconds % 1.0) < 1e-9):
+        raise InputError(
+            "the frames a second must be from 50 to 10000 and whole microseconds apart, such as "
+            f"400, 500, 800 or 1000, got {rate_hz:g}"
+        )
+    return Fraction(round(microseconds), 1_000_000)
+
+
+def _steps(period: Fraction, vehicle: Vehicle) -> int:
+    """Return how many time steps a frame has; a period of the vehicle's gyro has a whole number."""
+    tick, longest = (
+        Fraction(seconds).limit_denominator(1_000_000)
+        for seconds in (vehicle.parameters["gyro.period"], float(vehicle.model.opt.timestep))
+    )
+    both = Fraction(
+        math.gcd(period.numerator * tick.denominator, tick.numerator * period.denominator),
+        period.denominator * tick.denominator,
+    )
+    if both < _SHORTEST:
+        raise InputError(
+            f"the gyro's ticks are {1e3 * float(tick):g} ms apart, and no time step fits them and "
+            f"{float(1 / period):g} frames a second; try {RATE_HZ:g}"
+        )
+    return round(period / both) * math.ceil(both / longest)

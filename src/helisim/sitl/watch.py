@@ -1,0 +1,70 @@
+"""What becomes of a flight by frames near the ground: a landing, a rotor's strike, a fall."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from helisim.sim.clearance import outline
+from helisim.sim.ground import Ground
+from helisim.sim.landing import HARDEST_LANDING, rims
+from helisim.sitl.packet import Sensed
+from helisim.vehicle import Vehicle
+
+_FASTEST = 25.0
+"""m/s, at which nothing nears the ground any faster: so long it need not be looked for."""
+
+
+class Watch:
+    """Looks where landing gear and rotors are, as seldom as their clearance allows."""
+
+    def __init__(self, vehicle: Vehicle, ground: Ground) -> None:
+        """Take the shape of a vehicle and the ground below it."""
+        shape = outline(vehicle)
+        self._ground = ground
+        self._gear, self._radii = shape.points, shape.radii
+        self._rims = dict(rims(shape))
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was: a new flight begins."""
+        self._next = 0.0
+        self._seen: tuple[Sensed | None, Sensed | None] = None, None
+        self._touched = False
+
+    def found(self, now: Sensed, touches: bool) -> str:
+        """Return why the flight ends with this frame, "" if it goes on.
+
+        Args:
+            now: what is sensed.
+            touches: whether anything touches the ground.
+        """
+        before, self._seen = self._seen, (self._seen[1], now)
+        first, self._touched = touches and not self._touched, touches
+        if first and (sinking := self._sinking(*before)) > HARDEST_LANDING:
+            return f"the helicopter hit the ground at {sinking:.1f} m/s"
+        return self._struck(now) if now.time >= self._next else ""
+
+    def _sinking(self, earlier: Sensed | None, later: Sensed | None) -> float:
+        """Return how fast the lowest point of the landing gear came down between two frames."""
+        if earlier is None or later is None:
+            return 0.0
+        high, low = (float((self._heights(at, self._gear) - self._radii).min()) for at in
+                     (earlier, later))
+        return (high - low) / (later.time - earlier.time)
+
+    def _struck(self, now: Sensed) -> str:
+        """Return which rotor's disc reaches into the ground, in words."""
+        least = np.inf
+        for name, rim in self._rims.items():
+            clear = float(self._heights(now, rim).min())
+            if clear < 0.0:
+                return f"the {name} rotor struck the ground"
+            least = min(least, clear)
+        self._next = now.time + least / _FASTEST
+        return ""
+
+    def _heights(self, at: Sensed, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how high points (n, 3) from the IMU, body axes, are above the ground, (n,)."""
+        turn = Rotation.from_quat(at.quaternion, scalar_first=True).as_matrix()
+        places = at.position + points @ turn.T
+        return self._ground.heights(np.array([at.time]), places[None])[0]
