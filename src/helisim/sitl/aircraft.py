@@ -152,23 +152,27 @@ class Aircraft:
                 asked to be, and the motor stops.
         """
         self._frames += 1
-        if self._finite:
-            self._command(pulses)
-            with installed():
-                mujoco.mj_step(self.model, self.data, self._each)
-                mujoco.mj_forward(self.model, self.data)
-            sensed = self._read()
-            self._finite = math.isfinite(float(sensed.position.sum() + sensed.gyro.sum()))
         if not self._finite:
-            self.crashed = self.crashed or "the flight has no finite state"
-            self._sensed = replace(self._sensed, time=self.time)
-            return self._sensed
+            return self._stop()
+        self._command(pulses)
+        with installed():
+            mujoco.mj_step(self.model, self.data, self._each)
+            mujoco.mj_forward(self.model, self.data)
+        sensed = self._read()
+        if not math.isfinite(float(sensed.position.sum() + sensed.gyro.sum())):
+            return self._stop()
         self._sensed = sensed
         if not self.crashed:
             self.crashed = self._watch.found(sensed, self.stands)
             if self.crashed:
                 self._lose_rotor()
         return sensed
+
+    def _stop(self) -> Sensed:
+        """Return what was sensed last, in a flight whose numbers broke; only time goes on."""
+        self._finite, self.crashed = False, self.crashed or "the flight has no finite state"
+        self._sensed = replace(self._sensed, time=self.time)
+        return self._sensed
 
     def _command(self, pulses: Sequence[int]) -> None:
         first = self._where.control

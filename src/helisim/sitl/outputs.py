@@ -1,12 +1,13 @@
 """What an autopilot's outputs move: pulses of so many microseconds to servos and rotor speed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from helisim.errors import InputError, ModelError
 
 _CHANNELS = 32
 """Of ArduPilot, at most."""
+_MOVED = ("front", "left", "right", "tail", "rotor")
 
 
 @dataclass(frozen=True)
@@ -14,7 +15,7 @@ class Output:
     """One output.
 
     Attributes:
-        channel: of the autopilot, from 1.
+        channel: of the autopilot, a whole number from 1.
         trim: pulse at which what it moves stands in its middle, or a motor is off, us.
         travel: how much longer the pulse is at the end of the travel, or of the rotor's nominal
             speed, us; negative where it is reversed.
@@ -23,7 +24,7 @@ class Output:
         InputError: there is no such channel, or no travel.
     """
 
-    channel: int
+    channel: float
     trim: float = 1500.0
     travel: float = 500.0
 
@@ -33,7 +34,6 @@ class Output:
                 f"an output's channel must be a whole number from 1 to {_CHANNELS}, got "
                 f"{self.channel:g}"
             )
-        object.__setattr__(self, "channel", int(self.channel))
         if self.travel == 0.0:
             raise InputError("an output's travel must not be 0 us")
 
@@ -47,7 +47,7 @@ class Output:
         Returns:
             Not limited: what is moved has its own stops.
         """
-        pulse = pulses[self.channel - 1] if self.channel <= len(pulses) else 0
+        pulse = pulses[int(self.channel) - 1] if self.channel <= len(pulses) else 0
         return (pulse - self.trim) / self.travel if pulse else off
 
     def pulse(self, share: float) -> float:
@@ -80,10 +80,10 @@ class Outputs:
 
     def __post_init__(self) -> None:
         found: dict[int, str] = {}
-        for name in ("front", "left", "right", "tail", "rotor"):
+        for name in _MOVED:
             channel = getattr(self, name).channel
             if channel in found:
-                raise InputError(f"output {channel} can't move both {found[channel]} and {name}")
+                raise InputError(f"output {channel:g} can't move both {found[channel]} and {name}")
             found[channel] = name
 
     @classmethod
@@ -93,13 +93,15 @@ class Outputs:
         Raises:
             ModelError: they are none.
         """
-        numbers = [field.name for field in fields(Output)]
+
+        def output(name: str) -> Output:
+            channel, trim, travel = (
+                parameters[f"outputs.{name}_{number}"] for number in ("channel", "trim", "travel")
+            )
+            return Output(channel, round(1e6 * trim, 6), round(1e6 * travel, 6))
+
         try:
-            each = [
-                Output(*(parameters[f"outputs.{name}_{number}"] for number in numbers))
-                for name in ("front", "left", "right", "tail", "rotor")
-            ]
-            return cls(*each, reach=parameters["servo.travel"])
+            return cls(*map(output, _MOVED), reach=parameters["servo.travel"])
         except InputError as error:
             raise ModelError(f"[outputs]: {error}") from None
 

@@ -48,8 +48,9 @@ class Watch:
         """Return how fast the lowest point of the landing gear came down between two frames."""
         if earlier is None or later is None:
             return 0.0
-        high, low = (float((self._heights(at, self._gear) - self._radii).min()) for at in
-                     (earlier, later))
+        high, low = (
+            float((self._heights(at, self._gear) - self._radii).min()) for at in (earlier, later)
+        )
         return (high - low) / (later.time - earlier.time)
 
     def _struck(self, now: Sensed) -> str:

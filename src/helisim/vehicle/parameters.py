@@ -133,6 +133,8 @@ def untuned(parameters: Parameters) -> Parameters:
     return Parameters({**plain, **{name: parameters.entry(name) for name in parameters}})
 
 
+_CHANNELS = {"front": 1.0, "left": 2.0, "right": 3.0, "tail": 4.0, "rotor": 8.0}
+"""Of an autopilot, for the servos and the motor."""
 _NOT_GIVEN = "not given: "
 _LEFT_OUT = {
     "airframe.ixz": (0.0, "kg m^2", "symmetric fore and aft"),
@@ -170,15 +172,15 @@ _LEFT_OUT = {
     **{f"swashplate.{name}_sign": (1.0, "1", "none is reversed") for name in _SWASH_SERVOS},
     **{
         f"outputs.{name}_channel": (number, "1", "as ArduPilot numbers them")
-        for name, number in dict(front=1.0, left=2.0, right=3.0, tail=4.0, rotor=8.0).items()
+        for name, number in _CHANNELS.items()
     },
     **{
-        f"outputs.{name}_{what}": (value, "us", "usual for servos")
-        for what, value in {"trim": 1500.0, "travel": 500.0}.items()
+        f"outputs.{name}_{what}": (value, "s", "usual for servos")
+        for what, value in {"trim": 1.5e-3, "travel": 0.5e-3}.items()
         for name in (*_SWASH_SERVOS, "tail")
     },
-    "outputs.rotor_trim": (1000.0, "us", "usual for speed controllers"),
-    "outputs.rotor_travel": (700.0, "us", "the nominal speed at 70 %, as ArduPilot has it"),
+    "outputs.rotor_trim": (1e-3, "s", "usual for speed controllers"),
+    "outputs.rotor_travel": (0.7e-3, "s", "the nominal speed at 70 %, as ArduPilot has it"),
     "airframe.drag_centre_x": (0.0, "m", "at the centre of gravity"),
     "airframe.drag_centre_z": (0.0, "m", "at the centre of gravity"),
     "airframe.pitch_volume": (0.0, "m^3", "no moment of the fuselage"),
