@@ -15,7 +15,7 @@ from helisim.records.logs.log import Log
 from helisim.records.logs.mapping import Clock, Column, Map, split_heading
 from helisim.records.logs.read import is_ours, open_source, read_log
 from helisim.records.logs.report import OURS, Findings, LogFinding
-from helisim.records.logs.source import Source, read_log_bytes
+from helisim.records.logs.source import Source
 from helisim.records.logs.units import is_unit
 from helisim.records.record import FlightRecord
 
@@ -114,8 +114,7 @@ def opened(path: Path, asked: Asked) -> Opened:
         StorageError: the file can't be read.
         InputError: an option doesn't exist.
     """
-    data = read_log_bytes(path)
-    if not asked.map.channels and is_ours(data):
+    if not asked.map.channels and is_ours(path):
         return _ours(path, asked)
     source = open_source(path, asked.map, cut_tail=True)
     if any(finding.kind == "incomplete last line" for finding in source.findings):

@@ -31,15 +31,45 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 def read_bytes(path: str | PathLike[str], *, limit: int = MAX_BYTES) -> bytes:
     """Return a file's bytes. Raises StorageError, also for a file larger than `limit`."""
     path = Path(path)
+    file_size(path, limit=limit)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise StorageError(f"{path}: can't read it: {_reason(error)}") from None
+
+
+def file_size(path: str | PathLike[str], *, limit: int = MAX_BYTES) -> int:
+    """Return a regular file's size, bytes. Raises StorageError, also beyond `limit`."""
+    path = Path(path)
     try:
         if not path.is_file():
             missing = "not a regular file" if path.exists() else "no such file"
             raise StorageError(f"{path}: {missing}")
         size = path.stat().st_size
-        if size > limit:
-            raise StorageError(f"{path}: {size} bytes, and at most {limit} are read")
-        return path.read_bytes()
     except (OSError, ValueError) as error:
+        raise StorageError(f"{path}: can't read it: {_reason(error)}") from None
+    if size > limit:
+        raise StorageError(f"{path}: {size} bytes, and at most {limit} are read")
+    return size
+
+
+def first_bytes(path: str | PathLike[str], count: int) -> bytes:
+    """Return up to `count` bytes that a file begins with. Raises StorageError."""
+    file_size(path)
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(count)
+    except OSError as error:
+        raise StorageError(f"{path}: can't read it: {_reason(error)}") from None
+
+
+def pieces(path: str | PathLike[str], *, size: int = 1 << 20) -> Iterator[bytes]:
+    """Yield a file's bytes, up to `size` at a time. Raises StorageError."""
+    try:
+        with Path(path).open("rb") as file:
+            while data := file.read(size):
+                yield data
+    except OSError as error:
         raise StorageError(f"{path}: can't read it: {_reason(error)}") from None
 
 

@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from helisim.errors import RecordError
+from helisim.records.value import FrozenMap
 
 _PROGRAMS = ("helisim", "mujoco", "numpy", "scipy", "numba", "control", "pyarrow")
 
@@ -40,14 +41,30 @@ def _versions() -> Mapping[str, str]:
     return found
 
 
-def plain(provenance: Mapping[str, Any]) -> dict[str, Any]:
+class Plain(FrozenMap[str, Any]):
+    """Provenance that is known to be plain data: records that have it in common share it."""
+
+    __slots__ = ()
+
+    def extended(self, **facts: Any) -> "Plain":
+        """Return it with further facts; those that it has are shared, not copied.
+
+        Raises:
+            RecordError: they aren't plain JSON data.
+        """
+        return Plain({**self, **plain(facts)})
+
+
+def plain(provenance: Mapping[str, Any]) -> Plain:
     """Return provenance as JSON would give it back: tuples become lists.
 
     Raises:
         RecordError: it isn't plain JSON data.
     """
+    if isinstance(provenance, Plain):
+        return provenance
     try:
-        return json.loads(json.dumps(dict(provenance), allow_nan=False))
+        return Plain(json.loads(json.dumps(dict(provenance), allow_nan=False)))
     except (TypeError, ValueError) as error:
         raise RecordError(f"provenance must be plain JSON data: {error}") from None
 

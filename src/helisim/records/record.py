@@ -11,7 +11,7 @@ from helisim.errors import RecordError, UnknownNameError
 from helisim.records.channels import Channel, some_names
 from helisim.records.display import Displayed, shower
 from helisim.records.provenance import plain
-from helisim.records.value import FrozenMap, Value
+from helisim.records.value import Value
 
 if TYPE_CHECKING:
     import pandas
@@ -49,7 +49,7 @@ class FlightRecord(Value, Displayed):
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "channels", channels)
-        object.__setattr__(self, "provenance", FrozenMap(plain(self.provenance)))
+        object.__setattr__(self, "provenance", plain(self.provenance))
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """Return one channel, (n_time,). Raises UnknownNameError."""

@@ -44,7 +44,7 @@ class FrozenMap(Mapping[Key, Item]):
         return stable_hash(self._items)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return FrozenMap, (self._items,)
+        return type(self), (self._items,)
 
 
 class Value:

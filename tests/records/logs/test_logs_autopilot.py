@@ -7,7 +7,7 @@ import pytest
 
 from helisim.errors import HelisimError, RecordError, StorageError
 from helisim.records.logs import Column, Map, read_log
-from helisim.records.logs import autopilot as module
+from helisim.records.logs import ulog as module
 
 RATE = 0.004
 """s between gyro messages: 250 Hz."""

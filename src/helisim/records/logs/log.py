@@ -13,6 +13,7 @@ from helisim.records.logs.parts import Cut
 from helisim.records.logs.report import Findings, LogReport
 from helisim.records.logs.resample import PASSBAND
 from helisim.records.logs.timing import Samples
+from helisim.records.provenance import plain
 from helisim.records.record import FlightRecord
 from helisim.records.value import FrozenMap, Value
 
@@ -104,6 +105,7 @@ def assemble_log(
     if not times:
         reasons = "; ".join(finding.text for finding in report.findings) or "no samples"
         raise RecordError(f"{report.path}, {reasons}; nothing is left of it")
+    shared = plain({**provenance, "log": report.to_dict()})
     records = []
     for k, (time, numbers) in enumerate(zip(times, values)):
         part = report.parts[k]
@@ -112,9 +114,8 @@ def assemble_log(
         if bad.size:
             column = headings[channels[bad[0]].name]
             raise RecordError(f"{report.path}, column {column!r}, {rows}: too large to interpolate")
-        facts = {**provenance, "log": report.to_dict(), "part": k}
         try:
-            records.append(FlightRecord(time, numbers, channels, facts))
+            records.append(FlightRecord(time, numbers, channels, shared.extended(part=k)))
         except RecordError as error:
             raise RecordError(f"{report.path}, {rows}: {error}") from None
     return Log(tuple(records), report, headings)

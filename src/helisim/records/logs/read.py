@@ -8,22 +8,19 @@ from typing import Any
 import numpy as np
 
 from helisim.errors import InputError, RecordError, StorageError, UnknownNameError
+from helisim.records.files import first_bytes
 from helisim.records.log_terms import REPAIRS
 from helisim.records.logs.assembly import from_record, from_source
-from helisim.records.logs.autopilot import (
-    DATAFLASH_MAGIC,
-    DATAFLASH_TEXT,
-    ULOG_MAGIC,
-    read_dataflash,
-    read_ulog,
-)
+from helisim.records.logs.dataflash.layout import SNIFFED, is_dataflash
+from helisim.records.logs.dataflash.source import open_dataflash
 from helisim.records.logs.log import Log
 from helisim.records.logs.mapping import Clock, Column, Map, find_column, split_heading
 from helisim.records.logs.parts import Options
 from helisim.records.logs.report import Findings
 from helisim.records.logs.resample import check_rate
-from helisim.records.logs.source import Source, digest, read_log_bytes
+from helisim.records.logs.source import Source, digest, file_digest, read_log_bytes
 from helisim.records.logs.text import TIME_NAMES, TextLog
+from helisim.records.logs.ulog import ULOG_MAGIC, read_ulog
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record
 
@@ -74,20 +71,20 @@ def read_log(
     path = Path(path)
     options = _options(resample_hz, repair, max_gap, min_duration, (start, stop))
     findings = Findings()
-    data = read_log_bytes(path)
+    content = file_digest(path)
     mapped = isinstance(channels, Map | Mapping)
     map_, wanted = _as_map(channels)
-    if not mapped and is_ours(data):
-        return from_record(path, read_record(path), digest(data), options, wanted)
+    if not mapped and is_ours(path):
+        return from_record(path, read_record(path), content, options, wanted)
     if time is not None:
         map_ = replace(map_, time=Clock(time) if isinstance(time, str) else time)
-    source = _open(path, data, map_, "tail" in options.repairs)
+    source = open_source(path, map_, cut_tail="tail" in options.repairs)
     if wanted is not None:
         map_ = map_.with_channels(_by_name(source, wanted, map_.channels, findings))
     elif not map_.channels:
         map_ = map_.with_channels(_stated(source))
-    ended = _ended(path) if mapped and is_ours(data) else {}
-    return from_source(source, map_, digest(data), options, ended, findings)
+    ended = _ended(path) if mapped and is_ours(path) else {}
+    return from_source(source, map_, content, options, ended, findings)
 
 
 def open_source(path: str | Path, map_: Map | None = None, *, cut_tail: bool = False) -> Source:
@@ -102,7 +99,21 @@ def open_source(path: str | Path, map_: Map | None = None, *, cut_tail: bool = F
         StorageError: the file can't be read.
     """
     path = Path(path)
-    return _open(path, read_log_bytes(path), map_ or Map(), cut_tail)
+    if is_dataflash(first_bytes(path, SNIFFED)):
+        return open_dataflash(path, file_digest(path))
+    data = read_log_bytes(path)
+    if data.startswith(_PARQUET_MAGIC):
+        from helisim.records.logs.columnar import ParquetLog
+
+        return ParquetLog(path, data)
+    if data.startswith(ULOG_MAGIC):
+        return read_ulog(path, data)
+    if data.lstrip().startswith(b"{"):
+        raise StorageError(
+            f"{path}: JSON, which no log is in; helisim identify takes frequency responses that "
+            "helisim frf wrote, in place of logs"
+        )
+    return TextLog(path, data, (map_ or Map()).layout, cut_tail=cut_tail)
 
 
 def screen(
@@ -183,11 +194,15 @@ def _as_map(
     return Map(), (channels,) if isinstance(channels, str) else tuple(channels)
 
 
-def is_ours(data: bytes) -> bool:
-    """Return whether a file's bytes are a helisim record's, which needs no map."""
-    if data.removeprefix(b"\xef\xbb\xbf").startswith(_OURS_CSV):
+def is_ours(path: Path) -> bool:
+    """Return whether a file is a helisim record, which needs no map. Raises StorageError."""
+    start = first_bytes(path, 64)
+    if start.removeprefix(b"\xef\xbb\xbf").startswith(_OURS_CSV):
         return True
-    return data.startswith(_PARQUET_MAGIC) and b"helisim" in data[-(1 << 16) :] and _has_key(data)
+    if not start.startswith(_PARQUET_MAGIC):
+        return False
+    data = read_log_bytes(path)
+    return b"helisim" in data[-(1 << 16) :] and _has_key(data)
 
 
 def _ended(path: Path) -> dict[str, Any]:
@@ -206,23 +221,6 @@ def _has_key(data: bytes) -> bool:
         return b"helisim" in ParquetLog(Path("."), data).metadata
     except StorageError:
         return False
-
-
-def _open(path: Path, data: bytes, map_: Map, cut_tail: bool) -> Source:
-    if data.startswith(_PARQUET_MAGIC):
-        from helisim.records.logs.columnar import ParquetLog
-
-        return ParquetLog(path, data)
-    if data.startswith(ULOG_MAGIC):
-        return read_ulog(path, data)
-    if data.startswith((DATAFLASH_MAGIC, DATAFLASH_TEXT)):
-        return read_dataflash(path, data)
-    if data.lstrip().startswith(b"{"):
-        raise StorageError(
-            f"{path}: JSON, which no log is in; helisim identify takes frequency responses that "
-            "helisim frf wrote, in place of logs"
-        )
-    return TextLog(path, data, map_.layout, cut_tail=cut_tail)
 
 
 def _by_name(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import RecordError, StorageError
-from helisim.records.files import read_bytes
+from helisim.records.files import file_size, pieces, read_bytes
 from helisim.records.logs.mapping import Clock
 from helisim.records.logs.report import LogFinding
 
@@ -70,3 +70,13 @@ def read_log_bytes(path: Path) -> bytes:
 def digest(data: bytes) -> str:
     """Return a digest of a file's bytes, 32 hexadecimal digits."""
     return hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """Return a file's digest. Raises StorageError, also for one that is empty or too large."""
+    if not file_size(path):
+        raise StorageError(f"{path}: the file is empty")
+    total = hashlib.blake2b(digest_size=16)
+    for data in pieces(path):
+        total.update(data)
+    return total.hexdigest()

@@ -7,6 +7,7 @@ of its library AP_Logger: `a` int16[32], `b` int8, `B` uint8, `h` int16, `H` uin
 `Q` uint64.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -21,6 +22,11 @@ CLOCKS: Mapping[str, float] = {"TimeUS": 1e-6, "TimeMS": 1e-3}
 INSTANCE = "#"
 """Unit of the field that says which of several sensors a message is of."""
 
+SNIFFED = 1 << 16
+"""Bytes of a file that show whether it is a DataFlash log."""
+_BINARY_START, _TEXT_START = b"\xa3\x95\x80\x80\x59FMT", re.compile(rb"^FMT, ?\d", re.MULTILINE)
+"""How the FMT message that describes itself begins, which is each log's first."""
+
 _LETTERS: dict[str, tuple[str, float]] = {
     "a": ("<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
     "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0), "g": ("<f2", 1.0),
@@ -31,6 +37,16 @@ _LETTERS: dict[str, tuple[str, float]] = {
 """Letter -> kind of number, and by how much it is divided."""
 _SAMPLES = 32
 """Numbers in an `a`."""
+
+
+def is_text(start: bytes) -> bool:
+    """Return whether a file's first bytes are those of a DataFlash log in text."""
+    return _BINARY_START not in start and _TEXT_START.search(start) is not None
+
+
+def is_dataflash(start: bytes) -> bool:
+    """Return whether a file's first bytes are those of a DataFlash log, damaged or not."""
+    return start.startswith(_BINARY_START[:2]) or _BINARY_START in start or is_text(start)
 
 
 @dataclass(frozen=True)

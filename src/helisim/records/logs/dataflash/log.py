@@ -1,4 +1,4 @@
-"""An ArduPilot log in DataFlash's binary format: its messages by type, parameters and texts."""
+"""An ArduPilot log in DataFlash's format, binary or text: messages, parameters and texts."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -10,9 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import StorageError, UnknownNameError
-from helisim.records.logs.dataflash.layout import CLOCKS, Scales
-from helisim.records.logs.dataflash.scan import file_reader, scan
-from helisim.records.logs.dataflash.table import Columns, Part, Table, numbers, raw, texts
+from helisim.records.files import file_size, first_bytes, read_bytes
+from helisim.records.logs.dataflash.layout import CLOCKS, SNIFFED, Scales, is_text
+from helisim.records.logs.dataflash.scan import scan
+from helisim.records.logs.dataflash.store import BinaryStore, Part, Store, file_reader
+from helisim.records.logs.dataflash.table import Columns, Table, in_file_order, numbers, texts
+from helisim.records.logs.dataflash.text import TextStore
 
 
 class LogText(NamedTuple):
@@ -36,7 +39,9 @@ class DataFlash:
     Attributes:
         path: the file.
         size: of the file, bytes.
+        is_binary: whether it is binary, and not a ground station's text.
         skipped: bytes that belong to no whole message.
+        notes: what of the log's format isn't understood, and left out.
 
     Raises:
         StorageError: the file can't be read, or holds no message.
@@ -44,24 +49,27 @@ class DataFlash:
 
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path = Path(path)
-        try:
-            self.size = self.path.stat().st_size
-        except (OSError, ValueError) as error:
-            raise StorageError(f"{path}: can't read it: {error}") from None
-        self._read = file_reader(self.path, self.size)
-        found = scan(self._read, self.size)
-        self.skipped = self.size - found.used
-        if not found.places.size:
-            raise StorageError(f"{path}: no DataFlash message in its {self.size} bytes")
-        order = np.argsort(found.kinds, kind="stable")
-        edges = np.searchsorted(found.kinds[order], np.arange(len(found.definitions) + 1))
-        places = found.places[order]
+        self.size = file_size(self.path)
+        self.is_binary = not is_text(first_bytes(self.path, SNIFFED))
+        if self.is_binary:
+            read = file_reader(self.path, self.size)
+            found = scan(read, self.size)
+            self._store: Store = BinaryStore(read)
+            parts = [
+                Part(one.layout, found.places[found.kinds == k])
+                for k, one in enumerate(found.definitions)
+            ]
+            self.skipped = self.size - found.used
+        else:
+            self._store = text = TextStore(read_bytes(self.path))
+            parts, self.skipped = text.parts, text.skipped
         self._parts: dict[str, list[Part]] = {}
-        for k, one in enumerate(found.definitions):
-            here = places[edges[k] : edges[k + 1]]
-            if here.size:
-                self._parts.setdefault(one.layout.name, []).append(Part(one.layout, here))
-        self._lost = tuple(one.layout.lost for one in found.definitions if one.layout.lost)
+        for part in parts:
+            if part.places.size:
+                self._parts.setdefault(part.layout.name, []).append(part)
+        if not self._parts:
+            raise StorageError(f"{path}: no DataFlash message in its {self.size} bytes")
+        self.notes = tuple(one.layout.lost for one in parts if one.layout.lost)
 
     def __repr__(self) -> str:
         return f"DataFlash({str(self.path)!r}: {', '.join(self.types)})"
@@ -70,11 +78,6 @@ class DataFlash:
     def types(self) -> tuple[str, ...]:
         """Names of the types of messages that the log has, such as "RATE"."""
         return tuple(self._parts)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What of the log's format isn't understood, and left out."""
-        return self._lost
 
     def __contains__(self, name: object) -> bool:
         return name in self._parts
@@ -90,7 +93,7 @@ class DataFlash:
         """
         found: set[int | str] = set()
         for part in self._of(name):
-            which = self._which(part)
+            which = self._instances.get(id(part.places))
             found |= {0} if which is None else set(np.unique(which).tolist())
         return tuple(sorted(found, key=lambda one: (isinstance(one, str), one)))
 
@@ -106,25 +109,40 @@ class DataFlash:
             UnknownNameError: no such type, instance or field.
             StorageError: the file can't be read any more.
         """
-        parts = []
-        for part in self._of(name):
-            which = self._which(part)
-            keep = slice(None) if which is None else which == instance
-            if which is not None or instance == 0:
-                parts.append(Part(part.layout, part.places[keep]))
-        parts = [part for part in parts if part.places.size]
-        if not parts:
-            known = [str(one) for one in self.instances(name)]
-            raise UnknownNameError(f"instance of {name}", instance, known)
-        columns = Columns(self._read, parts, self._scales)
+        parts = self._parts_of(name, instance)
+        columns = Columns(self._store, parts, self._scales)
         columns.load(fields)
-        units = {
+        return Table(name, self._time(parts), columns, self.units(name))
+
+    def columns(self, name: str, instance: int | str = 0) -> Columns:
+        """Return a type's columns without its clock, as `table` does. Raises UnknownNameError."""
+        return Columns(self._store, self._parts_of(name, instance), self._scales)
+
+    def units(self, name: str) -> dict[str, str]:
+        """Return field -> unit of a type, as far as the log states them."""
+        return {
             field.name: unit
-            for part in parts
+            for part in self._of(name)
             for field in part.layout.fields
-            if field.name in columns and (unit := self._scales.unit(part.layout, field))
+            if field.name not in CLOCKS and (unit := self._scales.unit(part.layout, field))
         }
-        return Table(name, self._time(parts), columns, units)
+
+    def number_fields(self, name: str) -> tuple[str, ...]:
+        """Return the fields of a type that hold one number each. Raises UnknownNameError."""
+        fields = [field for part in self._of(name) for field in part.layout.fields]
+        known = [one.name for one in fields if one.count == 1 and not one.is_text]
+        return tuple(dict.fromkeys(one for one in known if one not in CLOCKS))
+
+    @cached_property
+    def first_stamps(self) -> dict[str, float]:
+        """Type of message -> the time of its first one, s; those without a clock are left out."""
+        timed = [(one, one.layout.clock) for parts in self._parts.values() for one in parts]
+        wanted = [(Part(one.layout, one.places[:1]), [clock]) for one, clock in timed if clock]
+        found: dict[str, float] = {}
+        for (part, fields), (stored,) in zip(wanted, self._store.raw(wanted)):
+            stamp = float(numbers(stored, 1.0, CLOCKS[fields[0].name])[0])
+            found.setdefault(part.layout.name, stamp)
+        return found
 
     def parameters(self, at: float | None = None) -> dict[str, float]:
         """Return the autopilot's parameters by name.
@@ -167,7 +185,7 @@ class DataFlash:
 
         def rows(name: str, *fields: str) -> list[tuple]:
             parts = self._parts.get(name, [])
-            columns = Columns(self._read, parts, nothing)
+            columns = Columns(self._store, parts, nothing)
             if not parts or not set(fields) <= set(columns):
                 return []
             columns.load(fields)
@@ -185,24 +203,42 @@ class DataFlash:
             raise UnknownNameError("type of message", name, self.types)
         return self._parts[name]
 
-    def _which(self, part: Part) -> NDArray | None:
-        """Return the instance of each message, (n_message,), None if the type has none."""
-        field = self._scales.instance(part.layout)
-        if field is None or field.count > 1:
-            return None
-        (stored,) = raw(self._read, part, [field])
-        return texts(stored) if field.is_text else stored
+    def _parts_of(self, name: str, instance: int | str) -> list[Part]:
+        """Return the messages of one of several sensors. Raises UnknownNameError."""
+        found = []
+        for part in self._of(name):
+            which = self._instances.get(id(part.places))
+            if which is not None:
+                part = Part(part.layout, part.places[which == instance])
+            if part.places.size and (which is not None or instance == 0):
+                found.append(part)
+        if not found:
+            known = [str(one) for one in self.instances(name)]
+            raise UnknownNameError(f"instance of {name}", instance, known)
+        return found
+
+    @cached_property
+    def _instances(self) -> dict[int, NDArray]:
+        """The instance of each message, (n_message,), of parts that have several sensors' ones."""
+        wanted = [
+            (part, [field])
+            for parts in self._parts.values()
+            for part in parts
+            if (field := self._scales.instance(part.layout)) is not None and field.count == 1
+        ]
+        return {
+            id(part.places): texts(stored) if fields[0].is_text else stored
+            for (part, fields), (stored,) in zip(wanted, self._store.raw(wanted))
+        }
 
     def _time(self, parts: Sequence[Part]) -> NDArray[np.float64]:
-        """Return when messages were written, (n_message,) s."""
-        times = []
-        for part in parts:
-            clock = part.layout.clock
-            times.append(np.full(part.places.size, np.nan))
-            if clock is not None:
-                (stored,) = raw(self._read, part, [clock])
-                times[-1] = numbers(stored, 1.0, CLOCKS[clock.name])
-        if len(parts) == 1:
-            return times[0]
-        order = np.argsort(np.concatenate([part.places for part in parts]), kind="stable")
-        return np.concatenate(times)[order]
+        """Return when messages were written, (n_message,) s, NaN without a clock."""
+        clocks = [part.layout.clock for part in parts]
+        wanted = [(part, [clock] if clock else []) for part, clock in zip(parts, clocks)]
+        times = [
+            numbers(found[0], 1.0, CLOCKS[clock.name])
+            if clock is not None
+            else np.full(part.places.size, np.nan)
+            for part, clock, found in zip(parts, clocks, self._store.raw(wanted))
+        ]
+        return in_file_order(parts, times)

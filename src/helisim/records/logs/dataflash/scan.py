@@ -1,26 +1,26 @@
-"""Finds the messages of a DataFlash log, also between bytes that are none.
+"""Finds the messages of a binary DataFlash log, also between bytes that are none.
 
 A message is two marks, its type's number, and as many bytes as the type's FMT message says; nothing
 in it says that it is whole. One that no other follows is left out where another begins inside of
 it that one does follow: then some of its bytes were lost.
 """
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import StorageError
 from helisim.records.logs.dataflash.layout import FMT_LENGTH, FMT_NUMBER, HEADER, Layout, layout
 
 MARKS = b"\xa3\x95"
-_WINDOW = 4 << 20
+WINDOW = 4 << 20
 """Bytes that are in memory at a time: the log itself never is."""
 
 Read = Callable[[int, int], NDArray[np.uint8]]
 """Returns the bytes of a file from a place to another, (n_byte,)."""
+Places = NDArray[np.signedinteger]
+"""Bytes from the file's start, of 32 bits where they are enough: a log has millions."""
 
 
 class Definition(NamedTuple):
@@ -34,54 +34,16 @@ class Scan(NamedTuple):
     """Where the messages of a log are.
 
     Attributes:
-        places: (n_message,) bytes from the file's start, increasing.
+        places: (n_message,) of their first bytes, increasing.
         kinds: (n_message,) which of the definitions a message has.
         definitions: of the log, in its order; a type that is defined anew is another one.
         used: bytes of all messages.
     """
 
-    places: NDArray[np.int64]
-    kinds: NDArray[np.uint16]
+    places: Places
+    kinds: NDArray[np.int16]
     definitions: tuple[Definition, ...]
     used: int
-
-
-def windows(
-    read: Read, places: NDArray[np.int64], length: int
-) -> Iterator[tuple[slice, NDArray[np.int64], NDArray[np.uint8]]]:
-    """Return messages of one length piece by piece: which, where in the piece, and its bytes.
-
-    Args:
-        read: the file.
-        places: (n_message,) where they begin, increasing.
-        length: of each, bytes.
-    """
-    first = 0
-    while first < places.size:
-        start = int(places[first])
-        last = int(np.searchsorted(places, start + _WINDOW, side="left"))
-        yield (
-            slice(first, last),
-            places[first:last] - start,
-            read(start, int(places[last - 1]) + length),
-        )
-        first = last
-
-
-def file_reader(path: Path, size: int) -> Read:
-    """Return a function that reads a file piece by piece. It raises StorageError."""
-
-    def read(start: int, stop: int) -> NDArray[np.uint8]:
-        try:
-            with path.open("rb", buffering=0) as file:
-                found = np.fromfile(file, np.uint8, stop - start, offset=start)
-        except OSError as error:
-            raise StorageError(f"{path}: can't read it: {error.strerror}") from None
-        if found.size != stop - start:
-            raise StorageError(f"{path}: was {size} bytes long, and became shorter while it's read")
-        return found
-
-    return read
 
 
 def scan(read: Read, size: int) -> Scan:
@@ -89,36 +51,36 @@ def scan(read: Read, size: int) -> Scan:
     places, numbers = _marks(read, size)
     defined = _definitions(read, size, places[numbers == FMT_NUMBER])
     while True:
-        kinds, lengths = _kinds(places, numbers, defined)
-        whole = _whole(places, np.where(lengths > 0, lengths, 0), size)
+        kinds = _kinds(places, numbers, defined)
+        lengths = np.array([*(one.layout.length for one in defined), 0], np.int16)
+        whole = _whole(places, lengths[kinds], size)
         believed = set(places[whole & (numbers == FMT_NUMBER)].tolist()) | {-1}
         kept = [one for one in defined if one.place in believed]
         if len(kept) == len(defined):
-            used = int(np.sum(lengths[whole]))
-            return Scan(places[whole], kinds[whole].astype(np.uint16), tuple(defined), used)
+            used = int(np.sum(lengths[kinds[whole]], dtype=np.int64))
+            return Scan(places[whole], kinds[whole], tuple(defined), used)
         defined = kept
 
 
-def _marks(read: Read, size: int) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+def _marks(read: Read, size: int) -> tuple[Places, NDArray[np.uint8]]:
     """Return where messages may begin, (n,), and the numbers of their types, (n,)."""
-    places, numbers = [], []
-    for start in range(0, size - HEADER + 1, _WINDOW):
-        data = read(start, min(size, start + _WINDOW + HEADER - 1))
+    dtype = np.int32 if size < np.iinfo(np.int32).max - WINDOW else np.int64
+    places, numbers = [np.empty(0, dtype)], [np.empty(0, np.uint8)]
+    for start in range(0, size - HEADER + 1, WINDOW):
+        data = read(start, min(size, start + WINDOW + HEADER - 1))
         found = np.flatnonzero(data[: 1 - HEADER] == MARKS[0])
         found = found[data[found + 1] == MARKS[1]]
-        places.append(found + start)
+        places.append((found + start).astype(dtype))
         numbers.append(data[found + 2])
-    if not places:
-        return np.empty(0, np.int64), np.empty(0, np.uint8)
     return np.concatenate(places), np.concatenate(numbers)
 
 
-def _definitions(read: Read, size: int, places: NDArray[np.int64]) -> list[Definition]:
+def _definitions(read: Read, size: int, places: Places) -> list[Definition]:
     """Return what the log's FMT messages say, each where it differs from the one before."""
     first = layout(FMT_NUMBER, FMT_LENGTH, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
     assert first is not None
     defined, latest = [Definition(-1, first)], {FMT_NUMBER: first}
-    for place in places[places + FMT_LENGTH <= size].tolist():
+    for place in places[places <= size - FMT_LENGTH].tolist():
         data = read(place, place + FMT_LENGTH).tobytes()
         found = layout(data[3], data[4], data[5:9], data[9:25], data[25:89])
         if found is None or latest.get(found.number) == found or found.number == FMT_NUMBER:
@@ -129,29 +91,29 @@ def _definitions(read: Read, size: int, places: NDArray[np.int64]) -> list[Defin
 
 
 def _kinds(
-    places: NDArray[np.int64], numbers: NDArray[np.uint8], defined: list[Definition]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the definition of each message, (n,), -1 where there is none, and its length, (n,).
+    places: Places, numbers: NDArray[np.uint8], defined: list[Definition]
+) -> NDArray[np.int16]:
+    """Return the definition of each message, (n,), -1 where there is none.
 
     A type's first definition counts for messages before it too: the log's head may be lost.
     """
     of_number: dict[int, list[int]] = {}
     for k, one in enumerate(defined):
         of_number.setdefault(one.layout.number, []).append(k)
-    first = np.full(256, -1)
+    first = np.full(256, -1, np.int16)
     for number, ones in of_number.items():
         first[number] = ones[0]
     kinds = first[numbers]
     for number, ones in of_number.items():
         if len(ones) > 1:
             these = np.flatnonzero(numbers == number)
-            starts = [defined[k].place for k in ones[1:]]
-            kinds[these] = np.array(ones)[np.searchsorted(starts, places[these], side="right")]
-    lengths = np.array([*(one.layout.length for one in defined), 0])
-    return kinds, lengths[kinds]
+            starts = np.array([defined[k].place for k in ones[1:]], places.dtype)
+            latest = np.searchsorted(starts, places[these], side="right")
+            kinds[these] = np.array(ones, np.int16)[latest]
+    return kinds
 
 
-def _whole(places: NDArray[np.int64], lengths: NDArray[np.int64], size: int) -> NDArray[np.bool_]:
+def _whole(places: Places, lengths: NDArray[np.int16], size: int) -> NDArray[np.bool_]:
     """Return which marks begin a message, (n,).
 
     Args:
@@ -162,33 +124,28 @@ def _whole(places: NDArray[np.int64], lengths: NDArray[np.int64], size: int) -> 
     found = np.zeros(places.size, dtype=bool)
     ends = places + lengths
     possible = (lengths > 0) & (ends <= size)
-    after = np.append(places[1:], size)
-    plain = possible & (ends == after)
-    breaks = np.append(np.flatnonzero(~plain), places.size)
-    following = {}  # of the few that the next mark doesn't follow
-    for k, place in zip(breaks[:-1].tolist(), np.searchsorted(places, ends[breaks[:-1]]).tolist()):
-        following[k] = place
+    plain = possible.copy()  # another follows at once
+    plain[:-1] &= ends[:-1] == places[1:]
+    plain[-1:] = False
+    breaks = np.flatnonzero(~plain)
+    beyond = dict(zip(breaks.tolist(), np.searchsorted(places, ends[breaks]).tolist()))
 
     def followed(k: int) -> bool:
         if plain[k]:
             return True
-        end, n = int(ends[k]), following[k]
+        end, n = int(ends[k]), beyond[k]
         return bool(possible[k]) and (end == size or (n < places.size and int(places[n]) == end))
 
-    k, stop = 0, iter(breaks.tolist())
-    last = next(stop)
-    while k < places.size:
-        while last < k:
-            last = next(stop)
-        found[k:last] = True
-        if last == places.size:
-            break
-        if not possible[last]:
-            k = last + 1
+    k = 0
+    for last in breaks.tolist():
+        if last < k:
             continue
-        beyond = following[last]
-        inside = () if followed(last) else range(last + 1, beyond)
+        found[k:last] = True
+        k = last + 1
+        if not possible[last]:
+            continue
+        inside = () if followed(last) else range(last + 1, beyond[last])
         better = next((n for n in inside if followed(n)), None)
         found[last] = better is None
-        k = beyond if better is None else better
+        k = beyond[last] if better is None else better
     return found

@@ -2,40 +2,16 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from helisim.errors import UnknownNameError
 from helisim.records.logs.dataflash.layout import CLOCKS, Field, Layout, Scales, text
-from helisim.records.logs.dataflash.scan import Read, windows
+from helisim.records.logs.dataflash.store import Part, Store
 from helisim.records.value import FrozenMap, Value
 
 Column = NDArray[np.float64] | NDArray[np.str_]
-
-
-class Part(NamedTuple):
-    """Messages of one layout.
-
-    Attributes:
-        layout: that they have.
-        places: (n_message,) bytes from the file's start, increasing.
-    """
-
-    layout: Layout
-    places: NDArray[np.int64]
-
-
-def raw(read: Read, part: Part, fields: Sequence[Field]) -> list[NDArray]:
-    """Return fields of messages as they are stored, each (n_message,) or (n_message, n_number)."""
-    found = [np.empty((part.places.size, one.count), one.kind) for one in fields]
-    for which, at, data in windows(read, part.places, part.layout.length):
-        for field, values in zip(fields, found):
-            stored = sliding_window_view(data, field.size)[at + field.offset]
-            values[which] = stored.view(field.kind)
-    return [values if one.count > 1 else values[:, 0] for one, values in zip(fields, found)]
 
 
 def numbers(stored: NDArray, divisor: float, factor: float) -> NDArray[np.float64]:
@@ -59,8 +35,8 @@ def texts(stored: NDArray) -> NDArray[np.str_]:
 class Columns(Mapping[str, Column]):
     """Columns of a table, each read from the file when it is asked for, and then kept."""
 
-    def __init__(self, read: Read, parts: Sequence[Part], scales: Scales) -> None:
-        self._read, self._parts, self._scales = read, tuple(parts), scales
+    def __init__(self, store: Store, parts: Sequence[Part], scales: Scales) -> None:
+        self._store, self._parts, self._scales = store, tuple(parts), scales
         known = [one.name for part in parts for one in part.layout.fields]
         self._names = tuple(dict.fromkeys(name for name in known if name not in CLOCKS))
         self._kept: dict[str, Column] = {}
@@ -70,9 +46,18 @@ class Columns(Mapping[str, Column]):
         for name in names:
             if name not in self._names:
                 raise UnknownNameError("field", name, self._names)
-        wanted = [name for name in names if name not in self._kept]
-        found = _merged(self._parts, [self._part(part, wanted) for part in self._parts])
-        for name, values in zip(wanted, found):
+        wanted = [name for name in dict.fromkeys(names) if name not in self._kept]
+        if not wanted:
+            return
+        of_part = [[part.layout.field(name) for name in wanted] for part in self._parts]
+        asked = [[one for one in fields if one is not None] for fields in of_part]
+        stored = map(iter, self._store.raw(list(zip(self._parts, asked))))
+        columns = [
+            [None if one is None else self._scaled(part.layout, one, next(found)) for one in fields]
+            for part, fields, found in zip(self._parts, of_part, stored)
+        ]
+        for name, *ones in zip(wanted, *columns):
+            values = in_file_order(self._parts, ones)
             values.flags.writeable = False
             self._kept[name] = values
 
@@ -96,29 +81,29 @@ class Columns(Mapping[str, Column]):
     def __reduce__(self) -> tuple[object, ...]:
         return FrozenMap, (dict(self),)
 
-    def _part(self, part: Part, names: Sequence[str]) -> list[Column]:
-        """Return columns of messages of one layout, those that it lacks without numbers."""
-        fields = [part.layout.field(name) for name in names]
-        there = [field for field in fields if field is not None]
-        stored = iter(raw(self._read, part, there)) if there else iter(())
-        missing = np.full(part.places.size, np.nan)
-        return [
-            missing if field is None else self._scaled(part.layout, field, next(stored))
-            for field in fields
-        ]
-
     def _scaled(self, layout: Layout, field: Field, stored: NDArray) -> Column:
         if field.is_text:
             return texts(stored)
         return numbers(stored, field.divisor, self._scales.factor(layout, field))
 
 
-def _merged(parts: Sequence[Part], columns: Sequence[Sequence[Column]]) -> list[Column]:
-    """Return the columns of all layouts, in the file's order."""
+def in_file_order(parts: Sequence[Part], ones: Sequence[NDArray | None]) -> NDArray:
+    """Return one column, (n_message, ...), of those of parts of a file, each (n_message, ...).
+
+    What a part lacks, or has as something else than the first one, has no number there.
+    """
+    like = next(one for one in ones if one is not None)
     if len(parts) == 1:
-        return list(columns[0])
+        return like
+    nothing = "" if like.dtype.kind == "U" else np.nan
+    alike = [
+        one
+        if one is not None and (one.dtype.kind, one.shape[1:]) == (like.dtype.kind, like.shape[1:])
+        else np.full((part.places.size, *like.shape[1:]), nothing)
+        for part, one in zip(parts, ones)
+    ]
     order = np.argsort(np.concatenate([part.places for part in parts]), kind="stable")
-    return [np.concatenate(ones)[order] for ones in zip(*columns)]
+    return np.concatenate(alike)[order]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,14 +1,13 @@
-"""Reads logs of PX4 (ULog) and ArduPilot (DataFlash), by their projects' own readers.
+"""Reads PX4's logs, ULog, by its project's own reader.
 
-A column is called `topic.field`, such as `vehicle_angular_velocity.xyz[0]` or `RATE.R`; a
-second instance is `topic[1].field`. Each topic has its own clock, which counts microseconds.
-Rows are a topic's messages, from 0. PX4 logs attitude as a quaternion; its Euler angles are added
-as `vehicle_attitude.roll`, `pitch` and `yaw`.
+A column is called `topic.field`, such as `vehicle_angular_velocity.xyz[0]`; a second instance is
+`topic[1].field`. Each topic has its own clock, which counts microseconds. Rows are a topic's
+messages, from 0. PX4 logs attitude as a quaternion; its Euler angles are added as
+`vehicle_attitude.roll`, `pitch` and `yaw`.
 """
 
 import contextlib
 import io
-import tempfile
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
@@ -24,8 +23,6 @@ from helisim.records.logs.source import MAX_COLUMNS, check_no_infinity
 from helisim.records.logs.units import is_unit
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"
-DATAFLASH_MAGIC = b"\xa3\x95"
-DATAFLASH_TEXT = b"FMT,"
 
 _MICROSECOND = 1e-6
 
@@ -161,77 +158,6 @@ def _euler(fields: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.fl
         "pitch": np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)),
         "yaw": np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
     }
-
-
-def read_dataflash(path: Path, data: bytes) -> TopicLog:
-    """Read an ArduPilot log, binary or text. Raises StorageError."""
-    reader = _import("pymavlink.DFReader", path)
-    binary = data.startswith(DATAFLASH_MAGIC)
-    printed = io.StringIO()
-    try:
-        with (
-            contextlib.redirect_stdout(printed),
-            contextlib.redirect_stderr(printed),
-            _as_file(data) as name,
-        ):
-            log = (reader.DFReader_binary if binary else reader.DFReader_text)(name)
-            try:
-                topics, clocks, units, used = _messages(log)
-            finally:
-                log.data_map.close()
-                log.filehandle.close()
-    except StorageError:
-        raise
-    except Exception as error:  # a foreign reader of damaged bytes may raise anything
-        raise _unreadable(path, "DataFlash", error) from None
-    findings = _notes(printed.getvalue())
-    if binary and used != len(data):
-        text = f"{len(data) - used} of {len(data)} bytes belong to no whole message"
-        findings.append(LogFinding("corruption", text))
-    return TopicLog(path, "DataFlash", topics, clocks, units, findings)
-
-
-def _messages(log: Any) -> tuple[dict, dict, dict[str, str], int]:
-    """Return the numbers by topic and field, clocks, units, and the bytes of all messages."""
-    lists: dict[str, dict[str, list[float]]] = {}
-    stamps: dict[str, list[float]] = {}
-    units: dict[str, str] = {}
-    used = 0
-    while (message := log.recv_msg()) is not None:
-        layout = message.fmt
-        used += layout.len
-        if "TimeUS" not in layout.columns:
-            continue
-        topic = message.get_type()
-        instance = getattr(message, layout.instance_field) if layout.instance_field else 0
-        topic = topic if instance in (0, None) else f"{topic}[{instance}]"
-        values = {
-            field: value
-            for field in layout.columns
-            if isinstance(value := getattr(message, field), int | float)
-        }
-        if topic not in lists:
-            lists[topic] = {field: [] for field in values if field != "TimeUS"}
-            stamps[topic] = []
-            for field, unit in zip(layout.columns, layout.units or ()):
-                units[f"{topic}.{field}"] = unit
-        stamps[topic].append(float(values["TimeUS"]))
-        for field, numbers in lists[topic].items():
-            numbers.append(float(values.get(field, np.nan)))
-    topics = {
-        topic: {field: np.array(numbers) for field, numbers in fields.items()}
-        for topic, fields in lists.items()
-    }
-    return topics, {topic: np.array(times) for topic, times in stamps.items()}, units, used
-
-
-@contextlib.contextmanager
-def _as_file(data: bytes) -> Any:
-    """Give the bytes a name in the file system, as the reader maps files into memory."""
-    with tempfile.TemporaryDirectory() as folder:
-        name = Path(folder, "log")
-        name.write_bytes(data)
-        yield str(name)
 
 
 def _import(module: str, path: Path) -> Any:

@@ -1,0 +1,85 @@
+"""Reads ArduPilot's logs in text, which ground stations make of binary ones: a line a message.
+
+Numbers of a letter that scales are in their unit already.
+"""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.records.logs.dataflash.layout import FMT_LENGTH, FMT_NUMBER, Field, Layout, layout
+from helisim.records.logs.dataflash.store import Part, Wanted
+
+_LINE = re.compile(rb"^([A-Za-z0-9_]{1,4}),", re.MULTILINE)
+
+
+class TextStore:
+    """The lines of a text log.
+
+    Args:
+        data: of the file.
+
+    Attributes:
+        parts: the lines of each type that has a FMT line.
+        skipped: bytes of lines that are no message.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        places: dict[bytes, list[int]] = {}
+        for match in _LINE.finditer(data):
+            places.setdefault(match[1], []).append(match.start())
+        known = {one.name: one for one in map(_layout, self._lines(places.get(b"FMT", []))) if one}
+        self.parts = [
+            Part(known[name.decode()], np.array(found, np.int64))
+            for name, found in places.items()
+            if name.decode() in known
+        ]
+        used = sum(len(line) + 1 for part in self.parts for line in self._lines(part.places))
+        self.skipped = max(len(data) - used, 0)
+
+    def raw(self, wanted: Wanted) -> list[list[NDArray]]:
+        """Return the fields of each part, each (n_message,) or (n_message, n_number)."""
+        found = []
+        for part, fields in wanted:
+            count = max((one.index for one in part.layout.fields), default=0) + 1
+            rows = [line.split(b",", count)[1:] for line in self._lines(part.places)]
+            found.append([_column(rows, field) for field in fields])
+        return found
+
+    def _lines(self, places: list[int] | NDArray) -> list[bytes]:
+        ends = [self._data.find(b"\n", place) for place in places]
+        return [self._data[a : b if b >= 0 else None] for a, b in zip(places, ends)]
+
+
+def _layout(line: bytes) -> Layout | None:
+    """Return what a FMT line says, None if it isn't one."""
+    cells = [cell.strip() for cell in line.split(b",", 5)[1:]]
+    if len(cells) < 5 or not (cells[0].isdigit() and cells[1].isdigit()):
+        return None
+    number, length = int(cells[0]), int(cells[1])
+    if number == FMT_NUMBER:
+        length = FMT_LENGTH
+    found = layout(number, length, *cells[2:])
+    if found is None:
+        return None
+    return replace(found, fields=tuple(replace(one, divisor=1.0) for one in found.fields))
+
+
+def _column(rows: list[list[bytes]], field: Field) -> NDArray:
+    """Return a field of split lines, (n_message,); NaN where it isn't a number."""
+    cells = [row[field.index].strip() if field.index < len(row) else b"" for row in rows]
+    if field.is_text:
+        return np.array(cells, field.kind)
+    if field.count > 1:  # no program writes them in text
+        return np.full((len(cells), field.count), np.nan)
+    return np.array([_number(cell) for cell in cells], np.float64)
+
+
+def _number(cell: bytes) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
