@@ -1,6 +1,7 @@
 """The public names and where they live, read by `__init__.py`, by type checkers and editors."""
 
 from helisim import laws as laws
+from helisim import sitl as sitl
 from helisim.design.design import design as design
 from helisim.design.lqg import LqgWeights as LqgWeights
 from helisim.design.lqg import Tracked as Tracked

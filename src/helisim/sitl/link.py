@@ -1,35 +1,62 @@
 """The UDP link to the autopilot: a frame comes, its answer goes back to where it came from."""
 
+import math
+import select
 import socket
+import time
 
 from helisim.errors import InputError
 from helisim.sitl.packet import Frame, read_frame
 
 PORT = 9002
-"""Where ArduPilot's --model JSON sends to."""
+"""Where ArduPilot's --model JSON sends to; of its instance I ten times I more."""
+SILENT = 1.0
+"""s without a frame after which another autopilot may take over: one that waits sends each s."""
 
 
 class Link:
-    """A bound port; a context manager."""
+    """A bound port that hears one autopilot at a time; a context manager.
 
-    def __init__(self, port: int = PORT, *, timeout: float = 60.0) -> None:
+    Attributes:
+        port: UDP.
+        address: that it is bound to.
+        peer: (address, port) of the autopilot; None as long as there is none.
+        cut: how many of its packets were cut short on their way.
+        strangers: how many packets came from others meanwhile.
+    """
+
+    def __init__(
+        self, port: int = PORT, *, address: str = "127.0.0.1", timeout: float = 60.0
+    ) -> None:
         """Bind the port.
 
         Args:
-            port: UDP, on the loopback.
-            timeout: s, to wait for a frame.
+            port: UDP, 1 to 65535; 0 takes any that is free.
+            address: of this machine; 0.0.0.0 hears other machines too.
+            timeout: s, to wait for a frame; inf waits on.
 
         Raises:
-            InputError: the port is taken.
+            InputError: the port is taken, or there is no such port or address.
         """
+        if not 0 <= port <= 65535:
+            raise InputError(f"a UDP port is 1 to 65535, got {port}")
+        if not timeout > 0.0:
+            raise InputError(f"timeout must be above 0 s, got {timeout}")
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._socket.bind(("127.0.0.1", port))
+            self._socket.bind((address, port))
         except OSError as error:
             self._socket.close()
-            raise InputError(f"UDP port {port} can't be bound: {error.strerror}") from None
-        self._socket.settimeout(timeout)
-        self._peer: tuple[str, int] | None = None
+            raise InputError(
+                f"UDP port {port} of {address} can't be bound: {error.strerror or error}; another "
+                "backend may run: end it, or take another port and give ArduPilot --sim-port-out"
+            ) from None
+        self._socket.setblocking(False)
+        self.address, self.port = self._socket.getsockname()
+        self.timeout = timeout
+        self.peer: tuple[str, int] | None = None
+        self.cut = self.strangers = 0
+        self._heard = -math.inf
 
     def __enter__(self) -> "Link":
         return self
@@ -37,15 +64,64 @@ class Link:
     def __exit__(self, *_: object) -> None:
         self._socket.close()
 
-    def receive(self) -> Frame | None:
-        """Return the next frame; None if none came in time. Raises InputError."""
-        try:
-            packet, self._peer = self._socket.recvfrom(1024)
-        except TimeoutError:
-            return None
-        return read_frame(packet)
+    def receive(self, timeout: float | None = None) -> Frame | None:
+        """Return the autopilot's next frame; None if none came in time.
+
+        Args:
+            timeout: s; that of the link if None.
+
+        Raises:
+            InputError: before there is an autopilot, a packet of another protocol came.
+        """
+        end = time.monotonic() + (self.timeout if timeout is None else timeout)
+        while (left := end - time.monotonic()) > 0.0:
+            ready, _, _ = select.select([self._socket], [], [], min(left, _LONGEST))
+            if ready and (frame := self.waiting()) is not None:
+                return frame
+        return None
+
+    def waiting(self) -> Frame | None:
+        """Return the next frame if one is here already, else None. Raises InputError."""
+        while True:
+            try:
+                packet, peer = self._socket.recvfrom(1024)
+            except BlockingIOError:
+                return None
+            except ConnectionResetError:  # Windows: an answer found no one
+                continue
+            frame = self._taken(packet, peer)
+            if frame is not None:
+                return frame
 
     def answer(self, line: bytes) -> None:
         """Send an answer to where the last frame came from."""
-        if self._peer is not None:
-            self._socket.sendto(line, self._peer)
+        if self.peer is not None:
+            try:
+                self._socket.sendto(line, self.peer)
+            except OSError:  # it has gone, or its network: it will ask again
+                return
+
+    def _taken(self, packet: bytes, peer: tuple[str, int]) -> Frame | None:
+        """Return the frame of a packet; None if it is cut, or not of the autopilot that flies."""
+        now = time.monotonic()
+        stranger = self.peer is not None and peer != self.peer
+        if stranger and now - self._heard < SILENT:
+            self.strangers += 1
+            return None
+        try:
+            frame = read_frame(packet)
+        except InputError:
+            if self.peer is None:
+                raise
+            frame = None
+        if frame is not None:
+            self.peer, self._heard = peer, now
+        elif stranger:
+            self.strangers += 1
+        else:
+            self.cut += 1
+        return frame
+
+
+_LONGEST = 3600.0
+"""s that the system is asked to wait at once."""
