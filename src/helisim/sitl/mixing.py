@@ -1,0 +1,225 @@
+"""How ArduPilot mixes a helicopter's commands into pulses, and what they then do to a vehicle.
+
+Its commands are lat (roll), lon (pitch) and ped (yaw), from -1 to 1, and col (throttle), from 0 to
+1. Geometry, scales and limits are those that ArduPilot documents: wiki "Swashplate Setup" and the
+descriptions of H_SW_TYPE, H_SW_H3_SV1_POS and those after it, H_COL_MIN, H_COL_MAX, H_CYC_MAX and
+SERVOn_TRIM; a servo's azimuth goes from the nose to the right, and full cyclic moves a servo that
+stands under it by 450 us.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import InputError
+from helisim.records.channels import IN1
+from helisim.sitl.outputs import Outputs
+from helisim.vehicle.swashplate import Swashplate
+
+Array = NDArray[np.float64]
+
+CYCLIC = 450.0
+"""us, by which full roll or pitch moves a servo that stands right under it."""
+FULL_CYCLIC = 4500.0
+"""H_CYC_MAX at which roll and pitch reach their full 1."""
+_SHORTEST, _LONGEST = 1000.0, 2000.0
+"""us, between which ArduPilot keeps a swashplate's servos."""
+_FIRST_FUNCTION = 33
+"""SERVOn_FUNCTION of "Motor1"; those of the swashplate's other two and the tail follow."""
+ROTOR_FUNCTION = 31
+"""SERVOn_FUNCTION of the rotor's speed."""
+_AZIMUTHS = {3: (-60.0, 60.0, 180.0)}
+"""H_SW_TYPE with fixed places -> azimuths, degrees; 0 says its own."""
+_STEP = 1e-3
+
+
+@dataclass(frozen=True)
+class Servo:
+    """One of ArduPilot's outputs to a servo.
+
+    Attributes:
+        channel: from 1.
+        trim: us.
+        low: shortest pulse, us.
+        high: longest, us.
+        reversed: whether a command makes the pulse shorter.
+    """
+
+    channel: int
+    trim: float
+    low: float
+    high: float
+    reversed: bool
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, float], motor: int) -> "Servo":
+        """Return that of a motor, 1 to 4. Raises InputError: no output has it."""
+        wanted = _FIRST_FUNCTION + motor - 1
+        for channel in range(1, 33):
+            usual = wanted if channel == motor else 0.0
+            if parameters.get(f"SERVO{channel}_FUNCTION", usual) == wanted:
+                own = f"SERVO{channel}_"
+                return cls(
+                    channel,
+                    parameters.get(f"{own}TRIM", 1500.0),
+                    parameters.get(f"{own}MIN", 1100.0),
+                    parameters.get(f"{own}MAX", 1900.0),
+                    bool(parameters.get(f"{own}REVERSED", 0.0)),
+                )
+        raise InputError(
+            f"no output has SERVOn_FUNCTION {wanted}, of ArduPilot's Motor{motor}: a helicopter's "
+            "swashplate has 33, 34 and 35, its tail 36"
+        )
+
+
+@dataclass(frozen=True)
+class Mixer:
+    """ArduPilot's mixer of a single-rotor helicopter.
+
+    Attributes:
+        servos: of motors 1 to 4.
+        roll: by how much full roll moves the servos 1 to 3, of 1000 us.
+        pitch: likewise.
+        lowest: pulse of no collective, us.
+        highest: of all of it.
+        most_cyclic: of full, that roll and pitch together may have.
+        to_yaw: yaw for the collective beyond `zero`, to its power of 1.5.
+        zero: collective of no thrust, a share of its range.
+        up: whether collective makes the pulses longer.
+    """
+
+    servos: tuple[Servo, Servo, Servo, Servo]
+    roll: tuple[float, float, float]
+    pitch: tuple[float, float, float]
+    lowest: float
+    highest: float
+    most_cyclic: float
+    to_yaw: float
+    zero: float
+    up: bool = True
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, float]) -> "Mixer":
+        """Return that which parameters say, as of a log or a .parm file; defaults where silent.
+
+        Raises:
+            InputError: they are of another swashplate or tail than this knows.
+        """
+        kind = int(parameters.get("H_SW_TYPE", 3.0))
+        if kind == 0:
+            own = [parameters.get(f"H_SW_H3_SV{k}_POS", usual) for k, usual in _DEFAULT_PLACES]
+            azimuths = [place - parameters.get("H_SW_H3_PHANG", 0.0) for place in own]
+        elif kind in _AZIMUTHS:
+            azimuths = list(_AZIMUTHS[kind])
+        else:
+            raise InputError(
+                f"H_SW_TYPE {kind} is not known here: expected 0 (three servos anywhere) or 3 "
+                "(120 degrees)"
+            )
+        if parameters.get("H_TAIL_TYPE", 0.0) not in (0.0, 1.0):
+            raise InputError(
+                f"H_TAIL_TYPE {parameters['H_TAIL_TYPE']:g} is not known here: expected 0, a servo"
+            )
+        angles = [math.radians(azimuth) for azimuth in azimuths]
+        one, two, three, four = (Servo.of(parameters, motor) for motor in (1, 2, 3, 4))
+        share = CYCLIC / 1000.0
+        low, high = (parameters.get(f"H_COL_ANG_{end}", 0.0) for end in ("MIN", "MAX"))
+        span = high - low
+        zero = parameters.get("H_COL_ZERO_THRST", 0.0)
+        return cls(
+            (one, two, three, four),
+            tuple(-share * math.sin(angle) for angle in angles),  # type: ignore[arg-type]
+            tuple(share * math.cos(angle) for angle in angles),  # type: ignore[arg-type]
+            parameters.get("H_COL_MIN", 1250.0),
+            parameters.get("H_COL_MAX", 1750.0),
+            parameters.get("H_CYC_MAX", 2500.0) / FULL_CYCLIC,
+            parameters.get("H_COL2YAW", 0.0),
+            (min(max(zero, low), high) - low) / span if span else 0.0,
+            parameters.get("H_SW_COL_DIR", 0.0) == 0.0,
+        )
+
+    def pulses(self, commands: Mapping[str, float]) -> dict[int, int]:
+        """Return the pulse of each channel, whole us, as the autopilot sends them.
+
+        Args:
+            commands: "col", "lon", "lat", "ped" in ArduPilot's units.
+        """
+        return {channel: int(pulse) for channel, pulse in self.exact(commands).items()}
+
+    def exact(self, commands: Mapping[str, float]) -> dict[int, float]:
+        """Return the pulses before they are cut to whole microseconds; see `pulses`."""
+        col, lon, lat, ped = (commands.get(name, 0.0) for name in IN1)
+        cyclic = math.hypot(lat, lon)
+        if cyclic > self.most_cyclic:
+            lat, lon = (one * self.most_cyclic / cyclic for one in (lat, lon))
+        col = min(max(col, 0.0), 1.0)
+        ped += self.to_yaw * abs(col - self.zero) ** 1.5
+        raised = (col * (self.highest - self.lowest) + self.lowest - 1000.0) / 1000.0
+        raised = raised if self.up else 1.0 - raised
+        found = {
+            servo.channel: _swash_pulse(servo, 1000.0 * (roll * lat + pitch * lon + raised) - 500.0)
+            for servo, roll, pitch in zip(self.servos, self.roll, self.pitch)
+        }
+        tail = self.servos[3]
+        return found | {tail.channel: _tail_pulse(tail, min(max(ped, -1.0), 1.0))}
+
+
+_DEFAULT_PLACES = ((1, -60.0), (2, 60.0), (3, 180.0))
+
+
+def _swash_pulse(servo: Servo, off: float) -> float:
+    pulse = servo.trim + (-off if servo.reversed else off)
+    return min(max(pulse, _SHORTEST), _LONGEST)
+
+
+def _tail_pulse(servo: Servo, share: float) -> float:
+    share = -share if servo.reversed else share
+    room = servo.high - servo.trim if share > 0.0 else servo.trim - servo.low
+    return servo.trim + share * room
+
+
+@dataclass(frozen=True, eq=False)
+class Controls:
+    """What an autopilot's commands do to a vehicle's controls.
+
+    Attributes:
+        mixer: the autopilot's.
+        outputs: the vehicle's.
+        plate: its swashplate.
+    """
+
+    mixer: Mixer
+    outputs: Outputs
+    plate: Swashplate
+
+    def moved(self, commands: Mapping[str, float]) -> dict[str, float]:
+        """Return col, lon, lat and ped of the vehicle for commands of the autopilot.
+
+        Args:
+            commands: "col", "lon", "lat", "ped" in ArduPilot's units.
+        """
+        exact = self.mixer.exact(commands)
+        pulses = [exact.get(channel + 1, 0.0) for channel in range(32)]
+        front, left, right, tail = self.outputs.servos(pulses, (0.0, 0.0, 0.0, 0.0))
+        col, lon, lat = self.plate.unmix(front, left, right)
+        return dict(zip(IN1, (float(col), float(lon), float(lat), float(tail))))
+
+    def scale(self, hover: float) -> Array:
+        """Return what a unit of each command adds to each control about the hover, (4, 4).
+
+        Rows are the vehicle's col, lon, lat, ped, columns the autopilot's.
+
+        Args:
+            hover: collective of the hover, 0 to 1.
+        """
+        columns = []
+        for name in IN1:
+            ends = [
+                self.moved({"col": hover, name: (hover if name == "col" else 0.0) + step})
+                for step in (_STEP, -_STEP)
+            ]
+            columns.append([(ends[0][row] - ends[1][row]) / (2.0 * _STEP) for row in IN1])
+        return np.array(columns).T
