@@ -8,6 +8,7 @@ stands under it by 450 us.
 """
 
 import math
+from collections import ChainMap
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -25,14 +26,37 @@ CYCLIC = 450.0
 """us, by which full roll or pitch moves a servo that stands right under it."""
 FULL_CYCLIC = 4500.0
 """H_CYC_MAX at which roll and pitch reach their full 1."""
-_SHORTEST, _LONGEST = 1000.0, 2000.0
-"""us, between which ArduPilot keeps a swashplate's servos."""
+_SHORTEST, _MIDDLE, _LONGEST = 1000.0, 1500.0, 2000.0
+"""us: ArduPilot keeps a swashplate's servos between the first and the last."""
 _FIRST_FUNCTION = 33
 """SERVOn_FUNCTION of "Motor1"; those of the swashplate's other two and the tail follow."""
 ROTOR_FUNCTION = 31
 """SERVOn_FUNCTION of the rotor's speed."""
-_AZIMUTHS = {3: (-60.0, 60.0, 180.0)}
-"""H_SW_TYPE with fixed places -> azimuths, degrees; 0 says its own."""
+_ANYWHERE, _EQUAL = 0.0, 3.0
+"""H_SW_TYPE of three servos at places of their own, and 120 degrees apart."""
+_AZIMUTHS = (-60.0, 60.0, 180.0)
+"""Of the latter, degrees; of the former where nothing else is said."""
+_USUAL = {
+    "H_SW_TYPE": _EQUAL,
+    **{f"H_SW_H3_SV{k}_POS": azimuth for k, azimuth in zip((1, 2, 3), _AZIMUTHS)},
+    "H_SW_H3_PHANG": 0.0,
+    "H_SW_COL_DIR": 0.0,
+    "H_TAIL_TYPE": 0.0,
+    "H_COL_MIN": 1250.0,
+    "H_COL_MAX": 1750.0,
+    "H_COL_ANG_MIN": -90.0,
+    "H_COL_ANG_MAX": 90.0,
+    "H_COL_ZERO_THRST": 0.0,
+    "H_CYC_MAX": 2500.0,
+    "H_COL2YAW": 0.0,
+    **{f"SERVO{k}_FUNCTION": 32.0 + k for k in (1, 2, 3, 4)},
+    **{f"SERVO{k}_FUNCTION": 0.0 for k in range(5, 33)},
+    **{f"SERVO{k}_TRIM": 1500.0 for k in range(1, 33)},
+    **{f"SERVO{k}_MIN": 1100.0 for k in range(1, 33)},
+    **{f"SERVO{k}_MAX": 1900.0 for k in range(1, 33)},
+    **{f"SERVO{k}_REVERSED": 0.0 for k in range(1, 33)},
+}
+"""What ArduPilot has where a file says nothing."""
 _STEP = 1e-3
 
 
@@ -59,16 +83,12 @@ class Servo:
         """Return that of a motor, 1 to 4. Raises InputError: no output has it."""
         wanted = _FIRST_FUNCTION + motor - 1
         for channel in range(1, 33):
-            usual = wanted if channel == motor else 0.0
-            if parameters.get(f"SERVO{channel}_FUNCTION", usual) == wanted:
-                own = f"SERVO{channel}_"
-                return cls(
-                    channel,
-                    parameters.get(f"{own}TRIM", 1500.0),
-                    parameters.get(f"{own}MIN", 1100.0),
-                    parameters.get(f"{own}MAX", 1900.0),
-                    bool(parameters.get(f"{own}REVERSED", 0.0)),
+            own = f"SERVO{channel}_"
+            if parameters[f"{own}FUNCTION"] == wanted:
+                trim, low, high, turned = (
+                    parameters[own + name] for name in ("TRIM", "MIN", "MAX", "REVERSED")
                 )
+                return cls(channel, trim, low, high, bool(turned))
         raise InputError(
             f"no output has SERVOn_FUNCTION {wanted}, of ArduPilot's Motor{motor}: a helicopter's "
             "swashplate has 33, 34 and 35, its tail 36"
@@ -81,7 +101,7 @@ class Mixer:
 
     Attributes:
         servos: of motors 1 to 4.
-        roll: by how much full roll moves the servos 1 to 3, of 1000 us.
+        roll: by how much full roll moves servos 1 to 3, us.
         pitch: likewise.
         lowest: pulse of no collective, us.
         highest: of all of it.
@@ -92,8 +112,8 @@ class Mixer:
     """
 
     servos: tuple[Servo, Servo, Servo, Servo]
-    roll: tuple[float, float, float]
-    pitch: tuple[float, float, float]
+    roll: tuple[float, ...]
+    pitch: tuple[float, ...]
     lowest: float
     highest: float
     most_cyclic: float
@@ -108,37 +128,34 @@ class Mixer:
         Raises:
             InputError: they are of another swashplate or tail than this knows.
         """
-        kind = int(parameters.get("H_SW_TYPE", 3.0))
-        if kind == 0:
-            own = [parameters.get(f"H_SW_H3_SV{k}_POS", usual) for k, usual in _DEFAULT_PLACES]
-            azimuths = [place - parameters.get("H_SW_H3_PHANG", 0.0) for place in own]
-        elif kind in _AZIMUTHS:
-            azimuths = list(_AZIMUTHS[kind])
-        else:
+        given = ChainMap(dict(parameters), _USUAL)
+        if given["H_SW_TYPE"] not in (_ANYWHERE, _EQUAL):
             raise InputError(
-                f"H_SW_TYPE {kind} is not known here: expected 0 (three servos anywhere) or 3 "
-                "(120 degrees)"
+                f"H_SW_TYPE {given['H_SW_TYPE']:g} is not known here: expected 0 (three servos "
+                "anywhere) or 3 (120 degrees)"
             )
-        if parameters.get("H_TAIL_TYPE", 0.0) not in (0.0, 1.0):
+        if given["H_TAIL_TYPE"] != 0.0:
             raise InputError(
-                f"H_TAIL_TYPE {parameters['H_TAIL_TYPE']:g} is not known here: expected 0, a servo"
+                f"H_TAIL_TYPE {given['H_TAIL_TYPE']:g} is not known here: expected 0, a servo"
             )
-        angles = [math.radians(azimuth) for azimuth in azimuths]
-        one, two, three, four = (Servo.of(parameters, motor) for motor in (1, 2, 3, 4))
-        share = CYCLIC / 1000.0
-        low, high = (parameters.get(f"H_COL_ANG_{end}", 0.0) for end in ("MIN", "MAX"))
-        span = high - low
-        zero = parameters.get("H_COL_ZERO_THRST", 0.0)
+        azimuths = np.array(_AZIMUTHS)
+        if given["H_SW_TYPE"] == _ANYWHERE:
+            azimuths = np.array([given[f"H_SW_H3_SV{k}_POS"] for k in (1, 2, 3)])
+            azimuths = azimuths - given["H_SW_H3_PHANG"]
+        angles = np.radians(azimuths)
+        one, two, three, four = (Servo.of(given, motor) for motor in (1, 2, 3, 4))
+        low, high = given["H_COL_ANG_MIN"], given["H_COL_ANG_MAX"]
+        zero = min(max(given["H_COL_ZERO_THRST"], low), high)
         return cls(
-            (one, two, three, four),
-            tuple(-share * math.sin(angle) for angle in angles),  # type: ignore[arg-type]
-            tuple(share * math.cos(angle) for angle in angles),  # type: ignore[arg-type]
-            parameters.get("H_COL_MIN", 1250.0),
-            parameters.get("H_COL_MAX", 1750.0),
-            parameters.get("H_CYC_MAX", 2500.0) / FULL_CYCLIC,
-            parameters.get("H_COL2YAW", 0.0),
-            (min(max(zero, low), high) - low) / span if span else 0.0,
-            parameters.get("H_SW_COL_DIR", 0.0) == 0.0,
+            servos=(one, two, three, four),
+            roll=tuple(-CYCLIC * np.sin(angles)),
+            pitch=tuple(CYCLIC * np.cos(angles)),
+            lowest=given["H_COL_MIN"],
+            highest=given["H_COL_MAX"],
+            most_cyclic=given["H_CYC_MAX"] / FULL_CYCLIC,
+            to_yaw=given["H_COL2YAW"],
+            zero=(zero - low) / (high - low) if high > low else 0.0,
+            up=given["H_SW_COL_DIR"] == 0.0,
         )
 
     def pulses(self, commands: Mapping[str, float]) -> dict[int, int]:
@@ -157,17 +174,14 @@ class Mixer:
             lat, lon = (one * self.most_cyclic / cyclic for one in (lat, lon))
         col = min(max(col, 0.0), 1.0)
         ped += self.to_yaw * abs(col - self.zero) ** 1.5
-        raised = (col * (self.highest - self.lowest) + self.lowest - 1000.0) / 1000.0
-        raised = raised if self.up else 1.0 - raised
+        raised = self.lowest + col * (self.highest - self.lowest) - _MIDDLE
+        raised = raised if self.up else -raised
         found = {
-            servo.channel: _swash_pulse(servo, 1000.0 * (roll * lat + pitch * lon + raised) - 500.0)
+            servo.channel: _swash_pulse(servo, roll * lat + pitch * lon + raised)
             for servo, roll, pitch in zip(self.servos, self.roll, self.pitch)
         }
         tail = self.servos[3]
         return found | {tail.channel: _tail_pulse(tail, min(max(ped, -1.0), 1.0))}
-
-
-_DEFAULT_PLACES = ((1, -60.0), (2, 60.0), (3, 180.0))
 
 
 def _swash_pulse(servo: Servo, off: float) -> float:
