@@ -37,7 +37,7 @@ class Output:
         if self.travel == 0.0:
             raise InputError("an output's travel must not be 0 us")
 
-    def share(self, pulses: Sequence[int], off: float = 0.0) -> float:
+    def share(self, pulses: Sequence[float], off: float = 0.0) -> float:
         """Return which share of the travel a pulse asks for: 0 in the middle, 1 at its end.
 
         Args:
@@ -105,7 +105,7 @@ class Outputs:
         except InputError as error:
             raise ModelError(f"[outputs]: {error}") from None
 
-    def servos(self, pulses: Sequence[int], held: Sequence[float]) -> list[float]:
+    def servos(self, pulses: Sequence[float], held: Sequence[float]) -> list[float]:
         """Return the commands of the front, left, right and tail servo, unitised.
 
         Args:
