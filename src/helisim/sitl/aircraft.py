@@ -3,7 +3,7 @@
 Timing, which a model of the loop needs: an answer tells the state at its own time t. The pulses of
 the frame that follows act from t on, held until the next answer's time, t + 1 / rate_hz; there is
 no other delay on this side than the servos'. Rates and specific force are those at t too, not of
-the time step's start.
+the time step's start. Positions are those of the IMU from where it stood at the start.
 """
 
 import math
@@ -15,16 +15,19 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.errors import DivergedError, InputError, UnknownNameError
 from helisim.physics.layout import CONTROL, SENSOR, STATE
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
+from helisim.records.record import FlightRecord
 from helisim.sim.ground import Ground
+from helisim.sim.plain import to_plain
 from helisim.sim.simulation import generator
 from helisim.sim.weather import Weather
 from helisim.sitl.drive import SlowRotor, powered
 from helisim.sitl.outputs import Outputs
 from helisim.sitl.packet import Sensed
+from helisim.sitl.recording import Recording
 from helisim.sitl.watch import Watch
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.controller import DIRECT, SHIPPED, Controller
@@ -62,6 +65,7 @@ class Aircraft:
         ground: Ground | None = None,
         weather: Weather | None = None,
         seed: int = 1,
+        recorded: bool = False,
     ) -> None:
         """Place a vehicle on the ground.
 
@@ -73,6 +77,7 @@ class Aircraft:
             ground: that it stands on; level, with its effect, if None.
             weather: that is flown through; calm if None.
             seed: of turbulence, 0 or more.
+            recorded: whether what happens is kept for `record`, 120 kB a second.
 
         Raises:
             UnknownNameError: no such vehicle or tail.
@@ -104,6 +109,9 @@ class Aircraft:
         self._imu = int(self.model.sensor("imu_gyro").adr[0])
         self._watch = Watch(self.vehicle, self.ground)
         self.data = mujoco.MjData(self.model)
+        self._recording = (
+            Recording(float(self.period), self.model.nsensordata) if recorded else None
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -116,13 +124,18 @@ class Aircraft:
         rough = self.weather.start(self.vehicle, generator(self.seed, 0, "first air"))
         act[STATE.air_u : STATE.air_u + len(rough)] = rough
         self.data.ctrl[self._where.control + CONTROL.rotor] = 0.0
-        self.crashed, self._frames, self._finite = "", 0, True
+        self.crashed, self._frames, self._crash = "", 0, None
+        self._start = np.zeros(3)
         self._watch.begin()
         if self._rotor is not None:
             self._rotor.speed = 0.0
         with installed():
             mujoco.mj_forward(self.model, self.data)
+        self._start = self._read().position
         self._sensed = self._read()
+        if self._recording is not None:
+            self._recording.begin()
+            self._recording.add(0, self.data.sensordata)
 
     @property
     def time(self) -> float:
@@ -150,29 +163,44 @@ class Aircraft:
         Args:
             pulses: of the autopilot's outputs, us; 0 where one is off: a servo stays where it is
                 asked to be, and the motor stops.
+
+        Raises:
+            DivergedError: the flight has no finite state.
         """
-        self._frames += 1
-        if not self._finite:
-            return self._stop()
         self._command(pulses)
         with installed():
             mujoco.mj_step(self.model, self.data, self._each)
             mujoco.mj_forward(self.model, self.data)
-        sensed = self._read()
+        self._frames += 1
+        self._sensed = sensed = self._read()
         if not math.isfinite(float(sensed.position.sum() + sensed.gyro.sum())):
-            return self._stop()
-        self._sensed = sensed
+            raise DivergedError(f"the flight has no finite state from {self.time:.2f} s")
+        if self._recording is not None:
+            self._recording.add(self._frames, self.data.sensordata)
         if not self.crashed:
-            self.crashed = self._watch.found(sensed, self.stands)
+            self.crashed = self._watch.found(sensed, self._start, self.stands)
             if self.crashed:
+                self._crash = self.time, self.crashed
                 self._lose_rotor()
         return sensed
 
-    def _stop(self) -> Sensed:
-        """Return what was sensed last, in a flight whose numbers broke; only time goes on."""
-        self._finite, self.crashed = False, self.crashed or "the flight has no finite state"
-        self._sensed = replace(self._sensed, time=self.time)
-        return self._sensed
+    def record(self) -> FlightRecord:
+        """Return what truly happened since the last `reset`, 100 samples a second, no noise.
+
+        One with a crash in it is whole, and marked: its `ended` says why and when.
+
+        Raises:
+            InputError: nothing was kept (`recorded=True` does), or too little.
+        """
+        if self._recording is None:
+            raise InputError("nothing of this flight was kept: make it with recorded=True")
+        flown = {
+            "weather": to_plain(self.weather),
+            "autopilot": {"tail": self.tail, "rate_hz": float(1 / self.period)},
+            "outputs": to_plain(self.outputs),
+            "seed": self.seed,
+        }
+        return self._recording.record(self.vehicle, self.ground, self._crash, flown)
 
     def _command(self, pulses: Sequence[int]) -> None:
         first = self._where.control
@@ -205,7 +233,7 @@ class Aircraft:
             time=self.time,
             gyro=np.array((p, -q, -r)),
             force=np.array((ax, -ay, -az)),
-            position=np.array((x, -y, -z)),
+            position=np.array((x, -y, -z)) - self._start,
             velocity=np.array(
                 (
                     u + qw * tx + qy * tz - qz * ty,

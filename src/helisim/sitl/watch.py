@@ -27,17 +27,19 @@ class Watch:
 
     def begin(self) -> None:
         """Forget what was: a new flight begins."""
-        self._next = 0.0
+        self._next, self._start = 0.0, np.zeros(3)
         self._seen: tuple[Sensed | None, Sensed | None] = None, None
         self._touched = False
 
-    def found(self, now: Sensed, touches: bool) -> str:
+    def found(self, now: Sensed, start: NDArray[np.float64], touches: bool) -> str:
         """Return why the flight ends with this frame, "" if it goes on.
 
         Args:
             now: what is sensed.
+            start: (3,) where the positions are from, north-east-down, m.
             touches: whether anything touches the ground.
         """
+        self._start = start
         before, self._seen = self._seen, (self._seen[1], now)
         first, self._touched = touches and not self._touched, touches
         if first and (sinking := self._sinking(*before)) > HARDEST_LANDING:
@@ -67,5 +69,5 @@ class Watch:
     def _heights(self, at: Sensed, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how high points (n, 3) from the IMU, body axes, are above the ground, (n,)."""
         turn = Rotation.from_quat(at.quaternion, scalar_first=True).as_matrix()
-        places = at.position + points @ turn.T
+        places = self._start + at.position + points @ turn.T
         return self._ground.heights(np.array([at.time]), places[None])[0]
