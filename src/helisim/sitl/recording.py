@@ -45,7 +45,12 @@ class Recording:
         self._count = 0
 
     def add(self, frame: int, sensordata: NDArray[np.float64]) -> None:
-        """Keep the sensor data (n,) of a frame, from number 0 on, where it is its turn."""
+        """Keep a frame's sensor data where it is its turn.
+
+        Args:
+            frame: its number, from 0 on.
+            sensordata: (n_sensordata,) of its end.
+        """
         if frame % self._each:
             return
         row = self._count % _ROOM
