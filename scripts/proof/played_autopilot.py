@@ -298,7 +298,7 @@ def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
 
     def on_frame(frame, sensed):
         flown.append(frame.count)
-        count_at[f"{sensed.time:.9f}"] = frame.count
+        count_at[f"{sensed.time:.4f}"] = frame.count
         return bool(over)
 
     with Notes() as link, BadWay(link.port, **{"share": 0.01, **way}) as bad_way:
@@ -310,7 +310,7 @@ def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
             count = autopilot.count
             fields = autopilot.frame(pulses)
             if fields is not None:
-                read_at.append((count, f"{fields['timestamp']:.9f}"))
+                read_at.append((count, f"{fields['timestamp']:.4f}"))
         over.append(True)
         while thread.is_alive():
             autopilot.send(pulses)

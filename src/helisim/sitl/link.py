@@ -40,19 +40,31 @@ class Link:
         """
         if not 0 <= port <= 65535:
             raise InputError(f"a UDP port is 1 to 65535, got {port}")
-        if not timeout > 0.0:
-            raise InputError(f"timeout must be above 0 s, got {timeout}")
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._socket.bind((address, port))
+            bound.bind((address, port))
         except OSError as error:
-            self._socket.close()
+            bound.close()
             raise InputError(
                 f"UDP port {port} of {address} can't be bound: {error.strerror or error}; another "
                 "backend may run: end it, or take another port and give ArduPilot --sim-port-out"
             ) from None
-        self._socket.setblocking(False)
-        self.address, self.port = self._socket.getsockname()
+        self._over(bound, timeout)
+
+    @classmethod
+    def over(cls, bound: socket.socket, *, timeout: float = 60.0) -> "Link":
+        """Return a link over a UDP socket that is bound already, which it closes at its end."""
+        link = cls.__new__(cls)
+        link._over(bound, timeout)
+        return link
+
+    def _over(self, bound: socket.socket, timeout: float) -> None:
+        if not timeout > 0.0:
+            bound.close()
+            raise InputError(f"timeout must be above 0 s, got {timeout:g}")
+        bound.setblocking(False)
+        self._socket = bound
+        self.address, self.port = bound.getsockname()
         self.timeout = timeout
         self.peer: tuple[str, int] | None = None
         self.cut = self.strangers = 0

@@ -17,6 +17,9 @@ from helisim.errors import InputError, UnknownNameError
 _LAYOUTS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}
 """Magic number -> layout of the packet: magic number, frame rate, frame count, pulses."""
 _GAZEBO = struct.calcsize("<16f")
+_HAIR = 1.0 + 1e-6
+"""By which time is told too fast: ArduPilot cuts each difference of two times to whole us, and
+loses one wherever rounding leaves it a hair below."""
 _STILL = np.zeros(3)
 _STILL.flags.writeable = False
 
@@ -105,7 +108,7 @@ def answer(sensed: Sensed, also: Sequence[str] = ()) -> bytes:
     q1, q2, q3, q4 = sensed.quaternion.tolist()
     further = "".join([FIELDS[name](sensed) for name in also])
     return (
-        f'\n{{"timestamp":{sensed.time:.9f},"imu":{{"gyro":[{gx:.9g},{gy:.9g},{gz:.9g}],'
+        f'\n{{"timestamp":{sensed.time * _HAIR:.12f},"imu":{{"gyro":[{gx:.9g},{gy:.9g},{gz:.9g}],'
         f'"accel_body":[{ax:.9g},{ay:.9g},{az:.9g}]}},"position":[{x:.12g},{y:.12g},{z:.12g}],'
         f'"velocity":[{u:.9g},{v:.9g},{w:.9g}],'
         f'"quaternion":[{q1:.9g},{q2:.9g},{q3:.9g},{q4:.9g}]{further}}}\n'
