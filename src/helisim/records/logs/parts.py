@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from helisim.records.channels import Channel
 from helisim.records.logs.clock import common_rate, unevenness
 from helisim.records.logs.mapping import Column
 from helisim.records.logs.report import Findings, LogFinding, Part
-from helisim.records.logs.resample import Interpolant, interpolant, oversampling, resample
+from helisim.records.logs.resample import Line, grid, lines_through, oversampling, resample
 from helisim.records.logs.timing import (
     Samples,
     check_missing,
@@ -116,65 +117,82 @@ def cut(stretch: tuple[Samples, ...], options: Options, findings: Findings) -> C
     if options.rate is not None:
         steps = [_median_step(one, k) for one in stretch for k in range(len(one.columns))]
         factor = max((oversampling(step, options.rate) for step in steps), default=1)
+    starts = np.cumsum([0, *(len(one.columns) for one in stretch)])
+    lines = [line for one, k in zip(stretch, starts) for line in lines_through(one, int(k))]
+    order = np.argsort([k for line in lines for k in line.columns])
     made = Cut([], [], [], [], factor)
-    for start, stop in _shared(spans):
-        inside = np.flatnonzero((first.time >= start) & (first.time <= stop))
-        if options.rate is None:
-            time = first.time[inside]
-            values = first.values[inside].copy()
-            for k in range(values.shape[1]):
-                holes = np.isnan(values[:, k])
-                if holes.any():
-                    values[holes, k] = _line(first, k, start, stop)(time[holes])
-        else:
+    short: list[tuple[int, int, int, float]] = []
+    for start, stop in reduce(_shared, spans):
+        low = int(np.searchsorted(first.time, start, side="left"))
+        inside = slice(low, int(np.searchsorted(first.time, stop, side="right")))
+        time = first.time[inside]
+        if options.rate is not None:
             count = int(min(np.floor((stop - start) * options.rate + 1e-6), 1e12)) + 1
-            values = resample(
-                [_line(one, k, start, stop) for one in stretch for k in range(len(one.columns))],
-                start,
-                count,
-                rate=options.rate,
-                factor=factor,
-                samples=max(one.time.size for one in stretch),
-            )
-            time = start + np.arange(count) / options.rate
-        row = [int(first.rows[k]) for k in (inside[[0, -1]] if inside.size else (0, 0))]
+            time = grid(start, count, options.rate, factor, max(x.time.size for x in stretch))
+        row = [int(first.rows[k]) for k in (low, inside.stop - 1)] if inside.stop > low else [0, 0]
         span = float(time[-1] - time[0])
         if time.size < 2 or span < options.min_duration:
-            text = (
-                f"{first.counts}s {row[0]} to {row[1]}: {time.size} samples, {span:.4g} s, left "
-                "out as too short"
-            )
-            made.left_out.append(LogFinding("short part", text, 1, tuple(row), True))
+            short.append((row[0], row[1], time.size, span))
             continue
+        if options.rate is None:
+            values = _filled(first.values[inside], time, lines, start, stop)
+        else:
+            through = [line.between(start, stop) for line in lines]
+            values = resample(through, start, time.size, rate=options.rate, factor=factor)
+            values = values[:, order]
         made.time.append(time)
         made.values.append(values)
         uneven, option = "", ""
         if options.rate is None:
             uneven, option = unevenness(first.take(inside), options.max_gap)
         made.parts.append(Part(row[0], row[1], time.size, float(time[0]), span, uneven, option))
+    if short:
+        made.left_out.append(_left_out(first.counts, short))
     return made
 
 
-def _line(samples: Samples, k: int, start: float, stop: float) -> Interpolant:
-    """Return a function of time for a column between two instants.
+def _filled(
+    values: NDArray[np.float64],
+    time: NDArray[np.float64],
+    lines: Sequence[Line],
+    start: float,
+    stop: float,
+) -> NDArray[np.float64]:
+    """Return values, (n_time, n_channel), with what is missing interpolated."""
+    values = values.copy()
+    for line in lines:
+        for k, column in zip(line.columns, values.T[list(line.columns)]):
+            holes = np.isnan(column)
+            if holes.any():
+                values[holes, k] = line.between(start, stop)(time[holes])[:, 0]
+    return values
 
-    Samples beyond are used only where it has none at the instant itself.
-    """
-    known = np.flatnonzero(np.isfinite(samples.values[:, k]))
-    time = samples.time[known]
-    low = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
-    high = min(int(np.searchsorted(time, stop, side="left")), time.size - 1)
-    keep = known[low : high + 1]
-    return interpolant(samples.time[keep], samples.values[keep, k])
+
+def _left_out(counts: str, short: Sequence[tuple[int, int, int, float]]) -> LogFinding:
+    """Return the finding of parts that are too short: first and last row, samples, and s each."""
+    first, last, samples, span = short[0]
+    text = f"{counts}s {first} to {last}: {samples} samples, {span:.4g} s, left out as too short"
+    if len(short) > 1:
+        total = sum(one[2] for one in short)
+        text += f"; so were {len(short) - 1} more parts ({total} samples in all)"
+    rows = (first, last) if len(short) == 1 else tuple(one[0] for one in short)
+    return LogFinding("short part", text, len(short), rows, True)
 
 
-def _shared(spans: Sequence[Sequence[tuple[float, float]]]) -> list[tuple[float, float]]:
-    """Return the intervals that all of several sorted lists of intervals have."""
-    shared = list(spans[0])
-    for other in spans[1:]:
-        shared = [
-            (max(a, c), min(b, d)) for a, b in shared for c, d in other if max(a, c) < min(b, d)
-        ]
+def _shared(
+    one: Sequence[tuple[float, float]], other: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
+    """Return the intervals that two sorted lists of intervals share."""
+    shared = []
+    i = j = 0
+    while i < len(one) and j < len(other):
+        start, stop = max(one[i][0], other[j][0]), min(one[i][1], other[j][1])
+        if start < stop:
+            shared.append((start, stop))
+        if one[i][1] < other[j][1]:
+            i += 1
+        else:
+            j += 1
     return shared
 
 

@@ -10,6 +10,8 @@ from helisim.records.value import FrozenMap, Value
 OURS = "helisim record"
 """Name of helisim's own format, whose channels need no map."""
 
+_PARTS_SHOWN = 20
+"""Of a log with more, only so many are printed."""
 _ROWS_KEPT = 20
 """Row numbers that a finding keeps; its count says how many there were."""
 
@@ -210,10 +212,13 @@ class LogReport(Value):
             )
             lines.append(f"  resampled to {self.resampled_hz:g} Hz, {message}")
         if len(self.parts) > 1:
-            lines.append(f"  {len(self.parts)} records:")
+            more = f", the {_PARTS_SHOWN} longest" if len(self.parts) > _PARTS_SHOWN else ""
+            lines.append(f"  {len(self.parts)} records{more}:")
+            longest = sorted(self.parts, key=lambda part: -part.duration)[:_PARTS_SHOWN]
             lines += [
                 f"    {self.counts}s {part.first_row} to {part.last_row}, {part.duration:.4g} s"
                 for part in self.parts
+                if part in longest
             ]
         lines += [
             f"  {'repaired' if finding.repaired else 'note'}: {finding.text}"

@@ -8,12 +8,15 @@ between channels keep their values in its passband.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
+from helisim.records.logs.timing import Samples
 
 PASSBAND = 0.8
 """The filter leaves frequencies unchanged up to this share of half the new rate."""
@@ -30,6 +33,7 @@ _FASTER = 1.01
 """A log that is faster than the grid by no more than this needs no filter."""
 
 Interpolant = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Function of time (n_time,) whose values are (n_time, n_channel)."""
 
 
 def check_rate(rate: float) -> float:
@@ -43,17 +47,64 @@ def check_rate(rate: float) -> float:
     return number
 
 
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Channels that have their numbers at the same instants.
+
+    Attributes:
+        columns: which of all channels they are.
+        time: (n_known,) s.
+        values: (n_known, n_channel).
+    """
+
+    columns: tuple[int, ...]
+    time: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    def between(self, start: float, stop: float) -> Interpolant:
+        """Return a function of time between two instants.
+
+        Samples beyond are used only where it has none at the instant itself.
+        """
+        low = max(int(np.searchsorted(self.time, start, side="right")) - 1, 0)
+        high = min(int(np.searchsorted(self.time, stop, side="left")), self.time.size - 1)
+        keep = slice(low, high + 1)
+        return interpolant(self.time[keep], self.values[keep])
+
+
+def lines_through(samples: Samples, first: int) -> list[Line]:
+    """Return the lines through all columns, those without a hole together.
+
+    Args:
+        samples: in order.
+        first: which of all channels the first column is.
+    """
+    holed = ~np.isfinite(samples.values).all(axis=0)
+    full = np.flatnonzero(~holed)
+    values = samples.values[:, full] if holed.any() else samples.values
+    found = [Line(tuple((full + first).tolist()), samples.time, values)] if full.size else []
+    for k in np.flatnonzero(holed).tolist():
+        known = np.flatnonzero(np.isfinite(samples.values[:, k]))
+        found.append(Line((k + first,), samples.time[known], samples.values[known, k : k + 1]))
+    return found
+
+
 def interpolant(time: NDArray[np.float64], values: NDArray[np.float64]) -> Interpolant:
-    """Return a function of time through samples, (n_time,) each; constant beyond the ends."""
+    """Return a function of time through samples, constant beyond the ends.
+
+    Args:
+        time: (n_time,) s, increasing.
+        values: (n_time, n_channel).
+    """
     if time.size < 3:
-        return lambda at: np.interp(at, time, values)
+        return lambda at: np.column_stack([np.interp(at, time, column) for column in values.T])
     from scipy.interpolate import Akima1DInterpolator  # slow to import, like all of scipy here
 
     try:
         with np.errstate(all="ignore"):
             through = Akima1DInterpolator(time, values, method="makima")
     except ValueError:  # differences beyond any number: the reader refuses what isn't finite
-        return lambda at: np.full(at.shape, np.nan)
+        return lambda at: np.full((at.size, values.shape[1]), np.nan)
     return lambda at: through(np.clip(at, time[0], time[-1]))
 
 
@@ -68,23 +119,14 @@ def oversampling(step: float, rate: float) -> int:
     return 1 if ratio <= _FASTER else 2 * math.ceil(ratio)
 
 
-def resample(
-    interpolants: Sequence[Interpolant],
-    start: float,
-    count: int,
-    *,
-    rate: float,
-    factor: int,
-    samples: int,
-) -> NDArray[np.float64]:
-    """Return channels on the grid start + k / rate, (count, n_channel).
+def grid(start: float, count: int, rate: float, factor: int, samples: int) -> NDArray[np.float64]:
+    """Return the instants start + k / rate, (count,) s.
 
     Args:
-        interpolants: one a channel.
         start: s.
-        count: samples of the grid.
+        count: of the instants.
         rate: Hz.
-        factor: fine samples to one of the grid; 1 for no filter.
+        factor: fine samples to one of the grid.
         samples: how many of the log's own samples there are.
 
     Raises:
@@ -96,18 +138,36 @@ def resample(
             f"resampling {samples} samples at {rate:g} Hz makes {count * factor} a channel, and at "
             f"most {most} are made; lower the rate, cut the log, or check the unit of time"
         )
+    return start + np.arange(count) / rate
+
+
+def resample(
+    interpolants: Sequence[Interpolant], start: float, count: int, *, rate: float, factor: int
+) -> NDArray[np.float64]:
+    """Return channels on the grid start + k / rate, (count, n_channel).
+
+    Args:
+        interpolants: of all channels, one after the other.
+        start: s.
+        count: samples of the grid.
+        rate: Hz.
+        factor: fine samples to one of the grid; 1 for no filter.
+    """
     fine = start + np.arange((count - 1) * factor + 1) / (rate * factor)
-    columns = np.empty((count, len(interpolants)))
     with np.errstate(all="ignore"):
-        taps = _low_pass(factor) if factor > 1 else np.ones(1)
-        half = taps.size // 2
-        for k, through in enumerate(interpolants):
-            column = np.pad(through(fine), half, mode="reflect", reflect_type="odd")
-            around = sliding_window_view(column, taps.size)[::factor]
-            columns[:, k] = np.einsum("ij,j->i", around, taps)  # the taps are symmetric
-    return columns
+        columns = np.column_stack([through(fine) for through in interpolants])
+        if factor == 1:
+            return columns
+        taps = _low_pass(factor)
+        found = np.empty((count, columns.shape[1]))
+        for k, column in enumerate(columns.T):
+            padded = np.pad(column, taps.size // 2, mode="reflect", reflect_type="odd")
+            around = sliding_window_view(padded, taps.size)[::factor]
+            found[:, k] = np.einsum("ij,j->i", around, taps)  # the taps are symmetric
+    return found
 
 
+@cache
 def _low_pass(factor: int) -> NDArray[np.float64]:
     """Return a symmetric filter: 1 to PASSBAND of the new half rate, 80 dB down above it.
 

@@ -317,12 +317,10 @@ def _between(
     breaks = np.zeros(n, dtype=bool)
     later = np.searchsorted(time, starts, side="right")
     breaks[later[later < n]] = True
-    run = np.cumsum(breaks | ~keep)
-    found = []
-    for label in np.unique(run[keep]):
-        members = np.flatnonzero((run == label) & keep)
-        found.append(Run(int(members[0]), int(members[-1])))
-    return tuple(found)
+    run = np.cumsum(breaks | ~keep)[keep]
+    kept = np.flatnonzero(keep)
+    edges = np.flatnonzero(np.diff(run, prepend=-1, append=-1))
+    return tuple(Run(int(kept[a]), int(kept[b - 1])) for a, b in pairwise(edges))
 
 
 def _limit(steps: NDArray[np.float64]) -> float:
