@@ -120,7 +120,7 @@ def oversampling(step: float, rate: float) -> int:
 
 
 def grid(start: float, count: int, rate: float, factor: int, samples: int) -> NDArray[np.float64]:
-    """Return the instants start + k / rate, (count,) s.
+    """Return the (n_time,) instants start + k / rate, s, of `count` samples.
 
     Args:
         start: s.
