@@ -4,7 +4,9 @@ import argparse
 import time
 from typing import TYPE_CHECKING, Any
 
-from helisim.cli.common import add_quiet, add_vehicle, names
+from helisim.cli.common import add_parameters, add_quiet, add_vehicle, names, parameters
+from helisim.cli.ground import add_ground, ground
+from helisim.cli.weather import add_weather, weather
 from helisim.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,25 +59,57 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--send", default="", metavar="FIELD,...", help="further fields of the answers, see below"
     )
+    command.add_argument(
+        "--tail",
+        default="direct",
+        metavar="direct|gyro",
+        help="direct: ArduPilot moves the tail servo (default); gyro: the helicopter's own yaw "
+        "gyro does, and ArduPilot's output is its pedals (H_TAIL_TYPE 1)",
+    )
+    command.add_argument(
+        "--rate",
+        type=float,
+        default=1000.0,
+        metavar="HZ",
+        help="frames a second of simulated time (default: 1000, one sample of its gyro each)",
+    )
+    command.add_argument(
+        "--seed", type=int, default=1, metavar="N", help="of the turbulence (default: 1)"
+    )
+    add_weather(command)
+    add_ground(command)
+    add_parameters(command)
     add_quiet(command)
     command.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.sim import Weather
     from helisim.sitl import Aircraft, Backend, Link
     from helisim.sitl.packet import check_fields
+    from helisim.vehicle import load
 
     if not options.wait > 0.0:
         raise InputError(f"--wait must be above 0 s, got {options.wait:g}")
     also = check_fields(names(options.send))
     with Link(options.port, address=options.address, timeout=options.wait) as link:
-        aircraft = Aircraft(options.vehicle)
+        changed = parameters(options)
+        aircraft = Aircraft(
+            load(options.vehicle, parameters=changed),
+            motor=changed.get("drive.governor") != "ideal",
+            tail=options.tail,
+            rate_hz=options.rate,
+            ground=ground(options),
+            weather=weather(options, Weather()),
+            seed=options.seed,
+        )
         if not options.quiet:
             _say(_listening(options, link))
         status = None if options.quiet else _Status(aircraft)
         backend = Backend(aircraft, link, on_frame=status, also=also)
         try:
-            backend.run()
+            with aircraft:
+                backend.run()
         except KeyboardInterrupt:
             if not backend.served.frames:
                 raise

@@ -8,12 +8,15 @@ the time step's start. Positions are those of the IMU from where it stood at the
 
 import math
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from fractions import Fraction
-from typing import Literal
+from types import TracebackType
+from typing import Literal, Self
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from helisim.errors import DivergedError, InputError, UnknownNameError
 from helisim.physics.layout import CONTROL, SENSOR, STATE
@@ -48,6 +51,10 @@ class Aircraft:
     It takes off, flies, lands and stands again. After a rotor's strike or a hard landing the rotor
     is gone: what is left falls, and lies there, until `reset`.
 
+        with Aircraft("jr700") as aircraft:       # MuJoCo has the force laws meanwhile
+            while aircraft.time < 60.0:
+                sensed = aircraft.step(pulses)    # outside `with` too, by 13 us slower
+
     Attributes:
         vehicle: that flies, with a motor where it has the numbers of one.
         outputs: which of them moves what.
@@ -64,6 +71,7 @@ class Aircraft:
         rate_hz: float = RATE_HZ,
         ground: Ground | None = None,
         weather: Weather | None = None,
+        motor: bool = True,
         seed: int = 1,
         recorded: bool = False,
     ) -> None:
@@ -76,6 +84,9 @@ class Aircraft:
             rate_hz: frames a second of simulated time.
             ground: that it stands on; level, with its effect, if None.
             weather: that is flown through; calm if None.
+            motor: whether a motor turns the rotor, if the vehicle has the numbers of one; else an
+                ideal governor follows the speed asked for within a spool-up of 12 s, and keeps it
+                whatever torque that takes.
             seed: of turbulence, 0 or more.
             recorded: whether what happens is kept for `record`, 120 kB a second.
 
@@ -93,8 +104,9 @@ class Aircraft:
         gyro = tail == "gyro"
         loaded = load(vehicle) if isinstance(vehicle, str) else vehicle
         self.period = _period(rate_hz)
+        self._microseconds = round(1e6 * self.period)
         self._each = _steps(self.period, loaded)
-        flown = powered(loaded, float(self.period / self._each))
+        flown = powered(loaded, float(self.period / self._each), motor=motor)
         flown = flown.with_controller(Controller(swash=None, tail=SHIPPED) if gyro else DIRECT)
         self.vehicle = self.weather.trimmed(self.ground.felt_by(flown))
         self.outputs = Outputs.of(self.vehicle.parameters)
@@ -112,7 +124,26 @@ class Aircraft:
         self._recording = (
             Recording(float(self.period), self.model.nsensordata) if recorded else None
         )
+        self._lent, self._holds = ExitStack(), False
         self.reset()
+
+    def __enter__(self) -> Self:
+        self._lent.enter_context(installed())
+        self._holds = True
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._holds = False
+        self._lent.__exit__(kind, error, trace)
+
+    def __repr__(self) -> str:
+        state = self.crashed or ("on the ground" if self.stands else "in the air")
+        return f"Aircraft({self.vehicle.name!r}, {self.time:.2f} s, {state})"
 
     def reset(self) -> None:
         """Stand on the ground again at time 0, the rotor stopped."""
@@ -140,7 +171,7 @@ class Aircraft:
     @property
     def time(self) -> float:
         """Simulated time since the last `reset`, s."""
-        return float(self._frames * self.period)
+        return self._frames * self._microseconds * 1e-6
 
     @property
     def sensed(self) -> Sensed:
@@ -168,13 +199,13 @@ class Aircraft:
             DivergedError: the flight has no finite state.
         """
         self._command(pulses)
-        with installed():
-            mujoco.mj_step(self.model, self.data, self._each)
-            mujoco.mj_forward(self.model, self.data)
+        if self._holds:
+            self._fly_on()
+        else:
+            with installed():
+                self._fly_on()
         self._frames += 1
         self._sensed = sensed = self._read()
-        if not math.isfinite(float(sensed.position.sum() + sensed.gyro.sum())):
-            raise DivergedError(f"the flight has no finite state from {self.time:.2f} s")
         if self._recording is not None:
             self._recording.add(self._frames, self.data.sensordata)
         if not self.crashed:
@@ -202,6 +233,10 @@ class Aircraft:
         }
         return self._recording.record(self.vehicle, self.ground, self._crash, flown)
 
+    def _fly_on(self) -> None:
+        mujoco.mj_step(self.model, self.data, self._each)
+        mujoco.mj_forward(self.model, self.data)
+
     def _command(self, pulses: Sequence[int]) -> None:
         first = self._where.control
         held = self.data.ctrl[first : first + CONTROL.rotor + 1].tolist()
@@ -223,26 +258,42 @@ class Aircraft:
 
     def _read(self) -> Sensed:
         """Return what the IMU senses in the state that was evaluated last."""
-        (p, q, r, ax, ay, az, u, v, w, qw, qx, qy, qz, x, y, z) = self.data.sensordata[
-            self._imu : self._imu + SENSOR.imu_z + 1
-        ].tolist()
-        v, w, qy, qz = -v, -w, -qy, -qz
-        # t + 2 qw (q x u) + ...: a quaternion turns the velocity into earth axes
-        tx, ty, tz = 2.0 * (qy * w - qz * v), 2.0 * (qz * u - qx * w), 2.0 * (qx * v - qy * u)
+        data = self.data.sensordata[self._imu : self._imu + len(SENSOR)].tolist()
+        p, q, r, ax, ay, az, u, v, w, qw, qx, qy, qz, x, y, z = data[: SENSOR.imu_z + 1]
+        if not math.isfinite(p + q + r + x + y + z + qw + u):
+            raise DivergedError(f"the flight has no finite state from {self.time:.2f} s")
+        turn = qw, qx, -qy, -qz
+        position = np.array((x, -y, -z))
         return Sensed(
             time=self.time,
             gyro=np.array((p, -q, -r)),
             force=np.array((ax, -ay, -az)),
-            position=np.array((x, -y, -z)) - self._start,
-            velocity=np.array(
-                (
-                    u + qw * tx + qy * tz - qz * ty,
-                    v + qw * ty + qz * tx - qx * tz,
-                    w + qw * tz + qx * ty - qy * tx,
-                )
-            ),
-            quaternion=np.array((qw, qx, qy, qz)),
+            position=position - self._start,
+            velocity=_turned(turn, u, -v, -w),
+            quaternion=np.array(turn),
+            wind=_turned(turn, *data[SENSOR.air_u : SENSOR.air_w + 1]),
+            clearance=self._clearance(position),
         )
+
+    def _clearance(self, position: NDArray[np.float64]) -> float:
+        """Return how far the ground is below a place (3,), straight down, m."""
+        if self.ground.deck is None and self.ground.slope == 0.0:
+            return -float(position[2])
+        height = self.ground.heights(np.array([self.time]), position[None, None])[0, 0]
+        return float(height) / math.cos(self.ground.slope)
+
+
+def _turned(turn: Sequence[float], x: float, y: float, z: float) -> NDArray[np.float64]:
+    """Return a vector that a quaternion turns, (3,): v + 2 w (q x v) + 2 q x (q x v)."""
+    w, a, b, c = turn
+    tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
+    return np.array(
+        (
+            x + w * tx + b * tz - c * ty,
+            y + w * ty + c * tx - a * tz,
+            z + w * tz + a * ty - b * tx,
+        )
+    )
 
 
 def _period(rate_hz: float) -> Fraction:

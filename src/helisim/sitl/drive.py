@@ -3,7 +3,7 @@
 import copy
 
 from helisim.errors import ModelError
-from helisim.physics.drive import MOTOR
+from helisim.physics.drive import IDEAL, MOTOR
 from helisim.physics.params import PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import with_room
@@ -16,21 +16,25 @@ _SPOOL_UP = 12.0
 """s, to the nominal speed where no motor's numbers say it: usual for speed controllers."""
 
 
-def powered(vehicle: Vehicle, timestep: float) -> Vehicle:
-    """Return a vehicle in time steps of so many seconds, whose rotor a motor turns.
+def powered(vehicle: Vehicle, timestep: float, *, motor: bool = True) -> Vehicle:
+    """Return a vehicle whose rotor a motor turns, in time steps of so many seconds.
 
-    One that has no motor's numbers keeps its ideal governor.
+    Args:
+        vehicle: one that has no motor's numbers gets an ideal governor.
+        timestep: s.
+        motor: False for an ideal governor in any case.
     """
-    parameters, motor = vehicle.parameters, True
     try:
-        check_motor(parameters, "a motor turns the rotor")
+        check_motor(vehicle.parameters, "a motor turns the rotor")
     except ModelError:
         motor = False
+    governor = "motor" if motor else "ideal"
+    parameters = vehicle.parameters.replace(
+        {"drive.governor": governor}, "an autopilot spools it up"
+    )
     model = copy.copy(vehicle.model)
     model.opt.timestep = timestep
-    if motor:
-        parameters = parameters.replace({"drive.governor": "motor"}, "an autopilot spools it up")
-        model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = MOTOR
+    model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = MOTOR if motor else IDEAL
     model = with_room(model, vehicle.folder, parameters, law_room(model))
     trim = find_trim(model, height=vehicle.trim.height, near=vehicle.trim)
     return Vehicle(vehicle.folder, parameters, model, trim, vehicle.controller)

@@ -1,8 +1,8 @@
 """What becomes of a flight by frames near the ground: a landing, a rotor's strike, a fall."""
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from helisim.sim.clearance import outline
 from helisim.sim.ground import Ground
@@ -10,8 +10,8 @@ from helisim.sim.landing import HARDEST_LANDING, rims
 from helisim.sitl.packet import Sensed
 from helisim.vehicle import Vehicle
 
-_FASTEST = 25.0
-"""m/s, at which nothing nears the ground any faster: so long it need not be looked for."""
+_FASTEST = 10.0
+"""m/s, at which a rim nears the ground: until then it isn't looked for again."""
 
 
 class Watch:
@@ -68,6 +68,7 @@ class Watch:
 
     def _heights(self, at: Sensed, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how high points (n, 3) from the IMU, body axes, are above the ground, (n,)."""
-        turn = Rotation.from_quat(at.quaternion, scalar_first=True).as_matrix()
-        places = self._start + at.position + points @ turn.T
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, at.quaternion)
+        places = self._start + at.position + points @ turn.reshape(3, 3).T
         return self._ground.heights(np.array([at.time]), places[None])[0]
