@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from helisim.sitl.aircraft import Aircraft
     from helisim.sitl.backend import Backend, serve
     from helisim.sitl.link import Link
+    from helisim.sitl.outputs import Output, Outputs
     from helisim.sitl.packet import Frame, Sensed
     from helisim.sitl.served import Served
 
@@ -23,13 +24,15 @@ _HOMES = {
     "Backend": "backend",
     "Frame": "packet",
     "Link": "link",
+    "Output": "outputs",
+    "Outputs": "outputs",
     "Sensed": "packet",
     "Served": "served",
     "serve": "backend",
 }
 """Name -> module; loaded on first use, as a parameter file needs no simulator."""
 
-__all__ = ["Aircraft", "Backend", "Frame", "Link", "Sensed", "Served", "serve"]
+__all__ = ["Aircraft", "Backend", "Frame", "Link", "Output", "Outputs", "Sensed", "Served", "serve"]
 
 
 def __getattr__(name: str) -> Any:

@@ -99,7 +99,6 @@ class Aircraft:
             raise UnknownNameError("tail", tail, TAILS)
         if seed < 0:
             raise InputError(f"seed must be 0 or more, got {seed}")
-        self.ground = replace(ground or Ground(), parked=True)
         self.weather, self.seed, self.tail = weather or Weather(), seed, tail
         gyro = tail == "gyro"
         loaded = load(vehicle) if isinstance(vehicle, str) else vehicle
@@ -107,6 +106,8 @@ class Aircraft:
         self._microseconds = round(1e6 * self.period)
         self._each = _steps(self.period, loaded)
         flown = powered(loaded, float(self.period / self._each), motor=motor)
+        motor = flown.parameters.word("drive.governor") == "motor"
+        self.ground = replace(ground or Ground(), parked=True, rotor=0.0 if motor else 1.0)
         flown = flown.with_controller(Controller(swash=None, tail=SHIPPED) if gyro else DIRECT)
         self.vehicle = self.weather.trimmed(self.ground.felt_by(flown))
         self.outputs = Outputs.of(self.vehicle.parameters)
@@ -117,7 +118,7 @@ class Aircraft:
         par[PARAM.ground_effect] = self.ground.effect
         air_seed = int(generator(seed, 0, "air").integers(2**31))
         self.weather.write(par, self.vehicle, seed=air_seed)
-        self._rotor = SlowRotor(float(self.period)) if not par[PARAM.drive_governor] else None
+        self._rotor = None if motor else SlowRotor(float(self.period))
         self._imu = int(self.model.sensor("imu_gyro").adr[0])
         self._watch = Watch(self.vehicle, self.ground)
         self.data = mujoco.MjData(self.model)
@@ -148,8 +149,7 @@ class Aircraft:
     def reset(self) -> None:
         """Stand on the ground again at time 0, the rotor stopped."""
         place(self.model, self.data, self.vehicle.trim)
-        ground = self.ground if self._rotor else replace(self.ground, rotor=0.0)
-        ground.begin(self.vehicle, self.model, self.data)
+        self.ground.begin(self.vehicle, self.model, self.data)
         act = self.data.act[self._where.state :]
         act[STATE.inflow_0 : STATE.inflow_c + 1] = 0.0
         rough = self.weather.start(self.vehicle, generator(self.seed, 0, "first air"))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from helisim.errors import InputError, ModelError
 
@@ -24,7 +25,7 @@ class Output:
         InputError: there is no such channel, or no travel.
     """
 
-    channel: float
+    channel: int
     trim: float = 1500.0
     travel: float = 500.0
 
@@ -47,7 +48,7 @@ class Output:
         Returns:
             Not limited: what is moved has its own stops.
         """
-        pulse = pulses[int(self.channel) - 1] if self.channel <= len(pulses) else 0
+        pulse = pulses[self.channel - 1] if self.channel <= len(pulses) else 0
         return (pulse - self.trim) / self.travel if pulse else off
 
     def pulse(self, share: float) -> float:
@@ -98,7 +99,8 @@ class Outputs:
             channel, trim, travel = (
                 parameters[f"outputs.{name}_{number}"] for number in ("channel", "trim", "travel")
             )
-            return Output(channel, round(1e6 * trim, 6), round(1e6 * travel, 6))
+            whole = int(channel) if channel == int(channel) else channel
+            return Output(cast(int, whole), round(1e6 * trim, 6), round(1e6 * travel, 6))
 
         try:
             return cls(*map(output, _MOVED), reach=parameters["servo.travel"])
