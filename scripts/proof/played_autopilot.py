@@ -224,6 +224,12 @@ class Counting:
     def __init__(self):
         self.time = 0.0
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
     def reset(self):
         """Begin at time 0."""
         self.time = 0.0

@@ -1,12 +1,14 @@
-"""`helisim sitl`: what is wrong is one line, exit status 2."""
+"""`helisim sitl`: what is wrong is one line, exit status 2; a flight, its summary and record."""
 
 import socket
+import threading
 
 import pytest
 
 import helisim.sitl.aircraft
 from command import fails
 from helisim.cli import main
+from helisim.records.storage import read_record
 from script import loaded
 
 played = loaded("proof/played_autopilot")
@@ -16,6 +18,13 @@ played = loaded("proof/played_autopilot")
 def counting(monkeypatch):
     """Let an aircraft fly that only counts."""
     monkeypatch.setattr(helisim.sitl.aircraft, "Aircraft", lambda *_, **__: played.Counting())
+
+
+@pytest.fixture
+def blind(monkeypatch):
+    """No display."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture
@@ -53,22 +62,67 @@ def test_what_can_not_be_is_refused(capsys, arguments, said):
     assert said in fails(capsys, "sitl", *arguments)
 
 
-def test_a_flight_ends_with_a_summary(capsys, counting, monkeypatch):
-    """What it listens on and how to start, what comes, and at the end what was flown."""
-    import threading
-
+def served(frames, *arguments):
+    """Run the command while a played autopilot flies; return its status and port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     autopilot = played.PlayedAutopilot(port, resend=0.05)
-    thread = threading.Thread(target=lambda: [autopilot.frame((1000,)) for _ in range(50)])
+    thread = threading.Thread(target=lambda: [autopilot.frame((1500,) * 8) for _ in range(frames)])
     thread.start()
-    assert main(["sitl", "--port", str(port), "--wait", "0.5"]) == 0
+    status = main(["sitl", *map(str, arguments), "--port", str(port), "--wait", "0.5"])
     thread.join()
     autopilot.close()
+    return status, port
+
+
+def test_a_flight_ends_with_a_summary(capsys, counting):
+    """What it listens on and how to start, what comes, and at the end what was flown."""
+    status, port = served(50)
+    assert status == 0
     printed = capsys.readouterr()
     assert f"Listening on UDP 127.0.0.1:{port}" in printed.out
     assert f"--model JSON:127.0.0.1 --sim-port-out {port}" in printed.out
     assert "16 channels, 1200 Hz wanted" in printed.err
     assert printed.out.splitlines()[-1].startswith("Flown: 0.1 s")
     assert "50 frames" in printed.out
+
+
+@pytest.mark.slow
+def test_what_was_flown_is_written(capsys, tmp_path):
+    """Each start of the autopilot has a record; one too short for it is told."""
+    record, recording = tmp_path / "flown.parquet", tmp_path / "flown.rrd"
+    status, _ = served(300, "--record", record, "--rerun", recording)
+    assert status == 0
+    assert read_record(record).duration == pytest.approx(0.3, abs=0.02)
+    assert recording.stat().st_size > 10_000
+    assert f"Written: {record} (0." in capsys.readouterr().out
+    assert served(10, "--record", tmp_path / "short.parquet")[0] == 0
+    assert "Not written: a flight of" in capsys.readouterr().out
+    assert not (tmp_path / "short.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--record", "flown.txt"], "flown.txt: unknown suffix"),
+        (["--rerun", "flown.parquet"], "flown.parquet: unknown suffix"),
+        (["--view"], "neither DISPLAY nor WAYLAND_DISPLAY is set"),
+    ],
+)
+def test_what_can_not_be_written_or_shown_is_refused(capsys, blind, arguments, said):
+    assert said in fails(capsys, "sitl", *arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "neither DISPLAY nor WAYLAND_DISPLAY is set"),
+        (["9012", "--wind", "3", "--ground", "flat"], "neither DISPLAY nor WAYLAND_DISPLAY"),
+        (["--axis", "lat"], "--sitl lets ArduPilot fly: leave out manoeuvre, sticks"),
+        (["--keyboard"], "--sitl lets ArduPilot fly: leave out manoeuvre, sticks"),
+        (["--duration", "10"], "--sitl lets ArduPilot fly: leave out manoeuvre, sticks"),
+    ],
+)
+def test_what_can_not_be_watched_is_refused(capsys, blind, arguments, said):
+    assert said in fails(capsys, "view", "--sitl", *arguments)

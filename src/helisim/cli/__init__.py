@@ -42,6 +42,7 @@ _SHARED = {
     "missions",
     "progress",
     "responses",
+    "sitl_serving",
     "suspicions",
     "units",
     "weather",

@@ -8,6 +8,9 @@ from helisim.cli.common import add_controller, add_parameters, add_vehicle, cont
 from helisim.cli.ground import EPILOG as GROUND
 from helisim.cli.ground import add_ground, ground
 from helisim.cli.manoeuvres import EPILOG, add_manoeuvre, is_asked, manoeuvre
+from helisim.errors import InputError
+
+_WEATHER = ("turbulence", "wind", "wind_from_deg")
 
 
 def add(commands: Any) -> None:
@@ -25,6 +28,15 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--seed", type=int, default=1, metavar="S", help="of the pilot (default: 1)"
     )
+    command.add_argument(
+        "--sitl",
+        nargs="?",
+        type=int,
+        const=9002,
+        metavar="PORT",
+        help="let ArduPilot fly it from the ground, as helisim sitl does, which has more options "
+        "(default port: 9002)",
+    )
     add_ground(command)
     add_controller(command)
     add_parameters(command)
@@ -33,13 +45,14 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.errors import InputError
     from helisim.output.viewer import check_display, view
     from helisim.vehicle import load
 
     duration = options.duration
     if duration is not None and not 0.0 < duration < float("inf"):
         raise InputError(f"--duration must be a positive number of seconds, got {duration}")
+    if options.sitl is not None:
+        return _watch_autopilot(options)
     if by_hand.is_by_hand(options):
         if is_asked(options):
             raise InputError("a hand flies no manoeuvre: leave out --axis, --excitation, --history")
@@ -52,3 +65,20 @@ def _run(options: argparse.Namespace) -> int:
     )
     print(f"Flown: {flown:.1f} s")
     return 0
+
+
+def _watch_autopilot(options: argparse.Namespace) -> int:
+    """Let an autopilot fly, as `helisim sitl --view` does with what is given here."""
+    from helisim.cli import parser
+
+    words = ["sitl", options.vehicle, "--view", "--port", str(options.sitl)]
+    words += [f"--seed={options.seed}", *(f"--set={one}" for one in options.set)]
+    for name in ("ground", *_WEATHER):
+        if getattr(options, name) is not None:
+            words.append(f"--{name.replace('_', '-')}={getattr(options, name)}")
+            setattr(options, name, None)
+    flown = by_hand.is_by_hand(options) or is_asked(options)
+    if flown or options.controller is not None or options.duration is not None:
+        raise InputError("--sitl lets ArduPilot fly: leave out manoeuvre, sticks and controller")
+    asked = parser(words).parse_args(words)
+    return asked.run(asked)

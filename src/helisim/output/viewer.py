@@ -5,8 +5,8 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -228,13 +228,24 @@ def view(
     flight = prepare_live(vehicle, excitation, ground=ground, seed=seed)
     if duration is None and excitation is not None:
         duration = excitation.duration
+    with shown(flight) as window:
+        return watch(flight, window, duration=duration)
+
+
+@contextmanager
+def shown(flight: LiveFlight) -> Iterator[Any]:
+    """Show a flight in a window that follows it; the window closes at the end.
+
+    Raises:
+        DisplayError: no window can be opened.
+    """
     others = set(threading.enumerate())
     window = open_window(flight)
     try:
         with window:
             aim(window.cam, flight.model, root_body(flight.model))
             window.set_texts((None, mujoco.mjtGridPos.mjGRID_BOTTOMLEFT, LEGEND, None))
-            return watch(flight, window, duration=duration)
+            yield window
     finally:
         # a window whose thread still lives when Python ends takes the program down with it
         for thread in set(threading.enumerate()) - others:
@@ -290,10 +301,18 @@ class Rotors:
         self.metres_per_newton = _ARROW_LENGTH * extent / (mass * -model.opt.gravity[2])
         self.arrow_radius = _ARROW_RADIUS * extent
 
-    def draw(self, data: mujoco.MjData, scene: mujoco.MjvScene | None) -> None:
-        """Put the rotors and the arrow where the state has them."""
+    def draw(
+        self, data: mujoco.MjData, scene: mujoco.MjvScene | None, time: float | None = None
+    ) -> None:
+        """Put the rotors and the arrow where the state has them.
+
+        Args:
+            data: of the flight.
+            scene: for the arrow; None draws none.
+            time: s that the rotors have turned, as at their nominal speeds; the flight's if None.
+        """
         tilt = Rotation.from_rotvec(flip(*drawn_tilt(*data.act[self.tilts]).as_rotvec()))
-        main, tail = drawn_turn(data.time, self.speeds)
+        main, tail = drawn_turn(data.time if time is None else time, self.speeds)
         turned = Rotation.from_rotvec([0.0, 0.0, -self.direction * main])
         self.main.place(data, (tilt * turned).as_matrix())
         self.tail.place(data, Rotation.from_rotvec([0.0, tail, 0.0]).as_matrix())

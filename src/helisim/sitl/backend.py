@@ -20,6 +20,11 @@ from helisim.sitl.served import Served
 OnFrame = Callable[[Frame, Sensed], bool | None]
 """Called with each frame that is flown and what is sensed after it; True ends the flight."""
 
+OnWait = Callable[[], bool | None]
+"""Called while no frame comes; True ends the flight."""
+
+_LOOK = 0.1
+"""s between two calls while no frame comes."""
 _SILENCE = 5.0
 """s without a frame that are told."""
 _AT_ONCE = 0.5
@@ -57,10 +62,13 @@ class Backend:
         link: Link,
         *,
         on_frame: OnFrame | None = None,
+        on_wait: OnWait | None = None,
+        on_restart: Callable[[], None] | None = None,
         also: Sequence[str] = (),
     ) -> None:
         """Take what flies and what it is flown over; arguments are those of `serve`."""
-        self._aircraft, self._link, self._on_frame = aircraft, link, on_frame
+        self._aircraft, self._link = aircraft, link
+        self._on_frame, self._on_wait, self._on_restart = on_frame, on_wait, on_restart
         self._also = check_fields(also)
         self._counts: dict[str, int] = dict.fromkeys(_COUNTED, 0)
         self._told: set[str] = set()
@@ -68,6 +76,7 @@ class Backend:
         self._line = b""
         self._seconds = self._time = 0.0
         self._began = self._came = 0.0
+        self._over = False
 
     @property
     def served(self) -> Served:
@@ -81,7 +90,7 @@ class Backend:
         )
 
     def run(self) -> Served:
-        """Serve until `on_frame` ends it or no frame comes for the link's timeout."""
+        """Serve until a call ends it or no frame comes for the link's timeout."""
         frame = self._first()
         while frame is not None:
             if self._last is not None and frame.count == self._last.count:
@@ -100,8 +109,10 @@ class Backend:
             frame = newer
         return self.served
 
-    def _first(self) -> Frame:
-        frame = self._link.receive()
+    def _first(self) -> Frame | None:
+        frame = self._receive(self._link.timeout)
+        if self._over:
+            return None
         if frame is None:
             raise InputError(self._no_one())
         channels = len(frame.pulses)
@@ -121,14 +132,28 @@ class Backend:
 
     def _next(self) -> Frame | None:
         """Return the next frame; None if none comes for the link's timeout."""
-        frame = self._link.receive(min(_SILENCE, self._link.timeout))
-        if frame is None and self._link.timeout > _SILENCE:
+        frame = self._receive(min(_SILENCE, self._link.timeout))
+        if frame is None and not self._over and self._link.timeout > _SILENCE:
             self._counts["silences"] += 1
             _log.info("no frame for %g s, at %.1f s of flight: waiting", _SILENCE, self._time)
-            frame = self._link.receive(self._link.timeout - _SILENCE)
+            frame = self._receive(self._link.timeout - _SILENCE)
             if frame is not None:
                 _log.info("frames again")
         return frame
+
+    def _receive(self, timeout: float) -> Frame | None:
+        """Return the next frame; None if none comes in time or nobody waits for one any more."""
+        if self._on_wait is None:
+            return self._link.receive(timeout)
+        end = time.monotonic() + timeout
+        while (left := end - time.monotonic()) > 0.0:
+            frame = self._link.receive(min(left, _LOOK))
+            if frame is not None:
+                return frame
+            self._over = bool(self._on_wait())
+            if self._over:
+                return None
+        return None
 
     def _newer(self, frame: Frame) -> Frame | None:
         """Return a frame that came while its forerunner was flown."""
@@ -173,6 +198,8 @@ class Backend:
         self._seconds += self._time
         self._time = 0.0
         self._counts["starts"] += 1
+        if self._on_restart is not None:
+            self._on_restart()
         self._aircraft.reset()
 
     def _count(self, name: str, text: str) -> None:
@@ -194,6 +221,8 @@ def serve(
     link: Link,
     *,
     on_frame: OnFrame | None = None,
+    on_wait: OnWait | None = None,
+    on_restart: Callable[[], None] | None = None,
     also: Sequence[str] = (),
 ) -> Served:
     """Fly an aircraft by the frames that come, until none comes for long.
@@ -204,6 +233,9 @@ def serve(
         on_frame: called with each frame and what is sensed after it, while the autopilot waits
             for the answer; True ends the flight. What a script sends to the autopilot in it
             arrives at the same simulated time in each run.
+        on_wait: called ten times a second while no frame comes; True ends the flight.
+        on_restart: called when the autopilot starts anew, before the aircraft is on the ground
+            again.
         also: further fields of the answers: "airspeed", "wind", "windvane", "rng" or
             "no_time_sync".
 
@@ -214,4 +246,5 @@ def serve(
         InputError: no autopilot sent a frame in the link's time, or something else did.
         UnknownNameError: there is no such field.
     """
-    return Backend(aircraft, link, on_frame=on_frame, also=also).run()
+    calls = {"on_frame": on_frame, "on_wait": on_wait, "on_restart": on_restart}
+    return Backend(aircraft, link, also=also, **calls).run()
