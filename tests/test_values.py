@@ -24,6 +24,9 @@ from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
 from helisim.handling.measured.margins import MeasuredFigure
 from helisim.ident import Reduction
 from helisim.ident.verifying.verification import Trace
+from helisim.look.systemid import FlownSweep, Inferred, InferredFit, InferredLog, TakenChannel
+from helisim.look.systemid.reading import Sampling
+from helisim.records.logs import Column
 from helisim.records.value import FrozenMap, Value, same
 from helisim.study.run import Run
 from made_run import make_flight, make_model, make_verification, write_run
@@ -54,6 +57,15 @@ def make_design(law):
         history=(Step("soft", 1, 0.2, 0.1, -3.0),),
         provenance={"seed": 1},
     )
+
+
+def make_inferred():
+    """Return what a log with one sweep says."""
+    sweep = FlownSweep(12, 10.0, 70.0, 0.1, 2.0, 60.0, True, "complete")
+    channel = TakenChannel("ped", Column("RATE.YOut", "1"), 400.0, "by name")
+    log = InferredLog("a.bin", "ArduCopter", True, (sweep,), (channel,), {"H_SW_TYPE": 3.0}, 0.0)
+    fit = InferredFit("yaw_base", ("ped",), ("r",), (), ("mixer_yaw",), (2.0, 60.0), "yaw")
+    return Inferred((log,), (fit,), Sampling(200.0, 0.25, frozenset(), 0.0), ())
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +146,7 @@ def values(jr700, tmp_path_factory):
         "Example": hs.examples()["logger"],
         "Log": hs.screen(record),
         "LogReport": hs.screen(record).report,
+        "Inferred": make_inferred(),
         "FrequencyResponse": fit.data,
         "Structure": hs.structures.rollpitch,
         "Parameter": hs.structures.rollpitch.parameters[0],
@@ -194,6 +207,7 @@ NAMES = [
         "Example",
         "Log",
         "LogReport",
+        "Inferred",
         "FrequencyResponse",
         "Structure",
         "Parameter",

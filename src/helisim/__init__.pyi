@@ -41,6 +41,7 @@ from helisim.laws import law_of as law_of
 from helisim.laws import read_law as read_law
 from helisim.laws.state_space import StateSpaceLaw as StateSpaceLaw
 from helisim.look import look as look
+from helisim.look.systemid import infer as infer
 from helisim.output.hand.fly import fly_by_hand as fly_by_hand
 from helisim.physics.gyro import Seen as Seen
 from helisim.physics.native import check_model as check_model

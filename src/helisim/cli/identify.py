@@ -2,12 +2,14 @@
 
 import argparse
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from helisim.cli.common import add_quiet, print_written, wrapped
 from helisim.cli.fitting import adapted, add_fitting, fitted_bands, search_options
 from helisim.cli.given import add_given, given_response
+from helisim.cli.inferred import inferred_work, infers, print_inferred
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
@@ -21,12 +23,18 @@ if TYPE_CHECKING:
 
 _EPILOG = f"""\
 example:
+  helisim identify flight.bin
   helisim identify lat.csv lon.csv --structure rollpitch --map heli.toml \\
       --resample 100 --band 1 40 --json model.json
   helisim identify yaw.parquet --structure tf:1/2 --inputs PED --outputs r
   helisim identify frf.json --structure rollpitch
   helisim identify p/lat=p.txt q/lon=q.txt --structure rollpitch \\
       --responses p/lat,q/lon
+
+A log of ArduPilot's mode SystemID says itself what was swept and when, what
+the vehicle was commanded and answered; what is taken is printed, and every
+option below overrules it. The sweeps of several axes give several models:
+--json model.json then writes model-rollpitch.json and so on.
 
 The model in --json is what `helisim verify` reads. Exit status 1: the search
 didn't converge, the fit's cost is beyond the guidelines, or the fit is
@@ -49,9 +57,9 @@ def add(commands: Any) -> None:
     add_log_options(command)
     command.add_argument(
         "--structure",
-        required=True,
         metavar="NAME|FILE",
-        help="built-in name, tf:ZEROS/POLES, or a TOML file; `helisim structures` lists them",
+        help="built-in name, tf:ZEROS/POLES, or a TOML file; `helisim structures` lists them "
+        "(default, with logs of ArduPilot's mode SystemID: as its sweeps allow, one or several)",
     )
     add_responses(command, required=False)
     add_given(command)
@@ -67,17 +75,50 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.ident import identify, reduce
-    from helisim.ident.fitting.export import fit_text
-    from helisim.ident.in_units import ShownParameters, fit_in
-
+    if infers(options):
+        return _run_inferred(options)
     structure, signals = _asked(options)
     search, units = search_options(options, structure), chosen_units(options)
     _check_destinations(options)
     with Progress(len(options.logs) + 1, options.quiet) as advance:
         estimated = _response(options, structure, signals, advance)
-    frf, reduction = estimated.response, None
     search["band"] = fitted_bands(options, structure, estimated.band)
+    said = describe(estimated.logs) or _described(options, estimated.response)
+    return _fitted(options, structure, estimated, search, units, _Files.of(options), said)
+
+
+def _run_inferred(options: argparse.Namespace) -> int:
+    """Identify what logs of SystemID say themselves. Return the exit status, the worst of all."""
+    units = chosen_units(options)
+    _check_destinations(options)
+    with Progress(2 * len(options.logs) + 1, options.quiet) as advance:
+        found, work = inferred_work(options, partial(adapted, options=options), advance)
+    print_inferred(found)
+    status = 0
+    for one in work:
+        search = search_options(options, one.structure)
+        search["band"] = fitted_bands(options, one.structure, one.fit.band)
+        files = _Files.of(options, one.label if len(work) > 1 else "")
+        said = f"\n{one.fit.structure}"
+        status |= _fitted(options, one.structure, one.estimated, search, units, files, said)
+    return status
+
+
+def _fitted(
+    options: argparse.Namespace,
+    structure: "Structure",
+    estimated: Estimated,
+    search: dict[str, Any],
+    units: Any,
+    files: "_Files",
+    said: str,
+) -> int:
+    """Fit a structure, print it under what is said, and write it. Return the exit status."""
+    from helisim.ident import identify, reduce
+    from helisim.ident.fitting.export import fit_text
+    from helisim.ident.in_units import ShownParameters, fit_in
+
+    frf, reduction = estimated.response, None
     with (
         Progress(None, options.quiet, unit="search") as advance,
         located(estimated.logs),
@@ -87,8 +128,8 @@ def _run(options: argparse.Namespace) -> int:
             fit = reduction.fit
         else:
             fit = identify(frf, structure, on_progress=advance, **search)
+    print(said)
     low, high = frf.frequency[[0, -1]]
-    print(describe(estimated.logs) or _described(options, frf))
     how = ", ".join(filter(None, (fit.method, frf.estimator)))
     print(f"band {low:.4g} to {high:.4g} rad/s, {how}\n")
     if reduction is not None:
@@ -96,8 +137,30 @@ def _run(options: argparse.Namespace) -> int:
     shown = fit_in(fit, units) if units else ShownParameters(tuple(fit.parameters.values()), ())
     print(wrapped("\n".join([fit_text(fit, shown.parameters), *shown.notes]), indent=2))
     print_suspicions(options, fit, estimated.logs)
-    _write(options, estimated, fit, reduction, shown.parameters)
+    _write(options, estimated, fit, reduction, shown.parameters, files)
     return 0 if fit.converged and fit.acceptable and not fit.degenerate else 1
+
+
+class _Files(NamedTuple):
+    """What is written where; None for nothing."""
+
+    json: Path | None
+    latex: Path | None
+    matlab: Path | None
+    report: Path | None
+
+    @classmethod
+    def of(cls, options: argparse.Namespace, label: str = "") -> "_Files":
+        """Return the files of one fit: of several each has its label, model-rollpitch.json."""
+        paths = (options.json, options.latex, options.matlab, options.report)
+        if not label:
+            return cls(*paths)
+        return cls(
+            *(
+                None if path is None else path.with_name(f"{path.stem}-{label}{path.suffix}")
+                for path in paths
+            )
+        )
 
 
 def _described(options: argparse.Namespace, frf: "FrequencyResponse") -> str:
@@ -153,29 +216,30 @@ def _write(
     fit: "Fit",
     reduction: "Reduction | None",
     shown: "Sequence[FittedParameter]",
+    files: _Files,
 ) -> None:
     """Write what was asked for, the parameters in tables as they are shown, and say so."""
     from helisim.ident.fitting.export import latex_table
     from helisim.records.files import atomic_write, write_json
 
-    if options.json is not None:
+    if files.json is not None:
         log = {} if reduction is None else {"reduction": reduction.log()}
-        write_json({**fit.to_dict(), **log, "logs": reports(estimated.logs)}, options.json)
-    if options.latex is not None:
-        with atomic_write(options.latex) as temporary:
+        write_json({**fit.to_dict(), **log, "logs": reports(estimated.logs)}, files.json)
+    if files.latex is not None:
+        with atomic_write(files.latex) as temporary:
             text = latex_table(shown, cost=fit.cost, provenance=fit.provenance)
             temporary.write_text(text, encoding="utf-8")
-    if options.matlab is not None:
-        fit.to_matlab(options.matlab)
-    if options.report is not None:
+    if files.matlab is not None:
+        fit.to_matlab(files.matlab)
+    if files.report is not None:
         from helisim.output.report_fit import write_fit_report
 
         records = {f"record {k + 1}": record for k, record in enumerate(estimated.records)}
         with Progress(len(records), options.quiet, unit="record") as advance:
             write_fit_report(
-                options.report, fit, records=records, parameters=shown, on_progress=advance
+                files.report, fit, records=records, parameters=shown, on_progress=advance
             )
-    for path in (options.json, options.latex, options.matlab, options.report):
+    for path in files:
         if path is not None:
             print_written(options, str(path))
 

@@ -102,7 +102,7 @@ def add_responses(command: argparse.ArgumentParser, *, required: bool) -> None:
     )
 
 
-def _estimator(options: argparse.Namespace) -> dict[str, Any]:
+def estimator_options(options: argparse.Namespace) -> dict[str, Any]:
     """Return which estimator is asked for, and how. Raises InputError."""
     asked: dict[str, Any] = {"estimator": options.estimator}
     if options.windows is not None:
@@ -140,7 +140,7 @@ def estimate(
                 band=bands.around(common),
                 conditioning=conditioning,
                 reference=reference,
-                **_estimator(options),
+                **estimator_options(options),
                 use_ended=options.use_ended,
             )
         advance("frequency responses")

@@ -22,6 +22,7 @@ __all__ = [
     "factored",
     "first_order_delay",
     "heave",
+    "heave_imu",
     "heave_inflow",
     "hover",
     "hover_imu",
@@ -65,6 +66,20 @@ heave = Structure(
     F=(("Z_w",),),
     G=(("Z_col",),),
     input_delays={"col": "tau_col"},
+)
+
+heave_imu = Structure(
+    name="heave_imu",
+    meaning="vertical acceleration over collective: as heave, with an accelerometer",
+    parameters=heave.parameters,
+    states=heave.states,
+    inputs=heave.inputs,
+    outputs=("az",),
+    F=heave.F,
+    G=heave.G,
+    H0=(("0",),),
+    H1=(("1",),),
+    input_delays=heave.input_delays,
 )
 
 yaw_base = Structure(
@@ -319,6 +334,7 @@ BUILT_IN: dict[str, Structure] = {
     structure.name: structure
     for structure in (
         heave,
+        heave_imu,
         heave_inflow,
         yaw_base,
         yaw_sway,

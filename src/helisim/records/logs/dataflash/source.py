@@ -22,13 +22,16 @@ class DataFlashLog:
 
     Args:
         log: the file.
+
+    Attributes:
+        log: the file.
     """
 
     format = "DataFlash"
     counts = "row"
 
     def __init__(self, log: DataFlash) -> None:
-        self.path, self._log = log.path, log
+        self.path, self.log = log.path, log
         self.findings = _findings(log)
         self._columns = {
             f"{topic}.{field}": (topic, name, instance, field)
@@ -50,7 +53,7 @@ class DataFlashLog:
     def stated_unit(self, name: str) -> str | None:
         """Return the unit that the log states for a column, if it is a known one."""
         _, kind, _, field = self._columns[name]
-        unit = self._log.units(kind).get(field)
+        unit = self.log.units(kind).get(field)
         return unit if unit is not None and is_unit(unit) else None
 
     def clock(self, name: str) -> str:
@@ -59,12 +62,12 @@ class DataFlashLog:
 
     def rows(self, clock: str) -> NDArray[np.int64]:
         """Return the numbers of a topic's messages, (n_time,)."""
-        return np.arange(len(self._log.table(*self._topics[clock])))
+        return np.arange(len(self.log.table(*self._topics[clock])))
 
     def numbers(self, name: str) -> NDArray[np.float64]:
         """Return a column, (n_time,). Raises RecordError if a number is infinite."""
         _, kind, instance, field = self._columns[name]
-        values = np.asarray(self._log.columns(kind, instance)[field], np.float64)
+        values = np.asarray(self.log.columns(kind, instance)[field], np.float64)
         check_no_infinity(self.path, self.counts, name, values)
         return values
 
@@ -72,8 +75,8 @@ class DataFlashLog:
         """Return seconds (n_time,) since the log's first stamp, that stamp, and the column."""
         if time is not None:
             raise InputError(f"{self.path}: {self.format} has its own clock; leave out [time]")
-        first = round(1e6 * min(self._log.first_stamps.values()))
-        stamps = np.rint(1e6 * self._log.table(*self._topics[clock]).time)
+        first = round(1e6 * min(self.log.first_stamps.values()))
+        stamps = np.rint(1e6 * self.log.table(*self._topics[clock]).time)
         return 1e-6 * (stamps - first), f"{first} us", f"{clock}'s clock"
 
 

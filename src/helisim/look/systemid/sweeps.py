@@ -1,0 +1,205 @@
+"""Finds the sweeps that an ArduPilot log holds: what was injected, from when to when."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.errors import LogError
+from helisim.look.systemid.axes import SID_AXES, SidAxis
+from helisim.records.logs.dataflash import DataFlash
+
+_WAIT = 1.0
+"""s that the mode waits before it injects anything."""
+_AFTER = 3.0
+"""s after a sweep, in which the vehicle still answers it."""
+_SILENT = 1.0
+"""s without SIDD after which the mode is taken to be left."""
+_OCTAVE = 1.5
+"""Of its lowest frequency to its highest: what spans less shows no dynamics."""
+_PERIODS = 3.0
+"""Periods of its lowest frequency that a sweep must last at least to be of use."""
+
+
+@dataclass(frozen=True)
+class FlownSweep:
+    """A sweep that an autopilot injected.
+
+    Attributes:
+        axis: number of SID_AXIS.
+        start: when the mode began, s after the log's first stamp.
+        stop: when it, or the vehicle's answer, was over, s after the log's first stamp.
+        magnitude: amplitude, in the axis's unit.
+        low: lowest frequency that was injected, rad/s.
+        high: highest frequency that was injected, before it faded out, rad/s.
+        complete: whether it ran to its end.
+        end: how it ended, in words.
+    """
+
+    axis: int
+    start: float
+    stop: float
+    magnitude: float
+    low: float
+    high: float
+    complete: bool
+    end: str
+
+    @property
+    def sid_axis(self) -> SidAxis:
+        """Where it was injected."""
+        return SID_AXES[self.axis]
+
+    @property
+    def unused(self) -> str:
+        """Why it can't identify the vehicle, empty if it can."""
+        if not self.sid_axis.identifies:
+            return "it moves a loop of position or velocity, which is too slow for the vehicle"
+        least = _WAIT + _PERIODS * 2.0 * math.pi / self.low
+        if self.stop - self.start < least:
+            lasts = self.stop - self.start
+            return f"it lasts {lasts:.3g} s, {_PERIODS:g} periods take {least:.3g} s"
+        if self.high < _OCTAVE * self.low:
+            return "it stays at one frequency"
+        return ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {
+            "axis": self.axis,
+            "name": str(self.sid_axis),
+            "start_s": self.start,
+            "stop_s": self.stop,
+            "magnitude": self.magnitude,
+            "unit": self.sid_axis.unit,
+            "low_rad_s": self.low,
+            "high_rad_s": self.high,
+            "complete": self.complete,
+            "end": self.end,
+        }
+
+    def __str__(self) -> str:
+        size = f"{self.magnitude:.3g}" + ("" if self.sid_axis.unit == "1" else f" {self._unit}")
+        return (
+            f"SID_AXIS {self.axis}, {self.sid_axis}: {self.start:.1f} to {self.stop:.1f} s, "
+            f"{self.low:.3g} to {self.high:.3g} rad/s, amplitude {size}, {self.end}"
+        )
+
+    @property
+    def _unit(self) -> str:
+        return self.sid_axis.unit
+
+
+def sweeps(log: DataFlash, first: float) -> tuple[FlownSweep, ...]:
+    """Return the sweeps of a log, in their order.
+
+    Args:
+        log: by ArduPilot.
+        first: its first stamp, s since the autopilot was switched on.
+
+    Raises:
+        LogError: it has none; the message says what to set.
+    """
+    if "SIDS" not in log or "SIDD" not in log:
+        raise LogError(_without(log))
+    setup, data = log.table("SIDS"), log.table("SIDD", fields=("F",))
+    frequency, ended = np.asarray(data["F"], np.float64), _ends(log)
+    found = []
+    for k, start in enumerate(setup.time.tolist()):
+        number = int(setup["Ax"][k])
+        if number not in SID_AXES:
+            continue
+        following = setup.time[k + 1] if k + 1 < len(setup) else math.inf
+        inside = (data.time >= start) & (data.time < following)
+        if np.count_nonzero(inside) > 1:
+            row = {name: float(setup[name][k]) for name in setup.columns}
+            found.append(_sweep(number, start, row, data.time[inside], frequency[inside], ended))
+    if not found:
+        raise LogError(
+            f"{log.path}: its SIDS messages have no SIDD beside them, so nothing says what was "
+            "injected; log with a faster card, or with fewer messages (LOG_BITMASK)"
+        )
+    return tuple(
+        FlownSweep(one.axis, one.start - first, one.stop - first, *_rest(one)) for one in found
+    )
+
+
+def _rest(one: FlownSweep) -> tuple[float, float, float, bool, str]:
+    return one.magnitude, one.low, one.high, one.complete, one.end
+
+
+def _sweep(
+    axis: int,
+    start: float,
+    row: dict[str, float],
+    time: NDArray[np.float64],
+    frequency: NDArray[np.float64],
+    ended: Sequence[tuple[float, str]],
+) -> FlownSweep:
+    """Return a sweep in the autopilot's time.
+
+    Args:
+        axis: of SID_AXIS.
+        start: s.
+        row: of SIDS, by field.
+        time: (n_time,) of SIDD until the next sweep, s.
+        frequency: (n_time,) Hz.
+        ended: when the autopilot said or did what ends a sweep, s, and what.
+    """
+    silent = np.flatnonzero(np.diff(time) > _SILENT)
+    logged = float(time[silent[0]] if silent.size else time[-1])
+    length, fade = row["TR"], row.get("TFout", 0.0)
+    planned = start + _WAIT + length
+    stop, why = next(((at, why) for at, why in ended if at > start), (math.inf, ""))
+    complete = min(stop, logged) >= planned - 0.5 * fade
+    if complete:
+        end, why = max(min(planned + _AFTER, stop, logged), planned - 0.5 * fade), "complete"
+    else:
+        end = min(stop, logged)
+        said = why if stop <= logged + _SILENT and why else "the log of it ends"
+        why = f"ended after {end - start:.3g} of {length + _WAIT:.3g} s: {said}"
+    used = time <= min(end, planned - fade)
+    flown = 2.0 * math.pi * np.append(frequency[used], row["FSt"])
+    low, high = float(flown.min()), float(flown.max())
+    return FlownSweep(axis, start, end, abs(row["Mag"]), low, high, complete, why)
+
+
+def _ends(log: DataFlash) -> list[tuple[float, str]]:
+    """Return when the autopilot stopped a sweep or left a mode, s, and in which words, sorted."""
+    said = [
+        (one.time, one.text)
+        for one in log.messages()
+        if one.text.startswith("SystemID") and "Starting" not in one.text
+    ]
+    if "MODE" in log:
+        modes = log.table("MODE", fields=("Mode",))
+        left = [
+            (float(time), "another mode was chosen")
+            for time, mode in zip(modes.time, modes["Mode"])
+            if int(mode) != _MODE
+        ]
+        said += left
+    return sorted(said)
+
+
+_MODE = 25
+"""Number of the mode SystemID among Copter's."""
+
+
+def _without(log: DataFlash) -> str:
+    """Return what is wrong with a log without SystemID's messages, and what to set."""
+    mode = "MODE" in log and bool(np.any(log.table("MODE", fields=("Mode",))["Mode"] == _MODE))
+    if mode:
+        return (
+            f"{log.path}: the mode SystemID was flown, but no SIDS and SIDD messages are in the "
+            "log; set LOG_BITMASK so that it logs attitude fast (bits 0 and 1), and SID_AXIS to "
+            "an axis before the mode is chosen"
+        )
+    return (
+        f"{log.path}: no SystemID messages (SIDS, SIDD) in the log, so nothing says what was "
+        "swept; fly the mode SystemID with SID_AXIS 10 to 13 and LOG_BITMASK's bits 0 and 1 set, "
+        "or say it by --structure, --inputs, --outputs and --channel (helisim look LOG guesses)"
+    )

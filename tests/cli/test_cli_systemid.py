@@ -1,0 +1,71 @@
+"""`helisim identify flight.bin`, and nothing else."""
+
+import json
+
+import pytest
+
+from helisim.cli import main
+from sid_logs import TRUTH, SidLog, four_axes
+
+SHORT = {"length": 12.0, "low": 1.0}
+
+
+@pytest.mark.slow
+def test_a_log_alone_gives_its_models(tmp_path, capsys):
+    """One for each structure that the axes allow, and a file each."""
+    path = four_axes(tmp_path / "flight.bin")
+    out = tmp_path / "model.json"
+    main(["identify", str(path), "--json", str(out), "--quiet"])
+    text = capsys.readouterr().out
+    assert "SID_AXIS 13, mixer thrust" in text
+    for name in TRUTH:
+        model = json.loads((tmp_path / f"model-{name}.json").read_text())
+        assert model["structure"]["name"] == name
+    assert not out.exists()
+
+
+def test_options_overrule_what_the_log_says(tmp_path, capsys):
+    """Structure, band and channel: each by the option that says it for any log."""
+    path = SidLog().sweep(10, **SHORT).sweep(12, **SHORT).save(tmp_path)
+    out = tmp_path / "yaw.json"
+    words = ["--structure", "yaw_base", "--band", "8", "40", "--channel", "r=RATE.Y:deg/s"]
+    main(["identify", str(path), *words, "--json", str(out), "--quiet"])
+    text = capsys.readouterr().out
+    assert "r = RATE.Y [deg/s], 100 Hz: given" in text
+    assert "from 8 to 40 rad/s" in text.replace("\n", " ")
+    assert out.exists()
+    assert main(["identify", str(path), "--inputs", "ped", "--quiet"]) == 0
+    assert "p/lat" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "no SystemID messages (SIDS, SIDD)"),
+        (["--rate", "100"], "--time and --rate"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys, words, said):
+    """With exit status 2."""
+    path = SidLog().save(tmp_path)
+    assert main(["identify", str(path), *words, "--quiet"]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_other_logs_need_a_structure(tmp_path, capsys):
+    """A CSV doesn't say what was swept; `look` guesses."""
+    path = tmp_path / "a.csv"
+    path.write_text("t,p\n0,0\n")
+    assert main(["identify", str(path), "--quiet"]) == 2
+    error = capsys.readouterr().err
+    assert "--structure has to be said" in error
+    assert error.count("\n") == 1
+
+
+def test_what_belongs_to_one_structure_asks_for_it(tmp_path, capsys):
+    """Where a log allows several."""
+    path = SidLog().sweep(10, **SHORT).sweep(12, **SHORT).save(tmp_path)
+    assert main(["identify", str(path), "--fix", "N_r=-3", "--quiet"]) == 2
+    assert "choose one by --structure" in capsys.readouterr().err

@@ -1,0 +1,218 @@
+"""What is inferred from logs of ArduPilot's mode SystemID."""
+
+import numpy as np
+import pytest
+
+import helisim as hs
+from helisim.errors import InputError, LogError
+from helisim.look.systemid import SID_AXES, infer
+from helisim.look.systemid.estimate import estimate_fits
+from helisim.records.logs import Column
+from sid_logs import TRUTH, SidLog, flown, four_axes
+
+HZ = 2.0 * np.pi
+SHORT = {"length": 12.0, "low": 1.0}
+
+
+def identified(path, **options):
+    """Return the fits of a log by structure."""
+    found = infer(path, **options)
+    records = [record for log in found.read() for record in log.records]
+    responses = estimate_fits(records, found.fits)
+    return {
+        fit.structure: hs.identify(frf, hs.structures.named(fit.structure), band=fit.band)
+        for fit, frf in zip(found.fits, responses)
+    }
+
+
+def one_sweep(folder, axis=12, **options):
+    """Return the path of a log with one sweep."""
+    return SidLog().sweep(axis, **SHORT | options).save(folder)
+
+
+def test_axes_are_those_of_ardupilots_documentation():
+    """SID_AXIS as its parameter documentation lists it: place and axis of each value."""
+    words = [
+        "input roll", "input pitch", "input yaw", "recovery roll", "recovery pitch",
+        "recovery yaw", "rate roll", "rate pitch", "rate yaw", "mixer roll", "mixer pitch",
+        "mixer yaw", "mixer thrust",
+    ]  # fmt: skip
+    assert [str(SID_AXES[k]) for k in range(1, 14)] == words
+    assert [SID_AXES[k].control for k in range(14, 20)] == ["lat", "lon"] * 3
+    assert [k for k, one in SID_AXES.items() if one.identifies] == list(range(1, 14))
+
+
+@pytest.mark.slow
+def test_a_log_alone_recovers_every_derivative(tmp_path):
+    """Of a simulated helicopter held by rate feedback, in the mixer's units, from the log alone."""
+    path = four_axes(tmp_path / "flight.bin", rate=200.0)
+    fits = identified(path)
+    assert set(fits) == set(TRUTH)
+    for name, truth in TRUTH.items():
+        for one in fits[name].parameters.values():
+            if one.name.startswith("tau_") and one.name != "tau_f":
+                # commands are held for a loop, half of which is a delay; so is what is felt at once
+                assert 0.0 <= one.value <= 1.1 * 0.5 / 200.0, one
+            else:
+                error = abs(one.value - truth[one.name])
+                # 3.5 standard errors, or 0.6 %: how a held command differs from its samples, up to
+                # (pi f / rate)^2 / 6 at 8 Hz
+                assert error <= max(3.5 * one.standard_error, 0.006 * abs(one.value)), one
+
+
+def test_each_sweep_is_a_record_with_what_was_injected(tmp_path):
+    """Two sweeps give two records; each has its own reference, and zero on the other's."""
+    log = SidLog().sweep(10, **SHORT).sweep(12, **SHORT)
+    found = infer(log.save(tmp_path))
+    first, second = found.logs[0].sweeps
+    assert (first.axis, second.axis) == (10, 12)
+    assert first.low == pytest.approx(HZ * 1.0)
+    assert first.high == pytest.approx(HZ * 8.0 * 8.0 ** (-1.0 / 10.0), rel=1e-2)  # until it fades
+    assert first.complete
+    assert [fit.structure for fit in found.fits] == ["tf:0/2", "yaw_base"]
+    assert found.fits[1].conditioning == ("lat",)
+    assert found.fits[1].reference == ("mixer_roll", "mixer_yaw")
+    roll, yaw = (log.record for log in found.read())
+    time, injected, _, commands, motion = flown(10, **SHORT)
+    expected = np.interp(roll.time - roll.time[0], time, injected)
+    np.testing.assert_allclose(roll["mixer_roll"], expected, atol=1e-7)  # single precision
+    assert not roll["mixer_yaw"].any()
+    assert not yaw["mixer_roll"].any()
+    np.testing.assert_allclose(
+        roll["lat"], np.interp(roll.time - roll.time[0], time, commands[:, 0]), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        roll["p"], np.interp(roll.time - roll.time[0], time, motion[:, 0]), atol=1e-6
+    )
+    assert roll.provenance["sweep"]["name"] == "mixer roll"
+
+
+def test_a_plan_says_what_it_took_and_why(tmp_path):
+    """Messages, units and axes are named, so that each can be overruled."""
+    text = str(infer(one_sweep(tmp_path)))
+    for part in (
+        "ped = RATE.YOut [1]", "r = SIDD.Gz [deg/s]", "mixer_yaw = SIDD.Targ",
+        "yaw_base: r over ped", "SID_AXIS 12, mixer yaw", "ArduCopter V4.7.0",
+    ):  # fmt: skip
+        assert part in text, part
+
+
+def test_a_sweep_that_was_stopped_is_used_as_far_as_it_went(tmp_path):
+    """What is logged as injected after the stop wasn't; the band ends where it was stopped."""
+    found = infer(one_sweep(tmp_path, stop=9.0))
+    (sweep,) = found.logs[0].sweeps
+    _, _, frequency, *_ = flown(12, **SHORT)
+    assert not sweep.complete
+    assert "SystemID Stopped: lean" in sweep.end
+    assert sweep.stop - sweep.start == pytest.approx(9.0, abs=0.02)
+    assert found.fits[0].band[1] == pytest.approx(HZ * frequency[900], rel=0.02)
+
+
+def test_a_sweep_that_ends_at_once_is_left_out_and_said(tmp_path):
+    """Three periods of its lowest frequency take longer, or it had no time to rise."""
+    log = SidLog().sweep(12, stop=3.0, **SHORT).sweep(12, stop=8.0, length=60.0)
+    log.sweep(12, **SHORT)
+    found = infer(log.save(tmp_path))
+    assert len(found.logs[0].used) == 1
+    assert "not used: it stays at one frequency" in str(found)
+    assert "not used: it lasts 2.99 s, 3 periods take 4 s" in str(found)
+
+
+def test_axes_of_positions_are_told_and_not_used(tmp_path):
+    """They move loops that are too slow for the vehicle."""
+    log = SidLog().sweep(16, **SHORT).sweep(12, **SHORT)
+    found = infer(log.save(tmp_path))
+    assert "disturbance right velocity" in str(found)
+    assert [one.name for one in found.injected] == ["mixer_yaw"]
+    with pytest.raises(LogError, match=r"no sweep in it identifies the vehicle: SID_AXIS 16"):
+        infer(SidLog().sweep(16, **SHORT).save(tmp_path, "b.bin"))
+
+
+@pytest.mark.parametrize("axis", [3, 6, 9])
+def test_sweeps_anywhere_in_the_loop_identify_the_same(tmp_path, axis):
+    """Pilot's command, recovery and rate: what is injected is a reference wherever it is."""
+    found = infer(one_sweep(tmp_path, axis))
+    assert found.fits[0].reference == (SID_AXES[axis].name,)
+    fit = identified(tmp_path / "a.bin")["yaw_base"]
+    # 2 %: 100 Hz holds a command for 10 ms, (pi f / rate)^2 / 6 at 8 Hz is 1 %
+    assert fit["N_ped"].value == pytest.approx(TRUTH["yaw_base"]["N_ped"], rel=0.02)
+
+
+def test_dropped_messages_are_interpolated_and_said(tmp_path):
+    """A logger that drops a fifth of the messages costs little."""
+    random = np.random.default_rng(4)
+    keep = random.uniform(size=1600) > 0.2
+    keep[0] = True
+    found = infer(one_sweep(tmp_path, keep=keep))
+    assert found.logs[0].dropped == pytest.approx(0.2, abs=0.03)
+    assert any("the logger dropped" in one for one in found.remarks)
+    fit = identified(tmp_path / "a.bin")["yaw_base"]
+    # 4 %: Akima's curve over 20 ms, half a sixth of a period at 8 Hz
+    assert fit["N_ped"].value == pytest.approx(TRUTH["yaw_base"]["N_ped"], rel=0.04)
+
+
+def test_several_logs_are_one_identification(tmp_path):
+    """Roll in one log, pitch in another: together a helicopter's roll and pitch."""
+    paths = [SidLog().sweep(axis, **SHORT).save(tmp_path, f"{axis}.bin") for axis in (10, 11)]
+    found = infer(paths)
+    assert [fit.structure for fit in found.fits] == ["rollpitch"]
+    records = [log.record for log in found.read()]
+    assert [record.names[-2:] for record in records] == [("mixer_roll", "mixer_pitch")] * 2
+    assert records[0]["mixer_roll"].any()
+    assert not records[1]["mixer_roll"].any()
+
+
+def test_a_multicopter_gets_transfer_functions(tmp_path):
+    """And is told so: a helicopter's structures have flapping."""
+    log = SidLog(parameters={"FRAME_CLASS": 1.0}).sweep(10, **SHORT).sweep(11, **SHORT)
+    found = infer(log.save(tmp_path))
+    assert [(fit.structure, fit.inputs) for fit in found.fits] == [
+        ("tf:0/2", ("lat",)), ("tf:0/2", ("lon",)),
+    ]  # fmt: skip
+    assert any("not a helicopter" in one for one in found.remarks)
+
+
+def test_channels_and_rate_can_be_overruled(tmp_path):
+    """The gyro behind its filter in place of that before it, at another rate."""
+    path = one_sweep(tmp_path)
+    found = infer(path, channels={"r": Column("RATE.Y", "deg/s")}, resample_hz=80.0)
+    (log,) = found.read()
+    assert log.headings["r"] == "RATE.Y"
+    assert log.record.sample_time == pytest.approx(1.0 / 80.0)
+    assert found.fit("tf:0/1", ("ped",), ("r",)).reference == ("mixer_yaw",)
+    with pytest.raises(InputError, match="'lat' of rollpitch wasn't swept"):
+        found.fit("rollpitch", ("lat", "lon"), ("p", "q"))
+
+
+@pytest.mark.parametrize(
+    ("without", "said"),
+    [
+        (("SIDS", "SIDD"), "the mode SystemID was flown, but no SIDS and SIDD"),
+        (("RATE",), "no RATE messages beside the sweeps"),
+    ],
+)
+def test_a_log_that_lacks_messages_says_what_to_set(tmp_path, without, said):
+    """SID_AXIS, LOG_BITMASK."""
+    path = SidLog(without=without).sweep(10, **SHORT).save(tmp_path)
+    with pytest.raises(LogError, match=said) as caught:
+        infer(path)
+    assert "LOG_BITMASK" in str(caught.value)
+
+
+def test_a_log_of_no_system_identification_says_what_to_fly(tmp_path):
+    """In one line."""
+    path = SidLog().save(tmp_path)
+    with pytest.raises(LogError, match="no SystemID messages") as caught:
+        infer(path)
+    assert "SID_AXIS" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_limits_choose_among_sweeps(tmp_path):
+    """--from and --to leave out whole sweeps."""
+    path = SidLog().sweep(10, **SHORT).sweep(12, **SHORT).save(tmp_path)
+    second = infer(path).logs[0].sweeps[1]
+    found = infer(path, start=second.start - 1.0)
+    assert [one.axis for one in found.logs[0].sweeps] == [12]
+    with pytest.raises(LogError, match="no sweep lies between --from and --to"):
+        infer(path, start=1000.0)
