@@ -31,11 +31,12 @@ def test_a_reversed_servo_on_another_channel_with_another_trim():
     assert outputs.left.pulse(outputs.left.share(pulses)) == 1720.0
 
 
-def test_a_servo_without_pulses_stays_and_a_motor_without_stops():
-    held = [0.1, 0.2, 0.3, 0.4]
-    assert Outputs().servos([0] * 16, held) == pytest.approx(held)
-    assert Outputs().speed([0] * 16) == 0.0
-    assert Outputs().pedals([0] * 16, 0.25) == 0.25
+@pytest.mark.parametrize("pulse", [0, 499, 2501, 65535])
+def test_a_servo_without_pulses_stays_and_a_motor_without_stops(pulse):
+    held, pulses = [0.1, 0.2, 0.3, 0.4], [pulse] * 16
+    assert Outputs().servos(pulses, held) == pytest.approx(held)
+    assert Outputs().speed(pulses) == 0.0
+    assert Outputs().pedals(pulses, 0.25) == 0.25
 
 
 @pytest.mark.parametrize(("pulse", "speed"), [(900, 0.0), (1000, 0.0), (1350, 0.5), (1700, 1.0)])

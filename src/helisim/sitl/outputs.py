@@ -8,6 +8,8 @@ from helisim.errors import InputError, ModelError
 
 _CHANNELS = 32
 """Of ArduPilot, at most."""
+_SHORTEST, _LONGEST = 500, 2500
+"""Pulses, us, that servos and speed controllers take for such."""
 _MOVED = ("front", "left", "right", "tail", "rotor")
 
 
@@ -43,13 +45,14 @@ class Output:
 
         Args:
             pulses: of all outputs, us; 0 where one is off.
-            off: what to return then, and where there is no such output.
+            off: what to return then, where there is no such output, and for a pulse that no servo
+                takes for one: below 500 or above 2500 us.
 
         Returns:
             Not limited: what is moved has its own stops.
         """
         pulse = pulses[self.channel - 1] if self.channel <= len(pulses) else 0
-        return (pulse - self.trim) / self.travel if pulse else off
+        return (pulse - self.trim) / self.travel if _SHORTEST <= pulse <= _LONGEST else off
 
     def pulse(self, share: float) -> float:
         """Return the pulse that asks for a share of the travel, us."""
