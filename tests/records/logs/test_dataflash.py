@@ -60,7 +60,7 @@ def test_what_is_not_there_is_named(tmp_path):
         log.table("GYR")["Rat"]
     table = log.table("GYR")
     path.write_bytes(path.read_bytes()[:2000])
-    with pytest.raises(StorageError, match="became shorter"):
+    with pytest.raises(StorageError, match="was written to while it was read"):
         table["Rate"]
     (tmp_path / "b.bin").write_bytes(bytes(5000))
     with pytest.raises(StorageError, match="no DataFlash message in its 5000 bytes"):

@@ -78,7 +78,7 @@ def read_log(
         return from_record(path, read_record(path), content, options, wanted)
     if time is not None:
         map_ = replace(map_, time=Clock(time) if isinstance(time, str) else time)
-    source = open_source(path, map_, cut_tail="tail" in options.repairs)
+    source = _open(path, map_, "tail" in options.repairs, content)
     if wanted is not None:
         map_ = map_.with_channels(_by_name(source, wanted, map_.channels, findings))
     elif not map_.channels:
@@ -99,21 +99,7 @@ def open_source(path: str | Path, map_: Map | None = None, *, cut_tail: bool = F
         StorageError: the file can't be read.
     """
     path = Path(path)
-    if is_dataflash(first_bytes(path, SNIFFED)):
-        return open_dataflash(path, file_digest(path))
-    data = read_log_bytes(path)
-    if data.startswith(_PARQUET_MAGIC):
-        from helisim.records.logs.columnar import ParquetLog
-
-        return ParquetLog(path, data)
-    if data.startswith(ULOG_MAGIC):
-        return read_ulog(path, data)
-    if data.lstrip().startswith(b"{"):
-        raise StorageError(
-            f"{path}: JSON, which no log is in; helisim identify takes frequency responses that "
-            "helisim frf wrote, in place of logs"
-        )
-    return TextLog(path, data, (map_ or Map()).layout, cut_tail=cut_tail)
+    return _open(path, map_ or Map(), cut_tail, file_digest(path))
 
 
 def screen(
@@ -221,6 +207,25 @@ def _has_key(data: bytes) -> bool:
         return b"helisim" in ParquetLog(Path("."), data).metadata
     except StorageError:
         return False
+
+
+def _open(path: Path, map_: Map, cut_tail: bool, content: str) -> Source:
+    """Open a file whose digest is `content`."""
+    if is_dataflash(first_bytes(path, SNIFFED)):
+        return open_dataflash(path, content)
+    data = read_log_bytes(path)
+    if data.startswith(_PARQUET_MAGIC):
+        from helisim.records.logs.columnar import ParquetLog
+
+        return ParquetLog(path, data)
+    if data.startswith(ULOG_MAGIC):
+        return read_ulog(path, data)
+    if data.lstrip().startswith(b"{"):
+        raise StorageError(
+            f"{path}: JSON, which no log is in; helisim identify takes frequency responses that "
+            "helisim frf wrote, in place of logs"
+        )
+    return TextLog(path, data, map_.layout, cut_tail=cut_tail)
 
 
 def _by_name(

@@ -52,7 +52,7 @@ class DataFlash:
         self.size = file_size(self.path)
         self.is_binary = not is_text(first_bytes(self.path, SNIFFED))
         if self.is_binary:
-            read = file_reader(self.path, self.size)
+            read = file_reader(self.path)
             found = scan(read, self.size)
             self._store: Store = BinaryStore(read)
             parts = [
@@ -153,50 +153,63 @@ class DataFlash:
                 start.
         """
         found: dict[str, float] = {}
-        if "PARM" not in self:
-            return found
-        table = self.table("PARM", fields=("Name", "Value"))
-        for time, name, value in zip(table.time, table["Name"].tolist(), table["Value"].tolist()):
+        for time, name, value in self._rows("PARM", Name=True, Value=False):
             if name not in found or at is None or time <= at:
                 found[name] = value
         return found
 
     def messages(self) -> tuple[LogText, ...]:
         """Return what the autopilot said, in its order."""
-        if "MSG" not in self:
-            return ()
-        table = self.table("MSG")
-        return tuple(map(LogText, table.time.tolist(), table["Message"].tolist()))
+        return tuple(LogText(*row) for row in self._rows("MSG", Message=True))
 
     @property
     def version(self) -> str:
         """What wrote the log, such as "ArduCopter V4.7.0-dev (90700977)", empty if unknown."""
-        if "VER" in self:
-            table = self.table("VER")
-            if "FWS" in table.columns:
-                return str(table["FWS"][0])
-        said = (one.text for one in self.messages())
-        return next((one for one in said if one.startswith("Ardu") and " V" in one), "")
+        said = [row[-1] for row in self._rows("VER", FWS=True)]
+        said += [one.text for one in self.messages() if one.text.startswith("Ardu")]
+        return next((one for one in said if " V" in one), "")
 
     @cached_property
     def _scales(self) -> Scales:
         """What the log's own messages say of its units."""
-        nothing = Scales({}, {}, {})
-
-        def rows(name: str, *fields: str) -> list[tuple]:
-            parts = self._parts.get(name, [])
-            columns = Columns(self._store, parts, nothing)
-            if not parts or not set(fields) <= set(columns):
-                return []
-            columns.load(fields)
-            return list(zip(*(columns[one].tolist() for one in fields)))
-
+        ids = self._rows("FMTU", FmtType=False, UnitIds=True, MultIds=True)
+        units = self._rows("UNIT", Id=False, Label=True)
+        factors = self._rows("MULT", Id=False, Mult=False)
         return Scales(
-            {int(k): (u, m) for k, u, m in rows("FMTU", "FmtType", "UnitIds", "MultIds")},
-            {chr(int(k)): label for k, label in rows("UNIT", "Id", "Label")},
+            {int(number): (unit, factor) for _, number, unit, factor in ids},
+            {chr(int(letter)): label for _, letter, label in units if 0 <= letter < 128},
             # written in single precision: 0.01 isn't 0.00999999977
-            {chr(int(k)): float(f"{one:.7g}") for k, one in rows("MULT", "Id", "Mult")},
+            {
+                chr(int(letter)): float(f"{factor:.7g}")
+                for _, letter, factor in factors
+                if 0 <= letter < 128 and np.isfinite(factor)
+            },
         )
+
+    def _rows(self, name: str, **fields: bool) -> list[tuple]:
+        """Return the rows of a type that the format itself knows, each with its time first.
+
+        None where the type lacks a field, or has it as something else.
+
+        Args:
+            name: of the type.
+            fields: whether each is a text.
+        """
+        parts = [
+            part
+            for part in self._parts.get(name, ())
+            if all(
+                (one := part.layout.field(field)) is not None
+                and (one.is_text, one.count) == (is_text, 1)
+                for field, is_text in fields.items()
+            )
+        ]
+        if not parts:
+            return []
+        columns = Columns(self._store, parts, Scales({}, {}, {}))
+        columns.load(tuple(fields))
+        rows = zip(self._time(parts).tolist(), *(columns[one].tolist() for one in fields))
+        return [row for row in rows if not any(one != one for one in row[1:])]
 
     def _of(self, name: str) -> list[Part]:
         if name not in self._parts:

@@ -85,8 +85,12 @@ def _empty(field: Field, count: int) -> NDArray:
     return np.empty((count, field.count), field.kind)
 
 
-def file_reader(path: Path, size: int) -> Read:
-    """Return a function that reads a file piece by piece. It raises StorageError."""
+def file_reader(path: Path) -> Read:
+    """Return a function that reads a file piece by piece, as long as it stays what it is now.
+
+    It raises StorageError.
+    """
+    known = _version(path)
 
     def read(start: int, stop: int) -> NDArray[np.uint8]:
         try:
@@ -94,8 +98,16 @@ def file_reader(path: Path, size: int) -> Read:
                 found = np.fromfile(file, np.uint8, stop - start, offset=start)
         except OSError as error:
             raise StorageError(f"{path}: can't read it: {error.strerror}") from None
-        if found.size != stop - start:
-            raise StorageError(f"{path}: was {size} bytes long, and became shorter while it's read")
+        if found.size != stop - start or _version(path) != known:
+            raise StorageError(f"{path}: was written to while it was read; read it again")
         return found
 
     return read
+
+
+def _version(path: Path) -> tuple[int, ...]:
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise StorageError(f"{path}: can't read it: {error.strerror}") from None
+    return state.st_ino, state.st_size, state.st_mtime_ns

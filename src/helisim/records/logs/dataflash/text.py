@@ -33,12 +33,16 @@ class TextStore:
             places.setdefault(match[1], []).append(match.start())
         known = {one.name: one for one in map(_layout, self._lines(places.get(b"FMT", []))) if one}
         self.parts = [
-            Part(known[name.decode()], np.array(found, np.int64))
+            Part(known[name.decode()], self._whole(np.array(found), known[name.decode()]))
             for name, found in places.items()
             if name.decode() in known
         ]
-        used = sum(len(line) + 1 for part in self.parts for line in self._lines(part.places))
-        self.skipped = max(len(data) - used, 0)
+        used = sum(
+            min(len(line) + 1, len(data) - place)
+            for part in self.parts
+            for place, line in zip(part.places.tolist(), self._lines(part.places))
+        )
+        self.skipped = len(data) - used
 
     def raw(self, wanted: Wanted) -> list[list[NDArray]]:
         """Return the fields of each part, each (n_message,) or (n_message, n_number)."""
@@ -48,6 +52,11 @@ class TextStore:
             rows = [line.split(b",", count)[1:] for line in self._lines(part.places)]
             found.append([_column(rows, field) for field in fields])
         return found
+
+    def _whole(self, places: NDArray[np.int64], layout: Layout) -> NDArray[np.int64]:
+        """Return those of the lines at places, (n_line,), that have all fields."""
+        count = max((one.index for one in layout.fields), default=0) + 1
+        return places[[line.count(b",") >= count for line in self._lines(places)]]
 
     def _lines(self, places: list[int] | NDArray) -> list[bytes]:
         ends = [self._data.find(b"\n", place) for place in places]
