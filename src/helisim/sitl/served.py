@@ -45,19 +45,19 @@ class Served:
             f"{self.seconds:.1f} s in {self.clock:.1f} s, {self.factor:.2g} times real time, "
             f"{self.frames} frames"
         )
-        trouble = [f"{getattr(self, name)} {what}" for name, what in _TROUBLE.items()]
-        seen = [text for text, name in zip(trouble, _TROUBLE) if getattr(self, name)]
+        trouble = ((getattr(self, name), what) for name, what in _TROUBLE.items())
+        seen = [what.format(number) for number, what in trouble if number]
         again = [f"{self.starts} starts of the autopilot"] if self.starts > 1 else []
         return "; ".join([flown, ", ".join([*again, *seen]) or "none lost, none repeated"])
 
 
 _TROUBLE = {
-    "repeated": "came again and got the same answer",
-    "dropped": "never came",
-    "late": "came late",
-    "ahead": "before the answer of the one before",
-    "cut": "packets cut short",
-    "strangers": "packets of others",
-    "silences": "silences",
+    "repeated": "{} came again and got the same answer",
+    "dropped": "{} never came",
+    "late": "{} came late",
+    "ahead": "{} came before the answer of the one before",
+    "cut": "{} packets cut short",
+    "strangers": "{} packets of others",
+    "silences": "silent for seconds: {}",
 }
 """Attribute -> how it is said."""
