@@ -8,7 +8,7 @@ a grid of all three.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -34,8 +34,9 @@ FILTER_HZ = 20.0
 """FLTT and FLTD."""
 INPUT_TIME = 0.2
 """s, ATC_INPUT_TC."""
-FRAME = 1e-3
-"""s, from sensing a rate to the pulses that follow from it: a frame."""
+_LATE = {"lat": 0.25e-3, "lon": 0.25e-3, "ped": 0.25e-3 + 1.0 / LOOP_RATE}
+"""s, from a tick to the pulses that follow from it: frames come each millisecond, ticks each 2.5;
+the tail's pulse waits for the tick that follows."""
 LEAST_GAIN, LEAST_PHASE, MOST_PEAK = 8.0, np.radians(50.0), 4.5
 """dB, rad: SAE AS94900's 6 dB and 45 degrees, and some; dB, of the disturbance's peak, less than
 the 5 dB that are usual (Tischler and others, AHS Forum 67, 2011)."""
@@ -75,7 +76,7 @@ class Commanded:
     Attributes:
         vehicle: from col, lon, lat, ped in the vehicle's unit to p, q, r, phi, theta, psi.
         scale: (4, 4): what a unit of the autopilot's moves of them; see `mixing.Controls`.
-        late: s, by which commands act late.
+        late: s, by which commands act late, beyond half a tick for which they are held.
     """
 
     vehicle: Linear
@@ -101,7 +102,9 @@ class Commanded:
         by = [IN1.index(name) for name in own.inputs]
         to = [IN1.index(name) for name in self.inputs]
         moved = np.einsum("yuf,uc->ycf", whole, self.scale[np.ix_(by, to)])
-        return np.asarray(moved * np.exp(-1j * self.late * np.asarray(frequency)))
+        held = 0.5 / LOOP_RATE + self.late
+        late = np.array([held + _LATE[name] for name in self.inputs])
+        return np.asarray(moved * np.exp(-1j * late[:, None] * np.asarray(frequency)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +137,7 @@ class Tuning:
         return rejection(self.loop.disturbance(axis))
 
 
-def law_of(
-    gains: Mapping[str, Gains], lean: tuple[float, float] = (0.0, 0.0)
-) -> ArduCopterLaw:
+def law_of(gains: Mapping[str, Gains], lean: tuple[float, float] = (0.0, 0.0)) -> ArduCopterLaw:
     """Return ArduCopter's law with some gains, none on other axes."""
     full = {axis: gains.get(axis, Gains(0.0, 0.0, 0.0, 0.0, 0.0)) for axis in COMMANDS}
     return ArduCopterLaw(
@@ -167,7 +168,7 @@ def rates_of(gains: Gains) -> Rates:
 
 
 def tune(
-    vehicle: Linear, scale: Array, *, lean: tuple[float, float] = (0.0, 0.0)
+    vehicle: Linear, scale: Array, *, lean: tuple[float, float] = (0.0, 0.0), late: float = 0.0
 ) -> Tuning:
     """Return gains for a vehicle.
 
@@ -175,12 +176,13 @@ def tune(
         vehicle: from col, lon, lat, ped to p, q, r, phi, theta, psi, delays and servos in it.
         scale: (4, 4), of the autopilot's units; see `mixing.Controls`.
         lean: (phi, theta) of the hover, rad.
+        late: s, by which commands act later than the model and the autopilot's ticks say.
 
     Raises:
         InputError: no axis has both its command and its rate in the model, or an axis has no
             gains that keep the margins.
     """
-    plant = Commanded(vehicle, scale, 0.5 / LOOP_RATE + FRAME)
+    plant = Commanded(vehicle, scale, late)
     axes = [name for name in plant.inputs if BY_NAME[name].angle in plant.outputs]
     if not axes:
         raise InputError(

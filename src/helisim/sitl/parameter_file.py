@@ -45,7 +45,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Parameters:
+class AutopilotParameters:
     """What an autopilot is set to, in groups, and what is left to be found otherwise.
 
     Attributes:

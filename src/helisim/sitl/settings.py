@@ -1,4 +1,4 @@
-"""What an autopilot must be told of a vehicle: servos, collective, rotor, and its simulated sensors.
+"""What an autopilot must be told of a vehicle: servos, collective, rotor, simulated sensors.
 
 Everything here follows from the vehicle's own numbers; gains are `helisim.sitl.gains`'s.
 """
@@ -186,15 +186,13 @@ def simulated() -> dict[str, Group]:
         ),
         "modes, failsafes, log": (
             Setting("FRAME_CLASS", 6.0, "helicopter"),
-            *(
-                Setting(f"FLTMODE{k}", mode, why)
-                for k, (mode, why) in enumerate(_MODES, 1)
-            ),
+            *(Setting(f"FLTMODE{k}", mode, why) for k, (mode, why) in enumerate(_MODES, 1)),
             Setting("FS_THR_ENABLE", 0.0, "a script is the radio"),
             Setting("FS_GCS_ENABLE", 0.0),
             Setting("DISARM_DELAY", 0.0, "s, none: it stands armed as long as a script wants"),
             Setting("LOG_BITMASK", 262143.0, "all that SystemID needs, at the loop's rate"),
             Setting("LOG_DISARMED", 0.0),
+            Setting("LOG_FILE_BUFSIZE", 30000.0, "kB: nothing is lost at many times real time"),
         ),
     }
 
