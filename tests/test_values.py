@@ -28,6 +28,7 @@ from helisim.look.systemid import FlownSweep, Inferred, InferredFit, InferredLog
 from helisim.look.systemid.reading import Sampling
 from helisim.records.logs import Column
 from helisim.records.value import FrozenMap, Value, same
+from helisim.sitl.parameter_file import Setting
 from helisim.study.run import Run
 from made_run import make_flight, make_model, make_verification, write_run
 
@@ -173,6 +174,9 @@ def values(jr700, tmp_path_factory):
             period=0.002, inputs=("p",), a=[[0.5]], b=[[1.0]], c=[[0.1]] * 4, d=[[0.2]] * 4
         ),
         "ArduPilotModel": hs.ArduPilotModel({"Nr": -2.0, "Nped": 63.0}),
+        "AutopilotParameters": hs.AutopilotParameters(
+            "jr700", {"hover": (Setting("H_COL_HOVER", 0.5),)}
+        ),
         "IdentifiedModel": item,
         "Results": results,
         "Spec": hs.standard("disturbance_rejection", scale=10.7)[0],
@@ -224,7 +228,7 @@ NAMES = [
         "Trace",
     ),
     *("Cut", "MeasuredMargins", "Plant", "DesignResult", "Tracked", "LqgWeights", "StateSpaceLaw"),
-    *("ArduPilotModel", "IdentifiedModel", "Results"),
+    *("ArduPilotModel", "AutopilotParameters", "IdentifiedModel", "Results"),
     *("Spec", "Froude", "Criterion", "Rating", "Run"),
 ]
 ABSTRACT = {"Excitation"}

@@ -93,6 +93,8 @@ from helisim.sim import read_plan as read_plan
 from helisim.sim import write_plan as write_plan
 from helisim.sim.hand import HandFlight as HandFlight
 from helisim.sim.hand import StickFeel as StickFeel
+from helisim.sitl.parameter_file import AutopilotParameters as AutopilotParameters
+from helisim.study.autopilot import autopilot_parameters as autopilot_parameters
 from helisim.study.check import check_vehicle as check_vehicle
 from helisim.study.for_design import identify_for_design as identify_for_design
 from helisim.study.new_vehicle import new_vehicle as new_vehicle

@@ -57,6 +57,7 @@ _CORNER = 0.5
 _SLOW = 3.0
 """rad/s, up to which disturbances are to be rejected."""
 _ROUNDS = 3
+_LEAST = 1e-12
 
 
 class Gains(NamedTuple):
@@ -189,6 +190,8 @@ def tune(
             f"no axis can be tuned: the model goes from {', '.join(vehicle.inputs)} to "
             f"{', '.join(vehicle.outputs)}; a gain needs a command and its own rate, as lat and p"
         )
+    if not set(ATTITUDES) <= set(plant.outputs):
+        lean = (0.0, 0.0)  # which turns one attitude into another's rate
     held = {axis: _holds(plant, axis) for axis in axes}
     found: dict[str, Gains] = {}
     for _ in range(_ROUNDS):
@@ -268,15 +271,18 @@ def _loops(
 def _clear(loops: Response) -> NDArray[np.bool_]:
     """Return which loops are stable with the margins that are asked for, (n_gains,).
 
+    Above the hover's slow modes they must be as integrators of negative feedback are, above one.
     They must stay out of a box of the Nichols chart about -1: what is within it has too little of
-    one margin or both. And they must not have passed it: the phase is -180 degrees at no gain
-    above one but where it came back, as all begin as integrators do.
+    one margin or both. And they must not have passed it: at no gain above one is the phase beyond
+    -180 degrees.
     """
-    size = 20.0 * np.log10(np.abs(loops))
+    first = loops[:, int(np.argmax(_BAND >= _HOLDS))]
+    begins = (first.imag < 0.0) & (np.abs(first) > 1.0)
+    size = 20.0 * np.log10(np.maximum(np.abs(loops), _LEAST))
     behind = np.abs(np.angle(-loops))
     near = (np.abs(size) < LEAST_GAIN) & (behind < LEAST_PHASE)
     angle = np.unwrap(np.angle(loops), axis=1)
     slow = np.round((angle[:, :1] + 0.5 * np.pi) / (2.0 * np.pi)) * 2.0 * np.pi
     passed = ((angle - slow) < -np.pi) & (size > 0.0)
     peak = -20.0 * np.log10(np.abs(1.0 + loops).min(axis=1))
-    return ~np.any(near | passed, axis=1) & (peak < MOST_PEAK)
+    return begins & ~np.any(near | passed, axis=1) & (peak < MOST_PEAK)

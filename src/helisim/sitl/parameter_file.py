@@ -44,7 +44,7 @@ class Setting:
             raise InputError(f"{self.name} must be a finite number, got {self.value!r}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AutopilotParameters:
     """What an autopilot is set to, in groups, and what is left to be found otherwise.
 
@@ -69,6 +69,9 @@ class AutopilotParameters:
         twice = [name for k, name in enumerate(names) if name in names[:k]]
         if twice:
             raise InputError(f"{twice[0]} is set twice")
+
+    def __repr__(self) -> str:
+        return f"AutopilotParameters({self.title.partition(';')[0]!r:.60}, {len(self.settings)})"
 
     @property
     def settings(self) -> tuple[Setting, ...]:

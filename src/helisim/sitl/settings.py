@@ -22,6 +22,8 @@ _SPOOL_UP = 12.0
 """s, of a rotor without numbers of a motor; see `helisim.sitl.drive`."""
 _LANDED = -2.0
 """deg, of the blades: at least that low the collective goes."""
+_ASIDE = 40.0
+"""us, by which the tail's trim is aside of its hover's pulse: 0.08 of full yaw."""
 _SAME = 1e-6
 Group = tuple[Setting, ...]
 
@@ -59,7 +61,7 @@ def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
         )
     )
     for k, (one, turned) in enumerate(zip(each, reversed_)):
-        found += _servo(one, 33 + k, bool(turned), f"servo {k + 1} of the swashplate")
+        found += _servo(one, 33 + k, bool(turned), f"servo {k + 1} of the swashplate, us")
     low, high = collective(vehicle)
     least = 1500.0 + low * unit
     if least < 1000.0 or 1500.0 + high * unit > 2000.0:
@@ -114,8 +116,15 @@ def _pitch(vehicle: Vehicle, col: float) -> float:
 def tail(outputs: Outputs) -> Group:
     """Return the settings of the tail."""
     return (
-        Setting("H_TAIL_TYPE", 0.0, "a servo, gyro in the autopilot; its trim is the hover's"),
-        *_servo(outputs.tail, 36, outputs.tail.travel < 0.0, "tail"),
+        Setting("H_TAIL_TYPE", 0.0, "a servo, gyro in the autopilot"),
+        *_servo(
+            outputs.tail,
+            36,
+            outputs.tail.travel < 0.0,
+            f"tail: trim and ends {_ASIDE:g} us short of the hover's, as pulses are cut to whole "
+            "us towards the trim: at it small commands would be lost",
+            _ASIDE,
+        ),
         Setting(
             "H_COL2YAW", 0.0, "yaw is not moved with the collective: each axis moves its own only"
         ),
@@ -211,12 +220,12 @@ def _triple(name: str, instances: Sequence[str], value: float) -> Group:
     return tuple(Setting(name.format(one, axis), value) for one in instances for axis in "XYZ")
 
 
-def _servo(output: Output, function: int, turned: bool, word: str) -> Group:
-    own, half = f"SERVO{output.channel:g}_", abs(output.travel)
+def _servo(output: Output, function: int, turned: bool, why: str, aside: float = 0.0) -> Group:
+    own, half, trim = f"SERVO{output.channel:g}_", abs(output.travel), output.trim - aside
     return (
-        Setting(f"{own}FUNCTION", function, f"{word}: its middle and its ends, us"),
-        Setting(f"{own}TRIM", round(output.trim)),
-        Setting(f"{own}MIN", round(output.trim - half)),
-        Setting(f"{own}MAX", round(output.trim + half)),
+        Setting(f"{own}FUNCTION", function, why),
+        Setting(f"{own}TRIM", round(trim)),
+        Setting(f"{own}MIN", round(trim - half)),
+        Setting(f"{own}MAX", round(trim + half)),
         Setting(f"{own}REVERSED", float(turned)),
     )
