@@ -37,6 +37,7 @@ _SHARED = {
     "fitting",
     "given",
     "ground",
+    "inferred",
     "logs",
     "manoeuvres",
     "missions",
