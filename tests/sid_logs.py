@@ -54,7 +54,18 @@ def chirp(time, low, high, length, fade_in=1.0, fade_out=1.0):
 
 
 @cache
-def flown(axis, *, rate=100.0, low=0.5, high=8.0, length=24.0, noise=0.0, seed=0, magnitude=0.05):
+def flown(
+    axis,
+    *,
+    rate=100.0,
+    low=0.5,
+    high=8.0,
+    length=24.0,
+    noise=0.0,
+    seed=0,
+    magnitude=0.05,
+    pulses=0.0,
+):
     """Return time of a sweep by its start, what was injected, its frequency, commands and motion.
 
     Args:
@@ -66,6 +77,7 @@ def flown(axis, *, rate=100.0, low=0.5, high=8.0, length=24.0, noise=0.0, seed=0
         noise: of what turns it, anew at each loop, rad/s^2 rms.
         seed: of the noise.
         magnitude: of the sweep.
+        pulses: of the tail's whole travel to one side, us; 0 for a servo that takes any number.
     """
     time = np.arange(round((length + 4.0) * rate)) / rate
     injected, frequency = chirp(time - 1.0, low, high, length)
@@ -85,6 +97,9 @@ def flown(axis, *, rate=100.0, low=0.5, high=8.0, length=24.0, noise=0.0, seed=0
     closed, states = held + driven @ back, np.zeros((time.size, 6))
     for k in range(time.size - 1):
         states[k + 1] = closed @ states[k] + pushed[k]
+        if pulses:
+            pedal = back[2] @ states[k] + added[k, 2]
+            states[k + 1] += driven[:, 2] * (np.trunc(pedal * pulses) / pulses - pedal)
     commands = states @ back.T + added
     climbing = states @ a[5] + commands @ b[5]
     return time, injected, frequency, commands, np.column_stack([states[:, [0, 1, 4]], climbing])

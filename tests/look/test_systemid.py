@@ -6,7 +6,10 @@ import pytest
 import helisim as hs
 from helisim.errors import InputError, LogError
 from helisim.look.systemid import SID_AXES, infer
+from helisim.look.systemid.bands import followed_band
+from helisim.look.systemid.channels import usual_step
 from helisim.look.systemid.estimate import estimate_fits
+from helisim.look.systemid.sent import sent_yaw, tail_servo
 from helisim.records.logs import Column
 from sid_logs import TRUTH, SidLog, flown, four_axes
 
@@ -216,3 +219,61 @@ def test_limits_choose_among_sweeps(tmp_path):
     assert [one.axis for one in found.logs[0].sweeps] == [12]
     with pytest.raises(LogError, match="no sweep lies between --from and --to"):
         infer(path, start=1000.0)
+
+
+def test_steps_that_alternate_are_no_dropped_messages():
+    """A loop of 400 Hz on a clock of milliseconds: 2 and 3 ms by turns."""
+    time = np.cumsum(np.tile([0.002, 0.003], 500))
+    assert usual_step(time, [(0.0, 9.0)]) == (pytest.approx(0.0025, rel=1e-3), 0.0)
+    kept = np.delete(time, np.arange(10, 900, 10))
+    step, missing = usual_step(kept, [(0.0, 9.0)])
+    assert step == pytest.approx(0.0025, rel=0.02)
+    assert missing == pytest.approx(89 / 1000, rel=0.02)
+
+
+def test_the_tail_is_sent_whole_microseconds_toward_its_trim():
+    """By hand: 450 and 550 us; 0.0019 of 4500 is 8, of 550 us 0.98, which is none."""
+    parameters = {
+        "SERVO4_FUNCTION": 36.0, "SERVO4_MIN": 1050.0, "SERVO4_TRIM": 1500.0, "SERVO4_MAX": 2050.0
+    }  # fmt: skip
+    travel = tail_servo(parameters)
+    assert travel == (550.0, 450.0)
+    sent = sent_yaw(np.array([0.0, 0.0019, 0.0039, -0.0039, 1.0, -1.0]), travel)
+    np.testing.assert_allclose(sent, [0.0, 0.0, 2 / 550, -1 / 450, 1.0, -1.0])
+    assert tail_servo(parameters | {"H_TAIL_TYPE": 3.0}) is None
+    assert tail_servo(parameters | {"SERVO4_REVERSED": 1.0}) == (450.0, 550.0)
+
+
+def test_a_tail_near_its_trim_is_identified_from_what_it_was_sent(tmp_path):
+    """A dead zone of a microsecond to either side is known, and no error of the model."""
+    parameters = {
+        "SERVO4_FUNCTION": 36.0, "SERVO4_MIN": 1000.0, "SERVO4_TRIM": 1500.0, "SERVO4_MAX": 2000.0
+    }  # fmt: skip
+    log = SidLog(parameters=parameters).sweep(12, magnitude=0.01, pulses=500.0, **SHORT)
+    found = infer(log.save(tmp_path))
+    assert "ped = RATE.YOut as sent" in str(found)
+    sent = identified(tmp_path / "a.bin")["yaw_base"]
+    asked = identified(tmp_path / "a.bin", channels={"ped": Column("RATE.YOut", "1")})["yaw_base"]
+    truth = TRUTH["yaw_base"]["N_ped"]
+    # 2 %: 100 Hz holds a command for 10 ms, (pi f / rate)^2 / 6 at 8 Hz is 1 %
+    assert sent["N_ped"].value == pytest.approx(truth, rel=0.02)
+    assert abs(asked["N_ped"].value / truth - 1.0) > 0.05
+
+
+def test_a_band_begins_where_the_structure_follows():
+    """A slow pole that the structure lacks is below the band; none is cut off where all follows."""
+    frequency = np.geomspace(0.5, 50.0, 120)
+    s = 1j * frequency
+    truth = 50.0 / (s + 3.0) * np.exp(-0.01 * s)
+
+    def frf(values):
+        return hs.FrequencyResponse.exact(
+            frequency, values[None, None], inputs=("ped",), outputs=("r",)
+        )
+
+    whole = (0.5, 50.0)
+    assert followed_band(frf(truth), hs.structures.yaw_base, whole, searches=2) == whole
+    slow = truth * s**2 / (s**2 + 0.4 * s + 1.0)
+    low, high = followed_band(frf(slow), hs.structures.yaw_base, whole, searches=2)
+    assert 2.0 < low < 6.0
+    assert high == 50.0

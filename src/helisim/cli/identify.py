@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from helisim.cli.common import add_quiet, print_written, wrapped
 from helisim.cli.fitting import adapted, add_fitting, fitted_bands, search_options
 from helisim.cli.given import add_given, given_response
-from helisim.cli.inferred import inferred_work, infers, print_inferred
+from helisim.cli.inferred import inferred_work, infers, print_inferred, with_followed_bands
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
@@ -93,10 +93,12 @@ def _run_inferred(options: argparse.Namespace) -> int:
     _check_destinations(options)
     with Progress(2 * len(options.logs) + 1, options.quiet) as advance:
         found, work = inferred_work(options, partial(adapted, options=options), advance)
+    searches = [search_options(options, one.structure) for one in work]
+    with Progress(None, options.quiet, unit="band") as advance:
+        found, work = with_followed_bands(options, found, work, searches, advance)
     print_inferred(found)
     status = 0
-    for one in work:
-        search = search_options(options, one.structure)
+    for one, search in zip(work, searches):
         search["band"] = fitted_bands(options, one.structure, one.fit.band)
         files = _Files.of(options, one.label if len(work) > 1 else "")
         said = f"\n{one.fit.structure}"

@@ -1,9 +1,9 @@
 """What `helisim identify` does with logs that say themselves what they are."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from helisim.cli.bands import Bands
 from helisim.cli.common import names, wrapped
@@ -109,6 +109,32 @@ def inferred_work(
         for fit, structure, response in zip(fits, structures, responses)
     ]
     return replace(found, fits=fits), work
+
+
+def with_followed_bands(
+    options: argparse.Namespace,
+    found: "Inferred",
+    work: list[InferredWork],
+    searches: "Sequence[Mapping[str, Any]]",
+    advance: Callable[[str], None],
+) -> "tuple[Inferred, list[InferredWork]]":
+    """Return work whose bands begin where its structures follow, unless --band says the band."""
+    from helisim.look.systemid.bands import followed_band
+
+    if options.band:
+        return found, work
+    done = []
+    for one, search in zip(work, searches):
+        names = ("responses", "frequencies_per_response", "searches", "seed", "weighting")
+        mine = {name: search[name] for name in names}
+        band = followed_band(one.estimated.response, one.structure, one.fit.band, **mine)
+        why = one.fit.why
+        if band != one.fit.band:
+            why += f"; below {band[0]:.3g} rad/s the structure doesn't follow"
+        fit = replace(one.fit, band=band, why=why)
+        done.append(one._replace(fit=fit, estimated=one.estimated._replace(band=band)))
+        advance(one.fit.structure)
+    return replace(found, fits=tuple(one.fit for one in done)), done
 
 
 def print_inferred(found: "Inferred") -> None:

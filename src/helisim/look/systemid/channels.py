@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from helisim.errors import LogError
+from helisim.look.systemid.sent import SENT, YAW, tail_servo
 from helisim.records.logs.dataflash import DataFlash
 from helisim.records.logs.mapping import Column
 
@@ -52,11 +54,17 @@ INJECTED = "SIDD.Targ"
 
 _OUTPUT = "the mixer's command on this axis, the sweep in it; 1 is its full travel"
 _THROTTLE = "throttle that the mixer is given, the sweep in it, 0 to 1, about its middle"
+_SENT = (
+    "the mixer's command as the tail's servo was sent it, in whole us, {:g} to the right and {:g} "
+    "to the left of its trim"
+)
 _UNFILTERED = "gyro before its filter, of which nothing has to be known then"
 _FILTERED = "gyro behind its filter"
 _FELT = "accelerometer before its filter"
 _MIDDLE = 0.5
 """Throttle in the middle of its range, which is no collective."""
+_ONE_MORE = 1.6
+"""Of the median step: a longer one has a message missing."""
 _CANDIDATES: tuple[tuple[str, str, str, str], ...] = (
     ("lat", "RATE.ROut", "1", _OUTPUT),
     ("lon", "RATE.POut", "1", _OUTPUT),
@@ -114,13 +122,18 @@ def chosen_channels(
     """
     rates = {name: _rate(log, name, spans) for name in _types(given)}
     least = _FAST * rates["SIDD"]
+    sent = tail_servo(log.parameters())
     taken: dict[str, TakenChannel] = {}
     for name, column in given.items():
         rate = rates.get(column.column.partition(".")[0], 0.0)
         taken[name] = TakenChannel(name, column, rate, "given")
-    for name, column, unit, why in _CANDIDATES:
+    for name, wanted, unit, meant in _CANDIDATES:
+        column, why = wanted, meant
+        if column == YAW and sent is not None:
+            column, why = SENT, _SENT.format(*sent)
         message, _, field = column.partition(".")
         there = message in rates and rates[message] >= least
+        field = field.partition(" ")[0]
         if name not in taken and there and field in log.table(message).columns:
             trim = _MIDDLE if name == "col" else None
             taken[name] = TakenChannel(name, Column(column, unit, trim=trim), rates[message], why)
@@ -143,7 +156,27 @@ def _rate(log: DataFlash, name: str, spans: Sequence[tuple[float, float]]) -> fl
     """Return the median rate of a type of message within spans, Hz; 0 if it has too few."""
     if name not in log:
         return 0.0
-    time = log.table(name).time
-    steps = [np.diff(time[(time >= start) & (time <= stop)]) for start, stop in spans]
-    joined = np.concatenate([one[one > 0.0] for one in steps])
-    return float(f"{1.0 / np.median(joined):.3g}") if joined.size > 1 else 0.0
+    step, _ = usual_step(log.table(name).time, spans)
+    return float(f"{1.0 / step:.3g}") if step > 0.0 else 0.0
+
+
+def usual_step(
+    time: NDArray[np.float64], spans: Sequence[tuple[float, float]]
+) -> tuple[float, float]:
+    """Return the step between messages that none is missing in, s, and the share that is missing.
+
+    Steps of a loop alternate where its period is no whole number of the clock's. Zeros if there
+    are no steps.
+
+    Args:
+        time: (n_time,) of messages, s.
+        spans: that are looked at, s.
+    """
+    each = [np.diff(time[(time >= start) & (time <= stop)]) for start, stop in spans]
+    steps = np.concatenate(each)
+    steps = steps[steps > 0.0]
+    if not steps.size:
+        return 0.0, 0.0
+    usual = float(np.mean(steps[steps < _ONE_MORE * np.median(steps)]))
+    missing = float(np.sum(np.rint(steps / usual).clip(1.0) - 1.0))
+    return usual, missing / (missing + steps.size)

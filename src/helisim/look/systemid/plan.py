@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from helisim.errors import InputError, LogError
 from helisim.look.systemid.axes import SidAxis
-from helisim.look.systemid.channels import TakenChannel, chosen_channels
+from helisim.look.systemid.channels import TakenChannel, chosen_channels, usual_step
 from helisim.look.systemid.fits import Band, InferredFit, Swept, chosen_fits, fit_of
 from helisim.look.systemid.reading import Sampling, opened_log, read_sweeps
 from helisim.look.systemid.remarks import remarks
@@ -249,18 +247,8 @@ def _inferred(path: Path, given: Mapping[str, Column], limits: Band) -> Inferred
         sweeps=mine,
         channels=chosen_channels(log, given, spans),
         parameters=parameters,
-        dropped=_dropped(log.table("SIDD").time, spans),
+        dropped=usual_step(log.table("SIDD").time, spans)[1],
     )
-
-
-def _dropped(time: np.ndarray, spans: Sequence[Band]) -> float:
-    """Return the share of messages, stamped (n_time,) s, that are missing within spans."""
-    steps = [np.diff(time[(time >= start) & (time <= stop)]) for start, stop in spans]
-    joined = np.concatenate(steps)
-    joined = joined[joined > 0.0]
-    if not joined.size:
-        return 0.0
-    return float(max(0.0, 1.0 - joined.size * np.median(joined) / np.sum(joined)))
 
 
 def _rate(logs: Sequence[InferredLog], high: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from helisim.look.systemid.axes import SidAxis
 from helisim.look.systemid.channels import INJECTED, TakenChannel
+from helisim.look.systemid.sent import SentSource, tail_servo
 from helisim.look.systemid.sweeps import FlownSweep
 from helisim.records.channels import Channel
 from helisim.records.logs.assembly import from_source
@@ -62,6 +63,9 @@ def read_sweeps(
         LogError: what is wrong with the log.
     """
     source, digest = opened_log(path)
+    travel = tail_servo(source.log.parameters())
+    if travel is not None:
+        source = SentSource(source, travel)
     found = []
     for sweep in sweeps:
         columns = {one.name: one.column for one in channels}
