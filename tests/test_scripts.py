@@ -38,6 +38,7 @@ def test_a_few_scripts_are_for_users():
         "own_structure.py",
         "own_vehicle.py",
         "run_campaign.py",
+        "sitl_study.py",
         "stock_mujoco.py",
         "write_report.py",
     ]

@@ -1,0 +1,255 @@
+"""What a log of ArduPilot's mode SystemID tells of a helicopter, beside the truth.
+
+`helisim identify LOG`, with nothing else, on two kinds of flights by an unmodified ArduCopter-heli:
+
+- of the JR700: the truth is the exact linearisation of the vehicle that flew, in ArduPilot's units
+  (its mixer's outputs -1 to 1, throttle 0 to 1) by its mixer, the pulses and our swashplate;
+- of ArduPilot's own simulated helicopter, an outside truth: the coefficients that its public source
+  states (ArduPilot, libraries/SITL/SIM_Helicopter.cpp; those of its Blade 360 are Walker's and
+  Tischler's, VFS Forum 77, 2021), in the same units.
+
+A bound is the Cramér-Rao bound that is printed beside a value. Delays are no derivatives, and are
+left out. The exit status is 1 if a bar is missed.
+
+    python scripts/sitl_study.py --jr700 jr700.bin --heli heli.bin     what is left out isn't judged
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+
+from helisim.ident import load_fit
+from helisim.records.logs.dataflash import DataFlash
+from helisim.sitl import Aircraft
+from helisim.sitl.mixing import Controls, Mixer
+from helisim.units import STANDARD_GRAVITY
+
+JR700 = "jr700"
+BARS = {JR700: 2.0, "heli": 3.0, "heli-blade360": 3.0}
+"""Whose log -> largest median error, percent."""
+INSIDE = 95.0
+"""Percent of the derivatives that are inside their bounds, at least."""
+AXES = ("lat", "lon", "ped", "col")
+
+
+class Source(NamedTuple):
+    """Coefficients of ArduPilot's own helicopter; flapping's as its source names them.
+
+    Its cyclic is 1.283 (s1 - s2) and 1.48 ((s1 + s2) / 2 - s3) of the servos' ways s, from 0 to 1
+    over 1000 us, both over `less_cyclic`; its yaw command `yaw` (2 s4 - 1).
+
+    Attributes:
+        tau: time constant of the rotor, s.
+        Lb, Ma: angular acceleration by tilt, 1/s^2.
+        Lfa, Mfb: couplings of the tilts.
+        Lflt, Lflg, Mflt, Mflg: tilts by cyclic.
+        less_cyclic: what the servos' ways are divided by.
+        Nr, Nped: yaw damping, 1/s, and acceleration by the yaw command, 1/s^2.
+        yaw: of that command.
+        Zw, Zcol: heave damping, 1/s, and acceleration by the mean way of the three servos, m/s^2.
+    """
+
+    tau: float
+    Lb: float
+    Ma: float
+    Lfa: float
+    Mfb: float
+    Lflt: float
+    Lflg: float
+    Mflt: float
+    Mflg: float
+    less_cyclic: float
+    Nr: float
+    Nped: float
+    yaw: float
+    Zw: float
+    Zcol: float
+
+
+_RPM = 0.104667 / (2.0 * np.pi / 60.0)
+"""Of the two numbers of rad/s in a turn a minute with which it scales thrust and hover."""
+SOURCES = {
+    # thrust is weight at 5 degrees of collective, of which the servos' ways make 50
+    "heli": Source(
+        *(0.068232, 3588.6, 617.5, 1.2963, -1.3402, 1.7635, -0.61171, 0.52454, 1.9432, 7.2),
+        *(-2.96, 21.6 * 2.96, 1.0, -2.25, -50.0 * STANDARD_GRAVITY / 5.0 * _RPM**2),
+    ),
+    "heli-blade360": Source(
+        *(0.0353, 5115.2, 796.7, 1.0477, -1.0057, 0.2375, -0.0286, 0.0344, 0.2292, 1.0),
+        *(-2.0131, 63.004, 1.45, -0.591, -22.3239 * 3.51),
+    ),
+}
+
+
+class Row(NamedTuple):
+    """One derivative: identified, its bound and standard error, and the truth."""
+
+    name: str
+    unit: str
+    value: float
+    bound: float
+    deviation: float
+    truth: float
+
+    @property
+    def error(self) -> float:
+        """Percent of the truth."""
+        return 100.0 * (self.value / self.truth - 1.0)
+
+    @property
+    def inside(self) -> bool:
+        """Whether the truth is within the bound."""
+        return abs(self.value - self.truth) <= self.bound
+
+    def __str__(self) -> str:
+        mark = "" if self.inside else "  outside"
+        return (
+            f"{self.name:<8}{self.unit:<8}{self.value:>12.5g}{self.truth:>12.5g}{self.error:>9.2f}"
+            f"{100.0 * self.bound / abs(self.value):>9.2f}"
+            f"{100.0 * self.deviation / abs(self.value):>9.2f}{mark}"
+        )
+
+
+def identified(log: Path) -> dict[str, tuple[float, float, float, str]]:
+    """Return what `helisim identify LOG` finds: value, bound, standard error and unit by name.
+
+    Raises:
+        SystemExit: it refuses the log; it says why.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder, "model.json")
+        command = [sys.executable, "-m", "helisim", "identify", str(log), "--quiet"]
+        done = subprocess.run(
+            [*command, "--json", str(model)], capture_output=True, text=True, check=False
+        )
+        if done.returncode > 1:  # 1 is a fit that it finds no good
+            sys.exit(done.stderr.strip())
+        fits = [load_fit(path) for path in sorted(model.parent.glob("*.json"))]
+    return {
+        name: (one.value, one.cramer_rao, one.standard_error, one.definition.unit)
+        for fit in fits
+        for name, one in fit.parameters.items()
+    }
+
+
+def exact_jr700(parameters: Mapping[str, float], hover: float) -> dict[str, float]:
+    """Return the derivatives of the JR700 by ArduPilot's commands.
+
+    Args:
+        parameters: of ArduPilot, by name.
+        hover: throttle of the hover, 0 to 1.
+    """
+    aircraft = Aircraft(JR700)
+    vehicle = aircraft.vehicle
+    controls = Controls(Mixer.of(parameters), aircraft.outputs, vehicle.swashplate)
+    scale = controls.scale(hover)  # of col, lon, lat, ped by the autopilot's
+    by = {axis: scale[k, k] for k, axis in enumerate(("col", "lon", "lat", "ped"))}
+    true = dict(vehicle.derivatives)
+    for name in true:
+        axis = name.partition("_")[2]
+        true[name] *= by.get(axis, 1.0)
+    return true
+
+
+def stated(source: Source, parameters: Mapping[str, float], hover: float) -> dict[str, float]:
+    """Return the derivatives of ArduPilot's own helicopter by its commands; see `exact_jr700`."""
+    mixer = Mixer.of(parameters)
+
+    def moved(axis: str) -> np.ndarray:
+        """Return roll and pitch cyclic, yaw command and mean way for a unit of a command."""
+        at = {"col": hover, "ped": 0.1}
+        ends = []
+        for step in (1e-3, -1e-3):
+            pulses = mixer.exact({**at, axis: at.get(axis, 0.0) + step})
+            s = [(pulses[channel] - 1000.0) / 1000.0 for channel in (1, 2, 3, 4)]
+            roll, pitch = 1.283 * (s[0] - s[1]), 1.48 * ((s[0] + s[1]) / 2.0 - s[2])
+            less = source.less_cyclic
+            ends.append((roll / less, pitch / less, 2.0 * source.yaw * s[3], sum(s[:3]) / 3.0))
+        return (np.array(ends[0]) - ends[1]) / 2e-3
+
+    lat, lon, ped, col = map(moved, AXES)
+    return {
+        "tau_f": source.tau,
+        "L_b": source.Lb,
+        "M_a": source.Ma,
+        "A_b": source.Mfb,
+        "B_a": source.Lfa,
+        "A_lat": source.Mflt * lat[0] + source.Mflg * lat[1],
+        "A_lon": source.Mflt * lon[0] + source.Mflg * lon[1],
+        "B_lat": source.Lflt * lat[0] + source.Lflg * lat[1],
+        "B_lon": source.Lflt * lon[0] + source.Lflg * lon[1],
+        "N_r": source.Nr,
+        "N_ped": source.Nped * ped[2],
+        "Z_w": source.Zw,
+        "Z_col": source.Zcol * col[3],
+    }
+
+
+def rows(whose: str, log: Path) -> list[Row]:
+    """Return what is identified of a log beside the truth."""
+    flown = DataFlash(log)
+    parameters, rate = flown.parameters(), flown.table("RATE")
+    sweeps = flown.table("SIDD").time
+    while_swept = (rate.time >= sweeps[0]) & (rate.time <= sweeps[-1])
+    hover = float(np.median(rate["AOut"][while_swept]))
+    found = identified(log)
+    if whose == JR700:
+        true = exact_jr700(parameters, hover)
+    else:
+        true = stated(SOURCES[whose], parameters, hover)
+    return [
+        Row(name, unit, value, bound, deviation, true[name])
+        for name, (value, bound, deviation, unit) in found.items()
+        if name in true
+    ]
+
+
+def judged(whose: str, log: Path) -> list[str]:
+    """Print the table of a log; return the bars that it misses."""
+    table = rows(whose, log)
+    if not table:
+        sys.exit(f"{log}: no derivative of {whose} is identified")
+    print(f"\n{whose}: {log}")
+    headings = ("identified", "truth", "error %", "bound %", "std. %")
+    print(f"{'':<16}" + "".join(f"{one:>{12 if k < 2 else 9}}" for k, one in enumerate(headings)))
+    print(*table, sep="\n")
+    error = median(abs(one.error) for one in table)
+    inside = 100.0 * sum(one.inside for one in table) / len(table)
+    near = sum(abs(one.value - one.truth) <= 2.0 * one.deviation for one in table)
+    print(
+        f"median error {error:.2f} % (bar {BARS[whose]:g}), largest "
+        f"{max(abs(one.error) for one in table):.2f} %; inside their bounds {inside:.0f} % (bar "
+        f"{INSIDE:g}); within two standard errors, which know of noise alone, {near} of "
+        f"{len(table)}"
+    )
+    missed = []
+    if error > BARS[whose]:
+        missed.append(f"{whose}: median error {error:.2f} %, bar {BARS[whose]:g} %")
+    if inside < INSIDE:
+        missed.append(f"{whose}: {inside:.0f} % inside their bounds, bar {INSIDE:g} %")
+    return missed
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the tables and return the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    for whose in BARS:
+        parser.add_argument(f"--{whose}", type=Path, nargs="+", default=[], metavar="LOG")
+    logs = vars(parser.parse_args(arguments))
+    missed = []
+    for whose in BARS:
+        for log in logs[whose.replace("-", "_")]:
+            missed += judged(whose, log)
+    print(*(f"missed: {one}" for one in missed), sep="\n")
+    return int(bool(missed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
