@@ -1,17 +1,34 @@
 """Pulses of an autopilot's outputs become what servos and rotor are asked for."""
 
+import shutil
+
 import pytest
 
 import helisim as hs
 from helisim.errors import InputError, ModelError
 from helisim.sitl.outputs import Output, Outputs
+from helisim.vehicle.folder import model_folder
 
 
 @pytest.mark.parametrize("name", ["jr700", "blade360", "lynx"])
-def test_a_vehicle_that_says_nothing_has_the_usual_outputs_and_says_so(name):
+def test_the_shipped_vehicles_have_the_usual_outputs(name):
     vehicle = hs.load(name)
     assert Outputs.of(vehicle.parameters) == Outputs(reach=vehicle.parameters["servo.travel"])
-    assert vehicle.parameters.entry("outputs.rotor_trim").source.startswith("not given")
+
+
+def test_a_vehicle_that_says_nothing_has_them_too_and_says_so():
+    entry = hs.load("lynx").parameters.entry("outputs.rotor_trim")
+    assert entry.source.startswith("not given")
+
+
+def test_an_own_vehicle_s_file_says_them(tmp_path):
+    folder = shutil.copytree(model_folder("jr700"), tmp_path / "mine")
+    path = folder / "parameters.toml"
+    text = path.read_text()
+    line = next(one for one in text.splitlines() if one.startswith("tail_travel"))
+    path.write_text(text.replace(line, line.replace("0.5e-3", "-0.4e-3")))
+    tail = Outputs.of(hs.load(folder).parameters).tail
+    assert tail == Output(4, travel=-400.0)
 
 
 def test_the_ends_of_the_pulses_are_the_ends_of_the_travel():

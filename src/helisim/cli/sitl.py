@@ -67,7 +67,8 @@ def add(commands: Any) -> None:
         type=float,
         default=1000.0,
         metavar="HZ",
-        help="frames a second of simulated time (default: 1000, one sample of its gyro each)",
+        help="frames a second of simulated time (default: 1000, one sample of ArduPilot's gyro "
+        "each; it does not arm below 720)",
     )
     command.add_argument(
         "--seed", type=int, default=1, metavar="N", help="of the turbulence (default: 1)"

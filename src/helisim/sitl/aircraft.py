@@ -40,7 +40,9 @@ from helisim.vehicle.trim import place
 Tail = Literal["direct", "gyro"]
 TAILS: tuple[Tail, ...] = ("direct", "gyro")
 RATE_HZ = 1000.0
-"""Frames a second: the rate of the simulated gyro of ArduPilot's, which has one sample a frame."""
+"""Frames a second: the rate of ArduPilot's simulated gyro, which has one sample a frame at most.
+
+With less than 1.8 samples a loop (720 a second at its usual 400 Hz) it does not arm."""
 _SHORTEST = Fraction(1, 10_000)
 """s, of a time step."""
 
