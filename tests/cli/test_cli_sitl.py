@@ -56,6 +56,9 @@ def test_no_autopilot(capsys, counting):
         (["--port", "99999"], "a UDP port is 1 to 65535, got 99999"),
         (["--address", "nowhere.invalid"], "can't be bound"),
         (["nosuch"], "unknown vehicle 'nosuch'"),
+        (["--port", "0", "--tail", "gyr"], "unknown tail 'gyr'; available: direct, gyro"),
+        (["--port", "0", "--rate", "1200"], "whole microseconds apart"),
+        (["--port", "0", "--set", "outputs.left_channel=1"], "can't move both front and left"),
     ],
 )
 def test_what_can_not_be_is_refused(capsys, arguments, said):
