@@ -261,6 +261,7 @@ class _Reading:
         self.channels = {} if map_ is None else dict(map_.channels)
         self._path, self._map, self._asked, self._guessed = path, map_, asked, guessed
         self._repairs, self._rate = set(asked.repair), asked.resample_hz
+        self._max_gap = asked.max_gap
         self.time = None if map_ is None else map_.time
 
     def records(self) -> tuple[FlightRecord, ...]:
@@ -298,7 +299,7 @@ class _Reading:
             channels=channels,
             resample_hz=self._rate,
             repair=self._repairs,
-            max_gap=self._asked.max_gap,
+            max_gap=self._max_gap,
             start=self._asked.start,
             stop=self._asked.stop,
         )
@@ -312,6 +313,8 @@ class _Reading:
                 self._repairs.add(value)
             elif option == "--resample" and self._rate is None:
                 self._rate = float(value)
+            elif option == "--max-gap" and self._max_gap is None:
+                self._max_gap = float(value)
             elif option == "--time":
                 column, _, unit = value.rpartition(":")
                 self.time = Clock(column, unit)

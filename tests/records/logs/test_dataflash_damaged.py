@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dataflash_logs import Log
-from helisim.errors import HelisimError, StorageError
-from helisim.records.logs import read_log
+from helisim.errors import HelisimError, LogError, StorageError
+from helisim.records.logs import Column, read_log
 from helisim.records.logs.dataflash import DataFlash
 
 
@@ -224,3 +224,57 @@ def test_noise_is_no_log(tmp_path):
     for data in (random.integers(0, 256, 300_000, np.uint8).tobytes(), b"\xa3\x95" * 50_000):
         with pytest.raises(StorageError, match=r"no DataFlash message in its \d+ bytes"):
             DataFlash(saved(tmp_path, data))
+
+
+def test_a_logger_that_drops_messages(tmp_path):
+    """Many short gaps: how long they are is said, and those that are interpolated are noted."""
+    log, random = Log(), np.random.default_rng(3)
+    log.define(1, "ONE", "Qf", "TimeUS,X", units="sk", multipliers="F0")
+    log.define(2, "SLO", "Qf", "TimeUS,Y", units="sk", multipliers="F0")
+    away = np.zeros(4000, bool)
+    for at in random.integers(10, 3900, 60):
+        away[at : at + 10] = True
+    for k in np.flatnonzero(~away).tolist():
+        log.write(1, 2500 * k, np.sin(0.005 * k))
+        if k % 100 == 0:
+            log.write(2, 2500 * k, 1.0)
+    log.define(3, "DSF", "QII", "TimeUS,Dp,Blk")
+    log.write(3, 9_000_000, int(away.sum()), 7)
+    path = log.save(tmp_path)
+    with pytest.raises(LogError, match=r"most are short.*\(--max-gap 0\.\d+\), and split") as error:
+        read_log(path, channels={"p": "ONE.X"}, resample_hz=100.0)
+    (finding,) = error.value.findings
+    _, allowed, *repair = finding.option.split()
+    assert repair == ["--repair", "gaps"]
+    read = read_log(
+        path, channels={"p": "ONE.X"}, resample_hz=100.0, max_gap=float(allowed), repair="gaps"
+    )
+    (bridged,) = [one for one in read.report.findings if one.kind == "bridged gap"]
+    (dropped,) = [one for one in read.report.findings if one.kind == "dropped"]
+    assert dropped.count == away.sum()
+    assert len(read.records) < 10
+    assert bridged.repaired
+    assert bridged.count > 40
+    assert max(np.max(np.abs(one["p"])) for one in read.records) == pytest.approx(
+        np.radians(1.0),
+        rel=1e-3,  # ten samples of a period of 1257 are missing at most
+    )
+    slow = read_log(path, channels={"q": "SLO.Y"}, max_gap=float(allowed), resample_hz=4.0)
+    assert len(slow.records) == 1  # a clock that is slower than the gap isn't all gaps
+
+
+def test_thousands_of_parts_share_what_is_said_of_their_log(tmp_path):
+    """The report is copied once, not once a part: it lists all of them."""
+    log = Log(with_units=False)
+    log.define(1, "ONE", "Qf", "TimeUS,X")
+    for k in range(9000):
+        log.write(1, 2500 * k + 100_000 * (k // 3), 0.1 * (k % 7))
+    channels = {"p": Column("ONE.X", "rad/s")}
+    read = read_log(log.save(tmp_path), channels=channels, repair="gaps")
+    assert len(read.records) == len(read.report.parts) == 3000
+    first, *others = (one.provenance["log"] for one in read.records)
+    assert all(one is first for one in others)
+    assert len(first["parts"]) == 3000
+    assert [one.provenance["part"] for one in read.records] == list(range(3000))
+    assert read.records[5].slice(0.0, 1e9).provenance is read.records[5].provenance
+    assert str(read.report).count("\n") < 40

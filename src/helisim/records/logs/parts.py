@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from helisim.errors import RecordError
 from helisim.records.channels import Channel
 from helisim.records.logs.clock import common_rate, unevenness
+from helisim.records.logs.gaps import pieces
 from helisim.records.logs.mapping import Column
 from helisim.records.logs.report import Findings, LogFinding, Part
 from helisim.records.logs.resample import Line, grid, lines_through, oversampling, resample
@@ -18,7 +19,6 @@ from helisim.records.logs.timing import (
     Samples,
     check_missing,
     in_order,
-    pieces,
     without_duplicates,
 )
 
@@ -107,12 +107,17 @@ def with_rate(
 
 
 def cut(stretch: tuple[Samples, ...], options: Options, findings: Findings) -> Cut:
-    """Cut a stretch at its gaps, fill what is missing, and resample where asked for."""
+    """Cut a stretch at its gaps, fill what is missing, and resample where asked for.
+
+    Where something is refused, nothing is made.
+    """
     first = stretch[0]
     spans = []
     for one in stretch:
         found = pieces(one, options.repairs, options.max_gap, options.rate is not None, findings)
         spans.append([(float(one.time[x.first]), float(one.time[x.last])) for x in found])
+    if findings.refused:
+        return Cut([], [], [], [], 1)
     factor = 1
     if options.rate is not None:
         steps = [_median_step(one, k) for one in stretch for k in range(len(one.columns))]

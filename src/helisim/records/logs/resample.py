@@ -159,12 +159,21 @@ def resample(
         if factor == 1:
             return columns
         taps = _low_pass(factor)
+        padded = _mirrored(columns, taps.size // 2)
         found = np.empty((count, columns.shape[1]))
-        for k, column in enumerate(columns.T):
-            padded = np.pad(column, taps.size // 2, mode="reflect", reflect_type="odd")
-            around = sliding_window_view(padded, taps.size)[::factor]
+        for k, column in enumerate(padded.T):
+            around = sliding_window_view(np.ascontiguousarray(column), taps.size)[::factor]
             found[:, k] = np.einsum("ij,j->i", around, taps)  # the taps are symmetric
     return found
+
+
+def _mirrored(columns: NDArray[np.float64], half: int) -> NDArray[np.float64]:
+    """Return columns, (n_time, n_channel), with `half` more samples, mirrored, at each end."""
+    if columns.shape[0] <= half:
+        return np.pad(columns, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
+    before = 2.0 * columns[0] - columns[half:0:-1]
+    after = 2.0 * columns[-1] - columns[-2 : -half - 2 : -1]
+    return np.concatenate([before, columns, after])
 
 
 @cache

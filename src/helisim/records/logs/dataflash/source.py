@@ -48,6 +48,7 @@ class DataFlashLog:
             raise StorageError(
                 f"{log.path}: {len(self.names)} columns, at most {MAX_COLUMNS} are read"
             )
+        self._times: dict[str, NDArray[np.float64]] = {}
         self._topics = {topic: (name, k) for topic, name, k, _ in self._columns.values()}
 
     def stated_unit(self, name: str) -> str | None:
@@ -62,7 +63,7 @@ class DataFlashLog:
 
     def rows(self, clock: str) -> NDArray[np.int64]:
         """Return the numbers of a topic's messages, (n_time,)."""
-        return np.arange(len(self.log.table(*self._topics[clock])))
+        return np.arange(self._time(clock).size)
 
     def numbers(self, name: str) -> NDArray[np.float64]:
         """Return a column, (n_time,). Raises RecordError if a number is infinite."""
@@ -76,8 +77,14 @@ class DataFlashLog:
         if time is not None:
             raise InputError(f"{self.path}: {self.format} has its own clock; leave out [time]")
         first = round(1e6 * min(self.log.first_stamps.values()))
-        stamps = np.rint(1e6 * self.log.table(*self._topics[clock]).time)
+        stamps = np.rint(1e6 * self._time(clock))
         return 1e-6 * (stamps - first), f"{first} us", f"{clock}'s clock"
+
+    def _time(self, clock: str) -> NDArray[np.float64]:
+        """Return when a topic's messages were written, (n_time,) s."""
+        if clock not in self._times:
+            self._times[clock] = self.log.table(*self._topics[clock]).time
+        return self._times[clock]
 
 
 @lru_cache(maxsize=1)
@@ -96,4 +103,19 @@ def _findings(log: DataFlash) -> list[LogFinding]:
     if log.skipped:
         text = f"{log.skipped} of {log.size} bytes belong to no whole message"
         found.append(LogFinding("corruption", text))
+    dropped = _dropped(log)
+    if dropped:
+        text = (
+            f"the autopilot's logger dropped {dropped} messages: log fewer (LOG_BITMASK), or with "
+            "a larger buffer (LOG_FILE_BUFSIZE)"
+        )
+        found.append(LogFinding("dropped", text, dropped))
     return found
+
+
+def _dropped(log: DataFlash) -> int:
+    """Return how many messages the autopilot says that its logger dropped."""
+    if "DSF" not in log or "Dp" not in log.number_fields("DSF"):
+        return 0
+    counted = log.columns("DSF")["Dp"]
+    return int(np.nanmax(counted)) if np.isfinite(counted).any() else 0
