@@ -122,6 +122,10 @@ class DivergedError(HelisimError):
     last_second: Any = None
 
 
+class AutopilotError(HelisimError):
+    """An outside autopilot refused what was asked of it, or ended."""
+
+
 class IdentificationError(HelisimError):
     """The data do not support the identification that was asked for."""
 

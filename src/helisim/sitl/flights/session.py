@@ -1,0 +1,174 @@
+"""A flight from start to end: the autopilot's process, the lock step, the script, the log."""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from helisim.errors import AutopilotError
+from helisim.sitl.aircraft import Aircraft
+from helisim.sitl.backend import OnFrame, serve
+from helisim.sitl.flights.pilot import Pilot, Steps
+from helisim.sitl.flights.telemetry import Telemetry
+from helisim.sitl.link import Link
+from helisim.sitl.packet import Frame, Sensed
+from helisim.sitl.process import Autopilot
+from helisim.sitl.served import Served
+
+Script = Callable[[Pilot], Steps]
+"""What flies: a function of a pilot that is a generator."""
+_STEP = 0.01
+"""s of simulated time between two steps of a script."""
+_STICKS, _BEATS = 0.05, 0.5
+"""s between two messages of where the sticks stand, and that a ground station is there."""
+_QUIET = 4.0
+"""s of simulated time without growth after which a log is whole: it is written each 2 s."""
+_LONGEST_TAIL = 300.0
+"""s that a log may go on after the flight."""
+_OWN = {
+    "LOG_FILE_BUFSIZE": 30_000,  # kB: many times real time are more than its writer follows
+    "LOG_DISARMED": 0,
+    "FLTMODE_CH": 0,  # the script alone changes the mode
+    **{f"RC{k}_{name}": value for k in range(1, 9) for name, value in (
+        ("MIN", 1000), ("MAX", 2000), ("TRIM", 1500), ("DZ", 0), ("REVERSED", 0))},
+}  # fmt: skip
+"""Parameters that a script relies on: the log, and sticks without play."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """How a scripted flight went.
+
+    Attributes:
+        served: frames and time.
+        said: what the autopilot told, in order.
+        shared: why it flew in the machine's own network, "" if it had one of its own.
+    """
+
+    served: Served
+    said: tuple[str, ...]
+    shared: str = ""
+
+
+def fly_script(
+    script: Script,
+    aircraft: Aircraft,
+    program: Path,
+    parameters: str,
+    *,
+    log: str | os.PathLike[str] | None = None,
+    speed: float = 1000.0,
+    say: Callable[[str], None] = lambda text: None,
+    on_frame: OnFrame | None = None,
+    more: Sequence[str] = (),
+) -> Flight:
+    """Fly an aircraft by ArduPilot, and ArduPilot by a script.
+
+    Two flights of the same script, aircraft and program are the same to the last bit.
+
+    Args:
+        script: what is flown.
+        aircraft: on its ground.
+        program: ArduPilot's arducopter-heli.
+        parameters: text of its parameter file.
+        log: where its log goes at the end, whole or not at all; nowhere if None.
+        speed: times real time that is not exceeded.
+        say: called with what happens.
+        on_frame: called with each frame and what is sensed after it.
+        more: arguments of the program.
+
+    Raises:
+        AutopilotError: it refused something, something did not come in time, the aircraft
+            crashed, or the program ended.
+        InputError: the program can't be started, or pymavlink is missing.
+        StorageError: the log can't be written.
+    """
+    own = "".join(f"{name} {value}\n" for name, value in _OWN.items())
+    text = parameters.rstrip("\n") + "\n" + own
+    with Autopilot(program, text, speed=speed, more=more) as autopilot:
+        flown = _Flown(script, aircraft, autopilot, say, on_frame)
+        if autopilot.shared:
+            say(f"{autopilot.shared}: ArduPilot's ports are open on this machine's network")
+        with Link.over(autopilot.frames, timeout=_PATIENCE) as link:
+            served = serve(aircraft, link, on_frame=flown)
+        if not flown.done:
+            autopilot.check()
+            raise AutopilotError(f"ArduPilot sent no frame for {_PATIENCE:g} s")
+        if log is not None:
+            autopilot.keep_log(log)
+        return Flight(served, tuple(flown.said), autopilot.shared)
+
+
+_PATIENCE = 30.0
+"""s of the clock without a frame after which the autopilot is taken for dead."""
+
+
+class _Flown:
+    """Called with each frame: lets the script go on."""
+
+    def __init__(
+        self,
+        script: Script,
+        aircraft: Aircraft,
+        autopilot: Autopilot,
+        say: Callable[[str], None],
+        on_frame: OnFrame | None,
+    ) -> None:
+        self._telemetry = Telemetry(autopilot.telemetry)
+        self._pilot = Pilot(aircraft, self._telemetry, say)
+        self._steps = self._whole(script)
+        self._autopilot, self._aircraft, self._on_frame = autopilot, aircraft, on_frame
+        self._say, self._heard = say, 0
+        self._next = self._sticks = self._beat = 0.0
+        self.done = False
+
+    @property
+    def said(self) -> list[str]:
+        """What the autopilot told."""
+        return self._telemetry.said
+
+    def __call__(self, frame: Frame, sensed: Sensed) -> bool:
+        if self._on_frame is not None:
+            self._on_frame(frame, sensed)
+        if sensed.time < self._next - 1e-9:
+            return False
+        self._next += _STEP
+        self._pilot.sensed = sensed
+        self._telemetry.hear()
+        self._tell()
+        if self._aircraft.crashed:
+            raise AutopilotError(f"crashed at {sensed.time:.1f} s: {self._aircraft.crashed}")
+        try:
+            next(self._steps)
+        except StopIteration:
+            self.done = True
+        self._speak(sensed.time)
+        return self.done
+
+    def _speak(self, time: float) -> None:
+        if time >= self._sticks:
+            self._sticks += _STICKS
+            self._telemetry.move_sticks(self._pilot.sticks.pulses)
+        if time >= self._beat:
+            self._beat += _BEATS
+            self._telemetry.beat()
+
+    def _tell(self) -> None:
+        for text in self.said[self._heard :]:
+            self._say(f"ArduPilot: {text}")
+        self._heard = len(self.said)
+
+    def _whole(self, script: Script) -> Steps:
+        yield from script(self._pilot)
+        yield from self._log_written()
+
+    def _log_written(self) -> Steps:
+        """Wait until the log grows no more."""
+        end = self._pilot.time + _LONGEST_TAIL
+        size, since = -1, self._pilot.time
+        while self._pilot.time < end and self._pilot.time - since < _QUIET:
+            log = self._autopilot.log
+            now = log.stat().st_size if log is not None else 0
+            if now != size:
+                size, since = now, self._pilot.time
+            yield
