@@ -89,7 +89,7 @@ def fly_script(
         flown = _Flown(script, aircraft, autopilot, say, on_frame)
         if autopilot.shared:
             say(f"{autopilot.shared}: ArduPilot's ports are open on this machine's network")
-        with Link.over(autopilot.frames, timeout=_PATIENCE) as link:
+        with aircraft, Link.over(autopilot.frames, timeout=_PATIENCE) as link:
             served = serve(aircraft, link, on_frame=flown)
         if not flown.done:
             autopilot.check()

@@ -1,0 +1,322 @@
+"""Frequency sweeps by ArduPilot's own SystemID mode.
+
+Numbers of its axes, units and the course of a sweep: ArduPilot's documentation of the mode and of
+the parameters SID_AXIS to SID_T_FADE_OUT. It waits a second, sweeps for SID_T_REC in all, of which
+two periods at the start frequency are held, and then sits still for as long as both fades and those
+two periods last.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from helisim.errors import AutopilotError, InputError, UnknownNameError
+from helisim.handling.axis import axis_of
+from helisim.sitl.flights.pilot import Pilot, Steps
+
+HEIGHT = 50.0
+"""m above the ground where sweeps are flown, far from its effect and its hardness."""
+_DELAY = 1.0
+"""s that the mode waits before it sweeps."""
+_AFTER = 2.0
+"""s after a sweep until the pilot takes over."""
+_FARTHEST = 30.0
+"""m from where a sweep began, at which it is ended."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One sweep of SystemID.
+
+    Attributes:
+        axis: "roll", "pitch", "yaw" or "thrust".
+        into: where the signal is added, a key of `INTO`.
+        magnitude: in the unit of `INTO`.
+        start_hz, stop_hz: frequencies.
+        seconds: it lasts.
+        fade_in, fade_out: s.
+    """
+
+    axis: str
+    into: str
+    magnitude: float
+    start_hz: float
+    stop_hz: float
+    seconds: float
+    fade_in: float = 5.0
+    fade_out: float = 2.0
+
+    def __post_init__(self) -> None:
+        held = 2.0 / self.start_hz if self.start_hz > 0.0 else math.inf
+        if not 0.0 < self.start_hz < self.stop_hz <= 100.0:
+            raise InputError(
+                "a sweep goes from a frequency above 0 to a higher one of at most 100 Hz, got "
+                f"{self.start_hz:g} to {self.stop_hz:g}"
+            )
+        if not self.magnitude > 0.0:
+            raise InputError(f"a sweep's magnitude must be above 0, got {self.magnitude:g}")
+        if not max(held, self.fade_in + self.fade_out) < self.seconds <= 255.0:
+            raise InputError(
+                f"a sweep lasts at most 255 s and longer than two periods of its start frequency "
+                f"and both fades, here {max(held, self.fade_in + self.fade_out):g} s; got "
+                f"{self.seconds:g}"
+            )
+        if not (0.0 <= self.fade_in <= 20.0 and 0.0 <= self.fade_out <= 5.0):
+            raise InputError(
+                "a sweep fades in for at most 20 s and out for at most 5 s, got "
+                f"{self.fade_in:g} and {self.fade_out:g}"
+            )
+
+    @property
+    def number(self) -> int:
+        """Of SID_AXIS."""
+        return INTO[self.into].numbers[self.axis]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Of ArduPilot, by name."""
+        return {
+            "SID_AXIS": self.number,
+            "SID_MAGNITUDE": self.magnitude,
+            "SID_F_START_HZ": self.start_hz,
+            "SID_F_STOP_HZ": self.stop_hz,
+            "SID_T_REC": self.seconds,
+            "SID_T_FADE_IN": self.fade_in,
+            "SID_T_FADE_OUT": self.fade_out,
+        }
+
+    def __str__(self) -> str:
+        unit = INTO[self.into].units[self.axis]
+        return (
+            f"SystemID axis {self.number}, {self.into} {self.axis}: {self.magnitude:g} {unit}, "
+            f"{self.start_hz:g} to {self.stop_hz:g} Hz in {self.seconds:g} s"
+        )
+
+
+@dataclass(frozen=True)
+class _Into:
+    """A place in the loop where SystemID adds its signal, with what is usual there."""
+
+    numbers: dict[str, int]
+    magnitudes: dict[str, float]
+    units: dict[str, str]
+    start_hz: float
+    stop_hz: float
+    seconds: float
+    by_position: bool = False
+
+
+def _into(
+    first: int, axes: str, magnitudes: Sequence[float], units: str, *band: float, **more: bool
+) -> _Into:
+    names = axes.split()
+    numbers = dict(zip(names, range(first, first + len(names))))
+    return _Into(
+        numbers, dict(zip(names, magnitudes)), dict(zip(names, units.split())), *band, **more
+    )
+
+
+INTO = {
+    "input": _into(1, "roll pitch yaw", (5.0, 5.0, 15.0), "deg deg deg/s", 0.1, 8.0, 90.0),
+    "recovery": _into(4, "roll pitch yaw", (3.0, 3.0, 15.0), "deg deg deg/s", 0.1, 8.0, 90.0),
+    "rate": _into(7, "roll pitch yaw", (10.0, 10.0, 15.0), "deg/s deg/s deg/s", 0.2, 12.0, 90.0),
+    "mixer": _into(
+        *(10, "roll pitch yaw thrust", (0.06, 0.06, 0.15, 0.06), "of_1 of_1 of_1 of_1"),
+        *(0.2, 12.0, 90.0),
+    ),
+    "position": _into(14, "roll pitch", (1.0, 1.0), "m m", 0.05, 2.0, 120.0, by_position=True),
+    "velocity": _into(16, "roll pitch", (1.0, 1.0), "m/s m/s", 0.05, 2.0, 120.0, by_position=True),
+    "velocity-input": _into(
+        18, "roll pitch", (1.0, 1.0), "m/s m/s", 0.05, 2.0, 120.0, by_position=True
+    ),
+}
+"""Name -> where SystemID adds its signal: what the pilot asks (input, recovery: without its feed
+forward), the rates that are wanted, the mixer, or the loops of position, velocity and its demand."""
+
+
+def sweeps(
+    axes: Sequence[str], into: Sequence[str] = ("mixer",), *, count: int = 1, **changes: float
+) -> list[Sweep]:
+    """Return the sweeps of axes, each with what is usual there unless changed.
+
+    Args:
+        axes: of control, as "roll" or "lat".
+        into: keys of `INTO`; an axis that one lacks is left out there.
+        count: sweeps of each.
+        changes: fields of `Sweep`.
+
+    Raises:
+        UnknownNameError: no such axis or place.
+        InputError: none is left, or ArduPilot has no such sweep.
+    """
+    if count < 1:
+        raise InputError(f"each axis needs at least one sweep, got {count}")
+    words = [_word(axis) for axis in axes]
+    made = []
+    for place in into:
+        if place not in INTO:
+            raise UnknownNameError("place of SystemID's signal", place, INTO)
+        usual = INTO[place]
+        for axis in words:
+            if axis in usual.numbers:
+                band = (usual.start_hz, usual.stop_hz, usual.seconds)
+                one = Sweep(axis, place, usual.magnitudes[axis], *band)
+                made += [replace(one, **changes)] * count
+    if not made:
+        raise InputError(
+            f"ArduPilot's SystemID adds nothing to {', '.join(into)} of {', '.join(words)}; "
+            f"{into[0]} has {', '.join(INTO[into[0]].numbers)}"
+        )
+    return made
+
+
+def _word(axis: str) -> str:
+    """Return how ArduPilot calls an axis of control."""
+    found = "thrust" if axis == "thrust" else axis_of(axis).word
+    return "thrust" if found == "heave" else found
+
+
+def fly_sweeps(wanted: Sequence[Sweep], *, height: float = HEIGHT) -> Callable[[Pilot], Steps]:
+    """Return a script that takes off, flies sweeps one after another in the same place, and lands.
+
+    Args:
+        wanted: sweeps.
+        height: m above the ground.
+    """
+
+    def script(pilot: Pilot) -> Steps:
+        yield from pilot.take_off(height)
+        for k, sweep in enumerate(wanted, 1):
+            yield from pilot.go_to(0.0, 0.0, height)
+            pilot.say(f"sweep {k} of {len(wanted)}: {sweep}")
+            yield from fly_sweep(pilot, sweep)
+        yield from pilot.go_to(0.0, 0.0, height)
+        yield from pilot.go_to(0.0, 0.0, 5.0)
+        yield from pilot.land()
+
+    return script
+
+
+def fly_sweep(pilot: Pilot, sweep: Sweep) -> Steps:
+    """Fly a sweep from where the aircraft hovers.
+
+    Raises:
+        AutopilotError: the autopilot refuses it or stops it, or the aircraft gets too far away.
+    """
+    yield from pilot.set(**sweep.parameters)
+    if INTO[sweep.into].by_position:
+        yield from pilot.mode("loiter")
+        yield from pilot.wait(3.0)
+        hold = None
+    else:
+        hold = Hold(pilot)
+        yield from hold.learn()
+        yield from pilot.mode("stabilize")
+        yield from hold.fly(2.0)
+    begun = tuple(pilot.sensed.position)
+    heard = len(pilot.telemetry.said)
+    yield from pilot.mode("systemid")
+    end = pilot.time + _DELAY + sweep.seconds + _AFTER
+    while pilot.time < end:
+        stopped = [text for text in pilot.telemetry.said[heard:] if "SystemID Stopped" in text]
+        if stopped or math.dist(begun, pilot.sensed.position) > _FARTHEST:
+            why = stopped[0] if stopped else f"it went {_FARTHEST:g} m away"
+            raise AutopilotError(f"{sweep}: {why}; try a smaller magnitude or a higher start")
+        if hold is not None:
+            hold.steer()
+        yield
+    if hold is not None:
+        hold.let_go()
+
+
+_LEARNS = 5.0
+"""s over which the steady flight is averaged."""
+_SOFT = 0.1
+"""rad/s: how fast a place is held, far below what is swept."""
+_LEAN = math.radians(3.0)
+_CLIMB = 0.05
+"""Most of lean, rad, and thrust that holding a place takes."""
+_GRAVITY = 9.8
+_HEAVE = 0.03
+"""Thrust over a velocity down, s/m."""
+
+
+class Hold:
+    """A pilot's soft hand on the sticks in a mode without position: it keeps a place, slowly."""
+
+    def __init__(self, pilot: Pilot) -> None:
+        self._pilot = pilot
+        self._lean = (0.0, 0.0)
+        self._thrust, self._most, self._curve = 0.5, math.radians(30.0), (0.0, 0.4, 0.6, 1.0)
+        self._place = (0.0, 0.0, 0.0)
+
+    def learn(self) -> Steps:
+        """Average the steady flight: the sticks begin where that flies."""
+        most = yield from self._pilot.read("ANGLE_MAX")
+        trim = yield from self._pilot.read("ATC_HOVR_ROL_TRM")
+        curve = []
+        for k in range(1, 5):
+            value = yield from self._pilot.read(f"IM_STB_COL_{k}")
+            curve.append(value / 100.0)
+        self._most, self._curve = math.radians(most / 100.0), tuple(curve)
+        rolls, pitches, thrusts = [], [], []
+        end = self._pilot.time + _LEARNS
+        while self._pilot.time < end:
+            roll, pitch, _ = self._pilot.telemetry.attitude
+            rolls.append(roll)
+            pitches.append(pitch)
+            thrusts.append(self._pilot.telemetry.thrust)
+            yield
+        count = len(rolls)
+        added = math.radians(trim / 100.0)  # to what the stick asks
+        self._lean = (sum(rolls) / count - added, sum(pitches) / count)
+        self._thrust = sum(thrusts) / count
+        self._place = tuple(self._pilot.sensed.position)
+        self.steer()
+
+    def fly(self, seconds: float) -> Steps:
+        """Hold the place for some time."""
+        end = self._pilot.time + seconds
+        while self._pilot.time < end:
+            self.steer()
+            yield
+
+    def steer(self) -> None:
+        """Move the sticks as far as place and velocity ask."""
+        pilot, sensed = self._pilot, self._pilot.sensed
+        heading = pilot.telemetry.attitude[2]
+        ahead, right = _turned(heading, self._asked(0), self._asked(1))
+        roll = self._lean[0] + _limited(right / _GRAVITY, _LEAN)
+        pitch = self._lean[1] - _limited(ahead / _GRAVITY, _LEAN)
+        down = float(sensed.velocity[2]) + _SOFT * (float(sensed.position[2]) - self._place[2])
+        thrust = self._thrust + _limited(_HEAVE * down, _CLIMB)
+        pilot.sticks.roll, pilot.sticks.pitch = roll / self._most, pitch / self._most
+        pilot.sticks.throttle = self._stick(thrust)
+
+    def let_go(self) -> None:
+        """Put the sticks back into the middle."""
+        self._pilot.sticks.roll = self._pilot.sticks.pitch = 0.0
+        self._pilot.sticks.throttle = 0.5
+
+    def _asked(self, k: int) -> float:
+        """Return the acceleration to the north or the east that is asked, m/s^2."""
+        sensed = self._pilot.sensed
+        away = float(sensed.position[k]) - self._place[k]
+        return -2.0 * _SOFT * float(sensed.velocity[k]) - _SOFT**2 * away
+
+    def _stick(self, thrust: float) -> float:
+        """Return where the stick asks for a thrust, by the curve of its mode."""
+        at, knots = self._curve, (0.0, 0.4, 0.6, 1.0)
+        for low, high, begin, end in zip(at, at[1:], knots, knots[1:]):
+            if thrust <= high and high > low:
+                return max(0.0, begin + (end - begin) * (thrust - low) / (high - low))
+        return 1.0
+
+
+def _turned(heading: float, north: float, east: float) -> tuple[float, float]:
+    c, s = math.cos(heading), math.sin(heading)
+    return c * north + s * east, c * east - s * north
+
+
+def _limited(value: float, most: float) -> float:
+    return max(-most, min(most, value))
