@@ -1,7 +1,9 @@
 """What the tests of physics, vehicle and simulation share."""
 
 import copy
+import os
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -34,6 +36,20 @@ def no_callback_left_behind() -> Iterator[None]:
     errors = interpreted.raised.copy()
     interpreted.raised.clear()
     assert not errors
+
+
+SHARED = Path(__file__).parents[2] / "shared" / "ardupilot" / "arducopter-heli"
+"""Where a program of ArduPilot's may lie beside the project."""
+
+
+@pytest.fixture(scope="session")
+def ardupilot() -> Path:
+    """ArduPilot's program arducopter-heli; without one the test is skipped, and says so."""
+    path = Path(os.environ.get("HELISIM_ARDUPILOT") or SHARED)
+    if not path.is_file():
+        pytest.skip(f"no ArduPilot to fly: {path} is not there, set HELISIM_ARDUPILOT")
+    pytest.importorskip("pymavlink", reason="flights by a script need pymavlink")
+    return path
 
 
 @pytest.fixture(scope="session")

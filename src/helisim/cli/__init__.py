@@ -43,6 +43,7 @@ _SHARED = {
     "missions",
     "progress",
     "responses",
+    "sitl_script",
     "sitl_serving",
     "suspicions",
     "units",

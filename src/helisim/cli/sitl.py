@@ -1,19 +1,25 @@
 """`helisim sitl`: ArduPilot flies the vehicle."""
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from helisim.cli.common import add_parameters, add_quiet, add_vehicle, names, parameters
 from helisim.cli.ground import EPILOG as GROUND
 from helisim.cli.ground import add_ground, ground
+from helisim.cli.sitl_script import EPILOG as SCRIPTS
+from helisim.cli.sitl_script import add_script, check_script, fly
 from helisim.cli.sitl_serving import add_kept, check, is_kept, serve
 from helisim.cli.weather import add_weather, weather
+
+if TYPE_CHECKING:
+    from helisim.sitl import Aircraft
 
 _EPILOG = """\
 examples:
   helisim sitl                               then, elsewhere:
     arducopter-heli --model JSON:127.0.0.1 --defaults copter-heli.parm
   helisim sitl blade360 --port 9012          for ArduPilot's instance 1, -I 1
+  helisim sitl --script sysid --axes roll,pitch,yaw,thrust --log out.bin
 
 ArduPilot begins once a ground station is on its TCP port 5760, and sets the
 pace: --speedup N is an option of its own. Ctrl-C ends with a summary.
@@ -33,7 +39,7 @@ def add(commands: Any) -> None:
         description="Let an unmodified ArduCopter-heli fly the helicopter: a backend for "
         "ArduPilot's JSON interface, lock step. The helicopter stands on the ground, its rotor "
         "stopped, until the autopilot arms and spins it up.",
-        epilog=_EPILOG + GROUND,
+        epilog=_EPILOG + SCRIPTS + GROUND,
     )
     add_vehicle(command)
     command.add_argument(
@@ -76,29 +82,38 @@ def add(commands: Any) -> None:
     add_weather(command)
     add_ground(command)
     add_parameters(command)
+    add_script(command)
     add_kept(command)
     add_quiet(command)
     command.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.sim import Weather
-    from helisim.sitl import Aircraft, Link
+    from helisim.sitl import Link
     from helisim.sitl.packet import check_fields
-    from helisim.vehicle import load
 
     check(options)
     also = check_fields(names(options.send))
+    if options.script is not None:
+        check_script(options)
+        return fly(options, _aircraft(options), also)
     with Link(options.port, address=options.address, timeout=options.wait) as link:
-        changed = parameters(options)
-        aircraft = Aircraft(
-            load(options.vehicle, parameters=changed),
-            motor=changed.get("drive.governor") != "ideal",
-            tail=options.tail,
-            rate_hz=options.rate,
-            ground=ground(options),
-            weather=weather(options, Weather()),
-            seed=options.seed,
-            recorded=is_kept(options),
-        )
-        return serve(options, aircraft, link, also)
+        return serve(options, _aircraft(options), link, also)
+
+
+def _aircraft(options: argparse.Namespace) -> "Aircraft":
+    from helisim.sim import Weather
+    from helisim.sitl import Aircraft
+    from helisim.vehicle import load
+
+    changed = parameters(options)
+    return Aircraft(
+        load(options.vehicle, parameters=changed),
+        motor=changed.get("drive.governor") != "ideal",
+        tail=options.tail,
+        rate_hz=options.rate,
+        ground=ground(options),
+        weather=weather(options, Weather()),
+        seed=options.seed,
+        recorded=is_kept(options),
+    )

@@ -70,11 +70,11 @@ def serve(
 
     if not options.quiet:
         _say(_listening(options, link))
-    kept = _Kept(options, aircraft)
+    kept = Kept(options, aircraft)
     status = None if options.quiet else _Status(aircraft)
     with ExitStack() as stack:
         stack.enter_context(aircraft)
-        watched = stack.enter_context(_window(aircraft)) if options.view else None
+        watched = stack.enter_context(window(aircraft)) if options.view else None
 
         def on_frame(frame: "Frame", sensed: "Sensed") -> bool:
             if status is not None:
@@ -137,7 +137,7 @@ class _Status:
             self._next, self._clock, self._time = now + _EACH, now, sensed.time
 
 
-class _Kept:
+class Kept:
     """Writes what was flown since the autopilot started, each time to a file of its own."""
 
     def __init__(self, options: argparse.Namespace, aircraft: "Aircraft") -> None:
@@ -171,7 +171,8 @@ class _Kept:
 
 
 @contextmanager
-def _window(aircraft: "Aircraft") -> "Iterator[Watched]":
+def window(aircraft: "Aircraft") -> "Iterator[Watched]":
+    """Show an aircraft in MuJoCo's viewer as long as the block lasts."""
     from helisim.output.live_sitl import Watched, seen
     from helisim.output.viewer import shown
 

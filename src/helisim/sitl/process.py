@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
-from helisim.errors import InputError, AutopilotError
+from helisim.errors import AutopilotError, InputError
 from helisim.records.files import atomic_write
 from helisim.sitl import isolated
 
@@ -95,8 +95,14 @@ class Autopilot:
         ours, theirs = socket.socketpair()
         with ours, theirs, (self.folder / "printed.txt").open("wb") as printed:
             self._process = subprocess.Popen(
-                [sys.executable, "-I", isolated.__file__, str(theirs.fileno()), str(program)]
-                + arguments,
+                [
+                    sys.executable,
+                    "-I",
+                    isolated.__file__,
+                    f"{theirs.fileno()}",
+                    program,
+                    *arguments,
+                ],
                 cwd=self.folder,
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,

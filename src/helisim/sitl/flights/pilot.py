@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
+import numpy as np
+
 from helisim.errors import AutopilotError, UnknownNameError
 from helisim.sitl.aircraft import Aircraft
 from helisim.sitl.flights.telemetry import Telemetry
@@ -94,7 +96,7 @@ class Pilot:
 
     def distance(self, north: float, east: float, height: float) -> float:
         """Return how far away a place is, m, counted from where the aircraft stood."""
-        place = self.ground + (north, east, -height)
+        place = self.ground + np.array((north, east, -height))
         return math.dist(self.sensed.position, place)
 
     def say(self, text: str) -> None:
@@ -207,7 +209,9 @@ class Pilot:
         """Fly to a place, counted from where the aircraft stood, and stay there.
 
         Args:
-            north, east, height: m.
+            north: m.
+            east: m.
+            height: m.
             heading: rad.
             within: m, from where on it is there.
         """

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from helisim.errors import AutopilotError
 from helisim.sitl.aircraft import Aircraft
-from helisim.sitl.backend import OnFrame, serve
+from helisim.sitl.backend import OnFrame, OnWait, serve
 from helisim.sitl.flights.pilot import Pilot, Steps
-from helisim.sitl.flights.telemetry import Telemetry
+from helisim.sitl.flights.telemetry import Telemetry, mavlink
 from helisim.sitl.link import Link
 from helisim.sitl.packet import Frame, Sensed
 from helisim.sitl.process import Autopilot
@@ -60,6 +60,8 @@ def fly_script(
     speed: float = 1000.0,
     say: Callable[[str], None] = lambda text: None,
     on_frame: OnFrame | None = None,
+    on_wait: OnWait | None = None,
+    also: Sequence[str] = (),
     more: Sequence[str] = (),
 ) -> Flight:
     """Fly an aircraft by ArduPilot, and ArduPilot by a script.
@@ -74,7 +76,9 @@ def fly_script(
         log: where its log goes at the end, whole or not at all; nowhere if None.
         speed: times real time that is not exceeded.
         say: called with what happens.
-        on_frame: called with each frame and what is sensed after it.
+        on_frame: called with each frame and what is sensed after it; True ends the flight.
+        on_wait: called now and then while no frame comes; True ends the flight.
+        also: further fields of the answers, see `serve`.
         more: arguments of the program.
 
     Raises:
@@ -83,6 +87,7 @@ def fly_script(
         InputError: the program can't be started, or pymavlink is missing.
         StorageError: the log can't be written.
     """
+    mavlink()
     own = "".join(f"{name} {value}\n" for name, value in _OWN.items())
     text = parameters.rstrip("\n") + "\n" + own
     with Autopilot(program, text, speed=speed, more=more) as autopilot:
@@ -90,7 +95,7 @@ def fly_script(
         if autopilot.shared:
             say(f"{autopilot.shared}: ArduPilot's ports are open on this machine's network")
         with aircraft, Link.over(autopilot.frames, timeout=_PATIENCE) as link:
-            served = serve(aircraft, link, on_frame=flown)
+            served = serve(aircraft, link, on_frame=flown, on_wait=on_wait, also=also)
         if not flown.done:
             autopilot.check()
             raise AutopilotError(f"ArduPilot sent no frame for {_PATIENCE:g} s")
@@ -128,14 +133,16 @@ class _Flown:
         return self._telemetry.said
 
     def __call__(self, frame: Frame, sensed: Sensed) -> bool:
-        if self._on_frame is not None:
-            self._on_frame(frame, sensed)
+        if self._on_frame is not None and self._on_frame(frame, sensed):
+            raise AutopilotError(f"ended from outside at {sensed.time:.1f} s of flight")
         if sensed.time < self._next - 1e-9:
             return False
         self._next += _STEP
         self._pilot.sensed = sensed
         self._telemetry.hear()
-        self._tell()
+        for text in self._telemetry.warned[self._heard :]:
+            self._say(f"ArduPilot: {text}")
+        self._heard = len(self._telemetry.warned)
         if self._aircraft.crashed:
             raise AutopilotError(f"crashed at {sensed.time:.1f} s: {self._aircraft.crashed}")
         try:
@@ -152,11 +159,6 @@ class _Flown:
         if time >= self._beat:
             self._beat += _BEATS
             self._telemetry.beat()
-
-    def _tell(self) -> None:
-        for text in self.said[self._heard :]:
-            self._say(f"ArduPilot: {text}")
-        self._heard = len(self.said)
 
     def _whole(self, script: Script) -> Steps:
         yield from script(self._pilot)

@@ -107,31 +107,39 @@ class _Into:
 
 
 def _into(
-    first: int, axes: str, magnitudes: Sequence[float], units: str, *band: float, **more: bool
+    first: int,
+    magnitudes: dict[str, float],
+    unit: str,
+    band: tuple[float, float, float],
+    *,
+    by_position: bool = False,
+    yaw: str = "",
 ) -> _Into:
-    names = axes.split()
-    numbers = dict(zip(names, range(first, first + len(names))))
-    return _Into(
-        numbers, dict(zip(names, magnitudes)), dict(zip(names, units.split())), *band, **more
-    )
+    numbers = {axis: first + k for k, axis in enumerate(magnitudes)}
+    units = {axis: yaw if yaw and axis == "yaw" else unit for axis in magnitudes}
+    return _Into(numbers, magnitudes, units, *band, by_position)
 
 
+_ANGLES, _RATES, _MIXER, _PLACES = (
+    (0.1, 8.0, 90.0),
+    (0.2, 12.0, 90.0),
+    (0.2, 12.0, 90.0),
+    (0.05, 2.0, 120.0),
+)
+"""Usual start and stop frequency, Hz, and duration, s."""
+_METRE = {"roll": 1.0, "pitch": 1.0}
 INTO = {
-    "input": _into(1, "roll pitch yaw", (5.0, 5.0, 15.0), "deg deg deg/s", 0.1, 8.0, 90.0),
-    "recovery": _into(4, "roll pitch yaw", (3.0, 3.0, 15.0), "deg deg deg/s", 0.1, 8.0, 90.0),
-    "rate": _into(7, "roll pitch yaw", (10.0, 10.0, 15.0), "deg/s deg/s deg/s", 0.2, 12.0, 90.0),
-    "mixer": _into(
-        *(10, "roll pitch yaw thrust", (0.06, 0.06, 0.15, 0.06), "of_1 of_1 of_1 of_1"),
-        *(0.2, 12.0, 90.0),
-    ),
-    "position": _into(14, "roll pitch", (1.0, 1.0), "m m", 0.05, 2.0, 120.0, by_position=True),
-    "velocity": _into(16, "roll pitch", (1.0, 1.0), "m/s m/s", 0.05, 2.0, 120.0, by_position=True),
-    "velocity-input": _into(
-        18, "roll pitch", (1.0, 1.0), "m/s m/s", 0.05, 2.0, 120.0, by_position=True
-    ),
+    "input": _into(1, {"roll": 5.0, "pitch": 5.0, "yaw": 15.0}, "deg", _ANGLES, yaw="deg/s"),
+    "recovery": _into(4, {"roll": 3.0, "pitch": 3.0, "yaw": 15.0}, "deg", _ANGLES, yaw="deg/s"),
+    "rate": _into(7, {"roll": 10.0, "pitch": 10.0, "yaw": 15.0}, "deg/s", _RATES),
+    "mixer": _into(10, {"roll": 0.06, "pitch": 0.06, "yaw": 0.15, "thrust": 0.06}, "of 1", _MIXER),
+    "position": _into(14, _METRE, "m", _PLACES, by_position=True),
+    "velocity": _into(16, _METRE, "m/s", _PLACES, by_position=True),
+    "velocity-input": _into(18, _METRE, "m/s", _PLACES, by_position=True),
 }
-"""Name -> where SystemID adds its signal: what the pilot asks (input, recovery: without its feed
-forward), the rates that are wanted, the mixer, or the loops of position, velocity and its demand."""
+"""Name -> where SystemID adds its signal: to what the pilot asks (with feed forward, "input", and
+without, "recovery"), to the rates that are wanted, to the mixer, to a measured position or
+velocity, or to the velocity that is wanted."""
 
 
 def sweeps(

@@ -13,6 +13,8 @@ _VEHICLE = (1, 1)
 _GROUND = (255, 190)
 """Of a ground station, which alone may move the sticks."""
 _ARMED = 128
+_WARNING = 4
+"""Severity of a warning; what is worse has a lower one."""
 _RATES_HZ = {
     "HEARTBEAT": 10.0,
     "EKF_STATUS_REPORT": 5.0,
@@ -55,6 +57,7 @@ class Telemetry:
         parameters: name -> value, as it last said.
         acknowledged: command -> its last result, 0 being accepted.
         said: all of its texts so far.
+        warned: those of them that warn.
     """
 
     def __init__(self, channel: socket.socket) -> None:
@@ -71,6 +74,7 @@ class Telemetry:
         self.parameters: dict[str, float] = {}
         self.acknowledged: dict[int, int] = {}
         self.said: list[str] = []
+        self.warned: list[str] = []
 
     def write(self, data: bytes) -> None:
         """Send bytes to the autopilot, once it was heard."""
@@ -156,3 +160,5 @@ class Telemetry:
 
     def _statustext(self, message: Any) -> None:
         self.said.append(message.text)
+        if message.severity <= _WARNING:
+            self.warned.append(message.text)

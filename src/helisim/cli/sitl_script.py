@@ -1,0 +1,184 @@
+"""`helisim sitl --script`: starts ArduPilot itself and flies it by a script."""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from helisim.cli.common import names
+from helisim.cli.sitl_serving import Kept, window
+from helisim.errors import InputError
+
+if TYPE_CHECKING:
+    from helisim.sitl import Aircraft, Frame, Sensed
+    from helisim.sitl.flights.pilot import Pilot, Steps
+
+EPILOG = """\
+--script starts ArduPilot itself, in a network of its own, and flies it: hover (5
+minutes at 5 m), square, sysid (sweeps by its mode SystemID), or FILE.py, whose
+function fly(pilot) is a script of your own:
+
+  def fly(pilot):
+      yield from pilot.take_off(5.0)
+      yield from pilot.wait(10.0)
+      yield from pilot.land()
+
+--into says where sysid adds its signal: input, recovery, rate, mixer, position,
+velocity, velocity-input. Each sweep begins where the first did.
+
+"""
+_CHANGED = {
+    "magnitude": ("magnitude", "of the signal: deg, deg/s, m, m/s, or of the mixer's 1"),
+    "from": ("start_hz", "start frequency, Hz"),
+    "to": ("stop_hz", "stop frequency, Hz"),
+    "seconds": ("seconds", "of a sweep, up to 255"),
+    "fade-in": ("fade_in", "s (default: 5)"),
+    "fade-out": ("fade_out", "s (default: 2)"),
+}
+"""Option of a sweep -> its field and help."""
+_EACH = 10.0
+"""s of the clock between two lines that say how far the flight is."""
+
+
+def add_script(command: argparse.ArgumentParser) -> None:
+    """Add the options of a flight by a script."""
+    group = command.add_argument_group("flights by a script")
+    group.add_argument(
+        "--script", metavar="NAME|FILE.py", help="hover, square, sysid or your own; see below"
+    )
+    group.add_argument("--log", type=Path, metavar="FILE", help="keep ArduPilot's log, .bin")
+    group.add_argument(
+        "--ardupilot",
+        metavar="FILE",
+        help="the program arducopter-heli (default: what HELISIM_ARDUPILOT names)",
+    )
+    group.add_argument("--parm", type=Path, metavar="FILE", help="ArduPilot's parameters (needed)")
+    group.add_argument(
+        "--speed",
+        type=float,
+        default=1000.0,
+        metavar="X",
+        help="times real time that isn't exceeded (default: as fast as it goes)",
+    )
+    group.add_argument(
+        "--axes",
+        default="roll,pitch,yaw,thrust",
+        metavar="AXIS,...",
+        help="of sysid (default: roll,pitch,yaw,thrust)",
+    )
+    group.add_argument(
+        "--into",
+        default="mixer",
+        metavar="WHERE,...",
+        help="where sysid adds its signal (default: mixer)",
+    )
+    group.add_argument(
+        "--count", type=int, default=1, metavar="N", help="sweeps of each axis (default: 1)"
+    )
+    group.add_argument(
+        "--height", type=float, default=50.0, metavar="M", help="of the sweeps (default: 50)"
+    )
+    for option, (field, text) in _CHANGED.items():
+        group.add_argument(f"--{option}", dest=f"sweep_{field}", type=float, metavar="X", help=text)
+
+
+def script_of_options(options: argparse.Namespace) -> "Callable[[Pilot], Steps]":
+    """Return the script that the options ask for."""
+    from helisim.sitl.flights.scripts import SYSID, script_of
+    from helisim.sitl.flights.sweeps import fly_sweeps, sweeps
+
+    if options.script != SYSID:
+        return script_of(options.script)
+    given = {field: getattr(options, f"sweep_{field}") for field, _ in _CHANGED.values()}
+    changes = {field: value for field, value in given.items() if value is not None}
+    wanted = sweeps(names(options.axes), names(options.into), count=options.count, **changes)
+    if options.log is None:
+        raise InputError("sweeps are flown for their log: say where it goes with --log FILE.bin")
+    return fly_sweeps(wanted, height=options.height)
+
+
+def check_script(options: argparse.Namespace) -> None:
+    """Refuse a flight that can't be flown, or whose log can't be written, before it begins."""
+    from helisim.records.files import check_destination
+    from helisim.sitl.flights.telemetry import mavlink
+    from helisim.sitl.process import find_program
+
+    if options.log is not None:
+        check_destination(options.log, (".bin",))
+    if not options.speed > 0.0:
+        raise InputError(f"--speed must be above 0, got {options.speed:g}")
+    script_of_options(options)
+    _parameters(options)
+    find_program(options.ardupilot)
+    mavlink()
+
+
+def fly(options: argparse.Namespace, aircraft: "Aircraft", also: tuple[str, ...] = ()) -> int:
+    """Fly an aircraft by ArduPilot and a script; return the exit status."""
+    from helisim.sitl.flights.session import fly_script
+    from helisim.sitl.process import find_program
+
+    told = _Told(aircraft, options.quiet)
+    with ExitStack() as stack:
+        watched = stack.enter_context(window(aircraft)) if options.view else None
+
+        def on_frame(frame: "Frame", sensed: "Sensed") -> bool:
+            told.now_and_then()
+            return watched is not None and watched.on_frame(frame, sensed)
+
+        flight = fly_script(
+            script_of_options(options),
+            aircraft,
+            find_program(options.ardupilot),
+            _parameters(options),
+            log=options.log,
+            speed=options.speed,
+            say=told,
+            on_frame=on_frame,
+            on_wait=watched.on_wait if watched else None,
+            also=also,
+        )
+    Kept(options, aircraft).write()
+    if options.log is not None:
+        size = options.log.stat().st_size / 1e6
+        print(f"Written: {options.log} ({size:.1f} MB)")
+    print(f"Flown: {flight.served}", flush=True)
+    return 0
+
+
+def _parameters(options: argparse.Namespace) -> str:
+    if options.parm is None:
+        raise InputError("--script needs ArduPilot's parameters of the vehicle: give --parm FILE")
+    try:
+        return options.parm.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{options.parm}: can't read ArduPilot's parameters: {error}") from None
+
+
+class _Told:
+    """Says what happens, and now and then how far the flight is, on standard error."""
+
+    def __init__(self, aircraft: "Aircraft", quiet: bool) -> None:
+        self._aircraft, self._quiet, self._last = aircraft, quiet, ""
+        self._start = time.monotonic()
+        self._next = self._start + _EACH
+
+    def __call__(self, text: str) -> None:
+        self._last = text
+        self._write(text)
+
+    def now_and_then(self) -> None:
+        """Repeat what was said last, if that is a while ago."""
+        if time.monotonic() >= self._next:
+            self._write(self._last)
+
+    def _write(self, text: str) -> None:
+        now, seconds = time.monotonic(), self._aircraft.time
+        self._next = now + _EACH
+        if not self._quiet:
+            factor = seconds / max(now - self._start, 1e-3)
+            line = f"{seconds:7.1f} s (x{factor:.1f})  {text}"
+            print(line, file=sys.stderr, flush=True)

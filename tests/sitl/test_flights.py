@@ -1,0 +1,149 @@
+"""ArduPilot's process is started apart from everything, and flown by scripts."""
+
+import os
+import sys
+from dataclasses import fields
+
+import pytest
+
+from helisim.errors import InputError, UnknownNameError
+from helisim.sitl.flights.pilot import Sticks
+from helisim.sitl.flights.scripts import script_of
+from helisim.sitl.flights.sweeps import INTO, Sweep, sweeps
+from helisim.sitl.process import Autopilot, find_program
+
+FAKE = """#!{python}
+import os, socket, sys
+os.makedirs("logs", exist_ok=True)
+open("logs/00000001.BIN", "wb").write(b"log")
+ports = sys.argv[sys.argv.index("--sim-port-out") + 1], sys.argv[sys.argv.index("--serial0") + 1]
+sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+sender.sendto(os.readlink("/proc/self/ns/net").encode(), ("127.0.0.1", int(ports[0])))
+sender.sendto(open("start.parm").read().encode(), ("127.0.0.1", int(ports[1].split(":")[2])))
+{end}
+"""
+
+
+def fake(tmp_path, end):
+    path = tmp_path / "program"
+    path.write_text(FAKE.format(python=sys.executable, end=end))
+    path.chmod(0o755)
+    return path
+
+
+def heard(socket):
+    socket.setblocking(True)
+    socket.settimeout(20.0)
+    return socket.recv(4096)
+
+
+def test_program_is_started_in_a_folder_and_a_network_of_its_own(tmp_path):
+    """It finds its parameters there, reaches both sockets, and nothing is left at the end."""
+    with Autopilot(fake(tmp_path, "sender.recv(1)"), "NAME 1\n") as autopilot:
+        network = heard(autopilot.frames).decode()
+        assert heard(autopilot.telemetry) == b"NAME 1\n"
+        own = network != os.readlink("/proc/self/ns/net")
+        assert own == (autopilot.shared == "")
+        autopilot.check()
+        autopilot.keep_log(tmp_path / "kept.bin")
+        folder = autopilot.folder
+    assert (tmp_path / "kept.bin").read_bytes() == b"log"
+    assert not folder.exists()
+
+
+def test_program_that_is_none_is_told(tmp_path):
+    """The system's own reason is part of the message."""
+    none = tmp_path / "program"
+    none.write_text("#!/no/such/interpreter\n")
+    none.chmod(0o755)
+    with pytest.raises(InputError, match=r"can't be started.*No such file"):
+        Autopilot(none, "")
+    with pytest.raises(InputError, match="is not a program"):
+        find_program(tmp_path / "nothing")
+
+
+def test_no_program_is_known_without_its_variable(monkeypatch):
+    monkeypatch.delenv("HELISIM_ARDUPILOT", raising=False)
+    with pytest.raises(InputError, match="set HELISIM_ARDUPILOT"):
+        find_program()
+
+
+def test_axes_have_ardupilots_numbers():
+    """ArduPilot's parameter list, SID_AXIS: 1 input roll angle to 19 input longitudinal velocity.
+
+    Lateral comes before longitudinal, as roll before pitch.
+    """
+    numbers = [number for place in INTO.values() for number in place.numbers.values()]
+    assert numbers == list(range(1, 20))
+    assert INTO["mixer"].numbers == {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
+
+
+def test_every_name_of_an_axis_means_the_same_sweep():
+    assert sweeps(["lat", "lon", "ped", "col"]) == sweeps(["roll", "pitch", "yaw", "heave"])
+    assert sweeps(["thrust"]) == sweeps(["col"])
+
+
+def test_sweeps_are_changed_and_repeated():
+    made = sweeps(["roll", "thrust"], ["rate", "mixer"], count=2, magnitude=3.0)
+    assert [(one.into, one.axis, one.magnitude) for one in made] == [
+        *[("rate", "roll", 3.0)] * 2,
+        *[("mixer", "roll", 3.0)] * 2,
+        *[("mixer", "thrust", 3.0)] * 2,
+    ]
+    assert made[0].parameters["SID_AXIS"] == 7
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"start_hz": 0.0}, "above 0"),
+        ({"stop_hz": 0.1}, "to a higher one"),
+        ({"seconds": 256.0}, "at most 255"),
+        ({"seconds": 9.0}, "two periods"),
+        ({"magnitude": 0.0}, "magnitude"),
+        ({"fade_in": 21.0}, "fades in"),
+    ],
+)
+def test_sweeps_that_ardupilot_could_not_fly_are_refused(changes, message):
+    with pytest.raises(InputError, match=message):
+        sweeps(["roll"], **changes)
+
+
+def test_axes_and_places_that_do_not_exist_are_told():
+    with pytest.raises(UnknownNameError, match="roll"):
+        sweeps(["rol"])
+    with pytest.raises(UnknownNameError, match="mixer"):
+        sweeps(["roll"], ["mixr"])
+    with pytest.raises(InputError, match="adds nothing to rate of thrust"):
+        sweeps(["thrust"], ["rate"])
+
+
+def test_sticks_are_the_usual_channels():
+    """Roll, pitch, throttle, yaw on 1 to 4, the motor's interlock on 8: ArduPilot's usual ones."""
+    pulses = Sticks(roll=1.0, pitch=-1.0, throttle=0.25, yaw=0.5, rotor=True).pulses
+    assert pulses == [2000, 1000, 1250, 1750, 1000, 1000, 1000, 2000]
+    assert Sticks().pulses == [1500, 1500, 1000, 1500, 1000, 1000, 1000, 1000]
+
+
+def test_own_script_is_a_generator_called_fly(tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text("def fly(pilot):\n    yield from pilot.wait(1.0)\n")
+    assert script_of(str(own)).__name__ == "fly"
+    for text, message in [
+        ("def fly(pilot):\n    return 1\n", "yield from"),
+        ("", "expected a function"),
+        ("1 / 0", "ZeroDivisionError"),
+    ]:
+        own.write_text(text)
+        with pytest.raises(InputError, match=message):
+            script_of(str(own))
+    with pytest.raises(UnknownNameError, match="hover, square, sysid"):
+        script_of("hovr")
+    with pytest.raises(InputError, match="no such file"):
+        script_of(str(tmp_path / "other.py"))
+
+
+def test_a_sweep_is_told_with_its_units():
+    sweep = sweeps(["yaw"], ["rate"])[0]
+    assert str(sweep).startswith("SystemID axis 9, rate yaw: 15 deg/s, 0.2 to 12 Hz in 90 s")
+    assert {one.name for one in fields(Sweep)} >= {"fade_in", "fade_out"}
