@@ -42,7 +42,7 @@ class Served:
 
     def __str__(self) -> str:
         flown = (
-            f"{self.seconds:.1f} s in {self.clock:.1f} s, {self.factor:.2g} times real time, "
+            f"{self.seconds:.1f} s in {self.clock:.3g} s, {self.factor:.2g} times real time, "
             f"{self.frames} frames"
         )
         trouble = ((getattr(self, name), what) for name, what in _TROUBLE.items())
