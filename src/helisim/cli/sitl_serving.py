@@ -131,8 +131,8 @@ class _Status:
             north, east, down = sensed.position
             pulses = " ".join(map(str, frame.pulses[:8]))
             _say(
-                f"{sensed.time:7.1f} s  north {north:z.2f}, east {east:z.2f}, height {-down:z.2f} m  "
-                f"x{max(factor, 0.0):.1f}  pulses {pulses}"
+                f"{sensed.time:7.1f} s  north {north:z.2f}, east {east:z.2f}, "
+                f"height {-down:z.2f} m  x{max(factor, 0.0):.1f}  pulses {pulses}"
             )
             self._next, self._clock, self._time = now + _EACH, now, sensed.time
 
