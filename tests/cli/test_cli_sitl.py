@@ -1,5 +1,6 @@
 """`helisim sitl`: what is wrong is one line, exit status 2; a flight, its summary and record."""
 
+import signal
 import socket
 import threading
 
@@ -9,6 +10,7 @@ import helisim.sitl.aircraft
 from command import fails
 from helisim.cli import main
 from helisim.records.storage import read_record
+from helisim.sitl import Link
 from script import loaded
 
 played = loaded("proof/played_autopilot")
@@ -45,6 +47,20 @@ def test_no_autopilot(capsys, counting):
     said = fails(capsys, "sitl", "--port", 0, "--wait", 0.01, "--quiet")
     assert "no autopilot sent a frame" in said
     assert "arducopter-heli --model JSON:127.0.0.1" in said
+
+
+def test_another_protocol(capsys, counting, monkeypatch):
+    """What comes before an autopilot does."""
+    receive = Link.receive
+
+    def hello(link, timeout=None):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.sendto(b"hello", ("127.0.0.1", link.port))
+        return receive(link, timeout)
+
+    monkeypatch.setattr(Link, "receive", hello)
+    said = fails(capsys, "sitl", "--port", 0, "--quiet")
+    assert "a packet of 5 bytes with the magic number 25960; expected 18458 or 29569" in said
 
 
 @pytest.mark.parametrize(
@@ -85,10 +101,27 @@ def test_a_flight_ends_with_a_summary(capsys, counting):
     assert status == 0
     printed = capsys.readouterr()
     assert f"Listening on UDP 127.0.0.1:{port}" in printed.out
-    assert f"--model JSON:127.0.0.1 --sim-port-out {port}" in printed.out
+    assert f"--model JSON:127.0.0.1 --sim-port-out {port} --defaults jr700.parm" in printed.out
     assert "16 channels, 1200 Hz wanted" in printed.err
     assert printed.out.splitlines()[-1].startswith("Flown: 0.1 s")
     assert "50 frames" in printed.out
+
+
+@pytest.mark.parametrize("polite", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_flight_with_its_summary(capsys, counting, monkeypatch, polite):
+    """Ctrl-C, and what other programs send, while it waits for the frame after the last."""
+    receive, calls = Link.receive, []
+
+    def ended(link, timeout=None):
+        calls.append(timeout)
+        if len(calls) > 20:
+            signal.raise_signal(polite)
+        return receive(link, timeout)
+
+    monkeypatch.setattr(Link, "receive", ended)
+    assert served(20)[0] == 0
+    assert len(calls) == 21
+    assert "20 frames; none lost" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
 _EPILOG = """\
 examples:
+  helisim parm jr700 --out jr700.parm
   helisim sitl                               then, elsewhere:
-    arducopter-heli --model JSON:127.0.0.1 --defaults copter-heli.parm
+    arducopter-heli --model JSON:127.0.0.1 --defaults jr700.parm
   helisim sitl blade360 --port 9012          for ArduPilot's instance 1, -I 1
   helisim sitl --script sysid --axes roll,pitch,yaw,thrust --log out.bin
 

@@ -1,6 +1,7 @@
 """What `helisim sitl` does while an autopilot flies: it says where, shows, keeps, and sums up."""
 
 import argparse
+import signal
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -90,7 +91,8 @@ def serve(
             also=also,
         )
         try:
-            backend.run()
+            with _ended_as_by_hand():
+                backend.run()
         except KeyboardInterrupt:
             if not backend.served.frames:
                 raise
@@ -100,13 +102,25 @@ def serve(
     return 0
 
 
+@contextmanager
+def _ended_as_by_hand() -> Iterator[None]:
+    """Let a polite end by another program be one by Ctrl-C, so that what was flown is kept."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _listening(options: argparse.Namespace, link: "Link") -> str:
     out = "" if link.port == 9002 else f" --sim-port-out {link.port}"
     host = "127.0.0.1" if link.address in ("127.0.0.1", "0.0.0.0") else link.address
+    name = Path(options.vehicle).name
     return (
-        f"{options.vehicle} stands on the ground, rotor stopped. Listening on UDP {link.address}:"
+        f"{name} stands on the ground, rotor stopped. Listening on UDP {link.address}:"
         f"{link.port}, for {options.wait:g} s; start ArduPilot with\n"
-        f"  arducopter-heli --model JSON:{host}{out} --defaults copter-heli.parm\n"
+        f"  helisim parm {options.vehicle} --out {name}.parm\n"
+        f"  arducopter-heli --model JSON:{host}{out} --defaults {name}.parm\n"
         "and a ground station on its TCP port 5760, for which it waits. Ctrl-C ends."
     )
 
