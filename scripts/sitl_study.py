@@ -12,6 +12,9 @@ A bound is the Cramér-Rao bound that is printed beside a value. Delays are no d
 left out. The exit status is 1 if a bar is missed.
 
     python scripts/sitl_study.py --jr700 jr700.bin --heli heli.bin     what is left out isn't judged
+    python scripts/sitl_study.py --fly FOLDER                          both are flown, some minutes
+
+What is flown needs ArduCopter-heli, which `HELISIM_ARDUPILOT` names; the logs stay in FOLDER.
 """
 
 import argparse
@@ -37,6 +40,7 @@ BARS = {JR700: 2.0, "heli": 3.0, "heli-blade360": 3.0}
 INSIDE = 95.0
 """Percent of the derivatives that are inside their bounds, at least."""
 AXES = ("lat", "lon", "ped", "col")
+_OWN_HELICOPTER = Path(__file__).parent / "proof" / "ardupilots_helicopter.py"
 
 
 class Source(NamedTuple):
@@ -198,7 +202,7 @@ def rows(whose: str, log: Path) -> list[Row]:
     parameters, rate = flown.parameters(), flown.table("RATE")
     sweeps = flown.table("SIDD").time
     while_swept = (rate.time >= sweeps[0]) & (rate.time <= sweeps[-1])
-    hover = float(np.median(rate["AOut"][while_swept]))
+    hover = float(np.median(np.asarray(rate["AOut"], float)[while_swept]))
     found = identified(log)
     if whose == JR700:
         true = exact_jr700(parameters, hover)
@@ -237,16 +241,38 @@ def judged(whose: str, log: Path) -> list[str]:
     return missed
 
 
+def flown(whose: str, log: Path) -> Path:
+    """Fly the sweeps of a helicopter with ArduCopter-heli, and return its log.
+
+    Raises:
+        SystemExit: it can't be flown; it says why.
+    """
+    if whose == JR700:
+        sweeps = ["--script", "sysid", "--axes", "roll,pitch,yaw,thrust", "--log", str(log)]
+        command = [sys.executable, "-m", "helisim", "sitl", JR700, *sweeps]
+    else:
+        command = [sys.executable, str(_OWN_HELICOPTER), str(log), whose]
+    print(f"{whose} is flown", flush=True)
+    if subprocess.run(command, check=False).returncode:
+        sys.exit(f"{whose} was not flown to its end")
+    return log
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Print the tables and return the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     for whose in BARS:
         parser.add_argument(f"--{whose}", type=Path, nargs="+", default=[], metavar="LOG")
-    logs = vars(parser.parse_args(arguments))
-    missed = []
-    for whose in BARS:
-        for log in logs[whose.replace("-", "_")]:
-            missed += judged(whose, log)
+    parser.add_argument("--fly", type=Path, metavar="FOLDER", help="fly them first, logs to here")
+    options = vars(parser.parse_args(arguments))
+    logs: dict[str, list[Path]] = {whose: options[whose.replace("-", "_")] for whose in BARS}
+    if (folder := options["fly"]) is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        for whose in (JR700, "heli"):
+            logs[whose].append(flown(whose, folder / f"{whose}.bin"))
+    if not any(logs.values()):
+        parser.error("no log is named, and nothing is to be flown")
+    missed = [bar for whose in BARS for log in logs[whose] for bar in judged(whose, log)]
     print(*(f"missed: {one}" for one in missed), sep="\n")
     return int(bool(missed))
 

@@ -1,0 +1,124 @@
+"""Fly ArduPilot's own simulated helicopter through sweeps of SystemID, and keep its log.
+
+No model of ours flies here: what `helisim identify` finds in the log is held against the
+coefficients that ArduPilot's public source states, by `scripts/sitl_study.py --heli LOG`.
+
+    python scripts/proof/ardupilots_helicopter.py LOG [heli|heli-blade360] [PROGRAM]
+
+PROGRAM is ArduCopter-heli; `HELISIM_ARDUPILOT` names it otherwise. Its own default parameters,
+copter-heli.parm, are read from the folder in which it is.
+"""
+
+import select
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from helisim.errors import AutopilotError, HelisimError
+from helisim.sitl import Sensed
+from helisim.sitl.flights.pilot import Pilot
+from helisim.sitl.flights.sweeps import fly_sweeps, sweeps
+from helisim.sitl.flights.telemetry import Telemetry
+from helisim.sitl.process import Autopilot, find_program
+
+AXES = ("roll", "pitch", "yaw", "thrust")
+SPEED = 4.0
+"""Times real time: its log's writer follows."""
+HEIGHT = 100.0
+"""m: its throttle is held by nobody's eye while a sweep lasts."""
+_OWN = {"LOG_BITMASK": 3, "LOG_DISARMED": 0, "LOG_FILE_BUFSIZE": 30_000, "FLTMODE_CH": 0}
+_STICKS, _STEP, _SILENCE = 0.05, 0.02, 20.0
+"""s of simulated time between two messages of the sticks, and steps; s of the clock in silence."""
+
+
+class Heard(Telemetry):
+    """Telemetry that also tells the time.
+
+    Attributes:
+        time: s since the autopilot was switched on.
+    """
+
+    time = 0.0
+
+    def _attitude(self, message) -> None:
+        super()._attitude(message)
+        self.time = 1e-3 * message.time_boot_ms
+
+
+class Seen:
+    """The helicopter as its own autopilot sees it, in the place of one that flies here."""
+
+    crashed = ""
+
+    def __init__(self, heard: Heard) -> None:
+        self._heard, self.rotor_speed = heard, 0.0
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is on the ground."""
+        return abs(self.sensed.position[2]) < 0.3
+
+    @property
+    def sensed(self) -> Sensed:
+        """What its EKF says."""
+        heard = self._heard
+        position, velocity = (
+            np.nan_to_num(np.array(one, float)) for one in (heard.position, heard.velocity)
+        )
+        still = np.zeros(3)
+        return Sensed(heard.time, still, still, position, velocity, np.array((1.0, 0.0, 0.0, 0.0)))
+
+
+def fly(log: Path, model: str, program: Path) -> None:
+    """Fly the sweeps. Raises HelisimError."""
+    defaults = (program.parent / "copter-heli.parm").read_text(encoding="ascii")
+    text = defaults + "".join(f"\n{name} {value}" for name, value in _OWN.items()) + "\n"
+    script = fly_sweeps(sweeps(AXES, start_hz=0.3, magnitude=0.06), height=HEIGHT)
+    with Autopilot(program, text, speed=SPEED, more=("--model", model)) as autopilot:
+        heard = Heard(autopilot.telemetry)
+        seen = Seen(heard)
+        pilot = Pilot(seen, heard, lambda said: print(f"{heard.time:7.1f} s  {said}", flush=True))
+        steps, told = script(pilot), 0
+        sticks = step = 0.0
+        last = time.monotonic()
+        while True:
+            ready, _, _ = select.select([autopilot.telemetry], [], [], 0.01)
+            if ready:
+                last = time.monotonic()
+            elif time.monotonic() - last > _SILENCE:
+                autopilot.check()
+                raise AutopilotError(f"ArduPilot says nothing for {_SILENCE:g} s")
+            heard.hear()
+            for one in heard.said[told:]:
+                pilot.say(f"ArduPilot: {one}")
+            told = len(heard.said)
+            if ready and not heard.time:
+                heard.ask_for_messages()  # which tell the time
+            seen.rotor_speed = float(pilot.sticks.rotor)
+            pilot.sensed = seen.sensed
+            if heard.time >= step or not heard.time:
+                step = heard.time + _STEP
+                if next(steps, "done") == "done":
+                    break
+            if heard.time >= sticks:
+                sticks = heard.time + _STICKS
+                heard.move_sticks(pilot.sticks.pulses)
+                heard.beat()
+        autopilot.keep_log(log)
+
+
+def main(log: str, model: str = "heli", program: str | None = None) -> None:
+    """Fly it, and say where the log is."""
+    fly(Path(log), model, find_program(program))
+    print(f"Written: {log}")
+
+
+if __name__ == "__main__":
+    if not 2 <= len(sys.argv) <= 4:
+        sys.exit("usage: python scripts/proof/ardupilots_helicopter.py LOG [MODEL] [PROGRAM]")
+    try:
+        main(*sys.argv[1:])
+    except HelisimError as error:
+        sys.exit(str(error))
