@@ -2,6 +2,7 @@
 
 import signal
 import socket
+import sys
 import threading
 
 import pytest
@@ -11,15 +12,18 @@ from command import fails
 from helisim.cli import main
 from helisim.records.storage import read_record
 from helisim.sitl import Link
-from script import loaded
+from script import SCRIPTS
 
-played = loaded("proof/played_autopilot")
+sys.path.insert(0, str(SCRIPTS / "proof"))
+
+import lock_step
+import played_autopilot as played
 
 
 @pytest.fixture
 def counting(monkeypatch):
     """Let an aircraft fly that only counts."""
-    monkeypatch.setattr(helisim.sitl.aircraft, "Aircraft", lambda *_, **__: played.Counting())
+    monkeypatch.setattr(helisim.sitl.aircraft, "Aircraft", lambda *_, **__: lock_step.Counting())
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """The lock step against a played autopilot: whatever the way does, each frame is flown once."""
 
 import socket
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -14,9 +15,13 @@ import helisim.sitl.link as link_module
 from helisim.errors import InputError, UnknownNameError
 from helisim.sitl import Backend, Link, Sensed
 from helisim.sitl.packet import answer, read_frame
-from script import loaded
+from script import SCRIPTS
 
-played = loaded("proof/played_autopilot")
+sys.path.insert(0, str(SCRIPTS / "proof"))
+
+import lock_step
+import played_autopilot as played
+
 SENSED = Sensed(
     time=12.3456,
     gyro=np.array([0.1, -0.2, 1e-12]),
@@ -33,7 +38,7 @@ class Served:
     """A backend that serves an aircraft that counts, in a thread; what it flew, and when anew."""
 
     def __init__(self, *, slow=()):
-        self.aircraft, self.flown, self.resets = played.Counting(), [], 0
+        self.aircraft, self.flown, self.resets = lock_step.Counting(), [], 0
         self.aircraft.reset = self._reset
         self.link = Link(0)
         self.backend = Backend(self.aircraft, self.link, on_frame=self._on_frame)
@@ -225,7 +230,7 @@ def test_frames_that_never_come_and_come_late_are_told():
 
 def test_a_bad_way_stops_nothing():
     """A tenth of all packets lost, doubled or cut: all flown once, in order, one answer each."""
-    proof = played.prove(200, share=0.1, resend=0.01)
+    proof = lock_step.prove(200, share=0.1, resend=0.01)
     assert len(proof.did) == 6
     assert proof.faults == []
 
@@ -233,17 +238,26 @@ def test_a_bad_way_stops_nothing():
 @pytest.mark.slow
 def test_a_bad_way_stops_nothing_for_long():
     """One in a hundred, ten thousand frames."""
-    proof = played.prove(10_000, share=0.01, resend=0.02)
+    proof = lock_step.prove(10_000, share=0.01, resend=0.02)
     assert proof.faults == []
     assert sum(proof.did.values()) > 100
+
+
+@pytest.mark.slow
+def test_a_bad_way_to_the_real_autopilot_stops_nothing(ardupilot):
+    """It waits a second for each answer that it can't read, and flies on."""
+    proof = lock_step.prove_real(2000, ardupilot, share=0.004, seed=3)
+    assert proof.faults == []
+    assert proof.served.frames == 2000
+    assert sum(proof.did.values()) >= 10
 
 
 def test_what_the_proof_looks_for_it_finds(monkeypatch):
     """An answer too many leaves the autopilot behind for good, unless the backend heals it."""
     way = {"share": 0.05, "kinds": ("doubled",)}
-    assert played.prove(300, **way).faults == []
+    assert lock_step.prove(300, **way).faults == []
     monkeypatch.setattr(Backend, "_newer", lambda *_: None)
-    assert played.prove(300, **way).faults == ["the autopilot was left behind"]
+    assert lock_step.prove(300, **way).faults == ["the autopilot was left behind"]
 
 
 @pytest.mark.parametrize(
@@ -263,7 +277,7 @@ def test_another_protocol_is_told(packet, said):
 
 def test_no_autopilot_is_told_with_how_to_start_one():
     with Link(0, timeout=0.02) as link, pytest.raises(InputError) as told:
-        Backend(played.Counting(), link).run()
+        Backend(lock_step.Counting(), link).run()
     assert f"UDP port {link.port} in 0.02 s; start ArduPilot with" in str(told.value)
     assert f"--sim-port-out {link.port}" in str(told.value)
 
@@ -295,4 +309,4 @@ def test_a_link_that_can_not_be_is_told(options, said):
 
 def test_a_field_that_no_answer_has_is_told():
     with Link(0) as link, pytest.raises(UnknownNameError, match="available: airspeed, wind"):
-        Backend(played.Counting(), link, also=("battery",))
+        Backend(lock_step.Counting(), link, also=("battery",))

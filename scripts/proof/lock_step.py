@@ -1,0 +1,185 @@
+"""Fly an autopilot over a bad way, and see that the lock step holds.
+
+python scripts/proof/lock_step.py [FRAMES]         a played autopilot, 100,000 frames by default
+python scripts/proof/lock_step.py FRAMES PROGRAM   ArduPilot's arducopter-heli, standing about
+
+Of a hundred packets each way one is lost, doubled or cut. What is proved: every frame is flown
+once, in order; no frame gets two different answers; the lock step never stops; and the autopilot is
+not left one answer behind. ArduPilot waits a second for each answer that it can't read.
+"""
+
+import sys
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from bad_way import BadWay
+from played_autopilot import PlayedAutopilot
+
+from helisim.sitl import Aircraft, Backend, Link, Sensed
+from helisim.sitl.process import Autopilot
+
+
+class Notes(Link):
+    """A link that notes which answers each frame got.
+
+    Attributes:
+        answers: frame count -> the answers.
+    """
+
+    def __init__(self, **options):
+        super().__init__(0, **options)
+        self.answers, self._count = {}, None
+
+    def waiting(self):
+        """Return the next frame that is here, and note its count."""
+        frame = super().waiting()
+        self._count = self._count if frame is None else frame.count
+        return frame
+
+    def answer(self, line):
+        """Send an answer, and note it."""
+        self.answers.setdefault(self._count, set()).add(line)
+        super().answer(line)
+
+
+class Counting:
+    """An aircraft that only counts: each frame is a millisecond."""
+
+    crashed = ""
+
+    def __init__(self):
+        self.time = 0.0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def reset(self):
+        """Begin at time 0."""
+        self.time = 0.0
+
+    def step(self, pulses):
+        """Fly a frame, which takes a while; what is sensed tells its time and its first pulse."""
+        time.sleep(1e-4)
+        self.time += 1e-3
+        still = np.zeros(3)
+        force = np.array([1e-3 * pulses[0], 0.0, -9.81])
+        return Sensed(self.time, still, force, still, still, np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+@dataclass
+class Proof:
+    """What a number of frames over a bad way came to.
+
+    Attributes:
+        served: what the backend says.
+        did: what the way did to packets.
+        flown: frame counts, as they were flown.
+        most_answers: different answers that a frame got, at most.
+        behind: (n,) by how many frames each answer that was read was older than the frame; empty
+            where that is not known.
+    """
+
+    served: object
+    did: Counter
+    flown: list
+    most_answers: int
+    behind: np.ndarray
+
+    @property
+    def faults(self):
+        """What is wrong, in words."""
+        rising = all(a < b for a, b in zip(self.flown, self.flown[1:]))
+        found = {
+            "a frame was flown twice, or out of order": not rising,
+            "a frame is in no count": self.flown[-1] + 1 != len(self.flown) + self.served.dropped,
+            "a frame got different answers": self.most_answers != 1,
+            "the autopilot was left behind": _longest(self.behind > 0) > _HEALED,
+        }
+        return [text for text, wrong in found.items() if wrong]
+
+    def __str__(self):
+        did = ", ".join(f"{number} {what}" for what, number in sorted(self.did.items()))
+        lines = [f"the way: {did}", f"the backend: {self.served}"]
+        if self.behind.size:
+            late = self.behind > 0
+            lines.append(
+                f"the autopilot: one answer behind in {np.mean(late):.2%} of its frames, "
+                f"{_longest(late)} in a row at most"
+            )
+        said = "; ".join(self.faults) or "every frame flown once, in order, one answer each"
+        return "\n".join([*lines, said])
+
+
+HAIR = 1.0 + 1e-6
+"""By which a backend's time may be too fast, so that ArduPilot's cutting loses no microsecond."""
+_HEALED = 20
+"""Frames in a row within which an answer too many must be healed: a fiftieth of a second."""
+
+
+def _longest(flags):
+    """Return how many in a row are true at most."""
+    longest = row = 0
+    for flag in flags:
+        row = row + 1 if flag else 0
+        longest = max(longest, row)
+    return longest
+
+
+def prove(frames, *, resend=0.05, pulses=(), aircraft=None, **way):
+    """Fly a number of frames over a `BadWay` and return the `Proof`."""
+    flown, count_at, read_at, over = [], {}, [], []
+
+    def on_frame(frame, sensed):
+        flown.append(frame.count)
+        count_at[round(1e3 * sensed.time)] = frame.count
+        return bool(over)
+
+    with Notes() as link, BadWay(link.port, **{"share": 0.01, **way}) as bad_way:
+        backend = Backend(aircraft or Counting(), link, on_frame=on_frame)
+        thread = threading.Thread(target=backend.run)
+        thread.start()
+        autopilot = PlayedAutopilot(bad_way.port, resend=resend)
+        while autopilot.count < frames:
+            count = autopilot.count
+            fields = autopilot.frame(pulses)
+            if fields is not None:
+                read_at.append((count, round(1e3 * fields["timestamp"] / HAIR)))
+        over.append(True)
+        while thread.is_alive():
+            autopilot.send(pulses)
+            thread.join(0.05)
+        autopilot.close()
+    behind = np.array([count - count_at[at] for count, at in read_at])
+    most = max(map(len, link.answers.values()))
+    return Proof(backend.served, bad_way.did, flown, most, behind)
+
+
+def prove_real(frames, program, *, parameters="", aircraft=None, **way):
+    """Let ArduPilot's program stand about for a number of frames over a `BadWay`."""
+    flown = []
+
+    def on_frame(frame, _sensed):
+        flown.append(frame.count)
+        return len(flown) >= frames
+
+    options = {"share": 0.01, **way}
+    with Autopilot(Path(program).absolute(), parameters) as autopilot, Notes() as link:
+        front = autopilot.frames.dup()
+        with BadWay(link.port, front=front, **options) as bad_way, aircraft or Aircraft() as flies:
+            served = Backend(flies, link, on_frame=on_frame).run()
+    most = max(map(len, link.answers.values()))
+    return Proof(served, bad_way.did, flown, most, np.zeros(0))
+
+
+if __name__ == "__main__":
+    frames = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+    done = prove_real(frames, sys.argv[2]) if len(sys.argv) > 2 else prove(frames)
+    print(done)
+    sys.exit(bool(done.faults))
