@@ -4,6 +4,7 @@ import socket
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -273,6 +274,17 @@ def test_another_protocol_is_told(packet, said):
         other.sendto(packet, ("127.0.0.1", link.port))
         with pytest.raises(InputError, match=said):
             link.receive()
+
+
+def test_no_packet_does_harm():
+    """Any bytes are a frame, a cut one, or another protocol's."""
+    random = np.random.default_rng(1)
+    read = 0
+    for length in [*range(100), 2000]:
+        for magic in (b"", b"\x1a\x48", b"\x81\x73"):
+            with suppress(InputError):
+                read += read_frame(magic + random.bytes(length)) is not None
+    assert read == 2  # one of each length that is whole
 
 
 def test_no_autopilot_is_told_with_how_to_start_one():

@@ -1,6 +1,7 @@
 """What `helisim sitl` does while an autopilot flies: it says where, shows, keeps, and sums up."""
 
 import argparse
+import math
 import signal
 import time
 from collections.abc import Iterator, Sequence
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from helisim.cli.common import print_written, write_recording
-from helisim.errors import InputError
+from helisim.errors import DivergedError, InputError
 
 if TYPE_CHECKING:
     from helisim.output.live_sitl import Watched
@@ -96,6 +97,9 @@ def serve(
         except KeyboardInterrupt:
             if not backend.served.frames:
                 raise
+        except DivergedError:
+            kept.write()
+            raise
     if backend.served.frames:
         kept.write()
     _say(f"Flown: {backend.served}")
@@ -118,11 +122,15 @@ def _listening(options: argparse.Namespace, link: "Link") -> str:
     name = Path(options.vehicle).name
     return (
         f"{name} stands on the ground, rotor stopped. Listening on UDP {link.address}:"
-        f"{link.port}, for {options.wait:g} s; start ArduPilot with\n"
+        f"{link.port}{_how_long(options.wait)}; start ArduPilot with\n"
         f"  helisim parm {options.vehicle} --out {name}.parm\n"
         f"  arducopter-heli --model JSON:{host}{out} --defaults {name}.parm\n"
         "and a ground station on its TCP port 5760, for which it waits. Ctrl-C ends."
     )
+
+
+def _how_long(wait: float) -> str:
+    return f", for {wait:g} s" if math.isfinite(wait) else ""
 
 
 class _Status:
