@@ -20,7 +20,7 @@ from helisim.records.logs.report import Findings
 from helisim.records.logs.resample import check_rate
 from helisim.records.logs.source import Source, digest, file_digest, read_log_bytes
 from helisim.records.logs.text import TIME_NAMES, TextLog
-from helisim.records.logs.ulog import ULOG_MAGIC, read_ulog
+from helisim.records.logs.ulog import ULOG_MAGIC, open_ulog
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record
 
@@ -211,15 +211,16 @@ def _has_key(data: bytes) -> bool:
 
 def _open(path: Path, map_: Map, cut_tail: bool, content: str) -> Source:
     """Open a file whose digest is `content`."""
-    if is_dataflash(first_bytes(path, SNIFFED)):
+    start = first_bytes(path, SNIFFED)
+    if is_dataflash(start):
         return open_dataflash(path, content)
+    if start.startswith(ULOG_MAGIC):
+        return open_ulog(path, content)
     data = read_log_bytes(path)
     if data.startswith(_PARQUET_MAGIC):
         from helisim.records.logs.columnar import ParquetLog
 
         return ParquetLog(path, data)
-    if data.startswith(ULOG_MAGIC):
-        return read_ulog(path, data)
     if data.lstrip().startswith(b"{"):
         raise StorageError(
             f"{path}: JSON, which no log is in; helisim identify takes frequency responses that "

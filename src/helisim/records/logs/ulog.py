@@ -9,6 +9,7 @@ messages, from 0. PX4 logs attitude as a quaternion; its Euler angles are added 
 import contextlib
 import io
 from collections.abc import Mapping
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError, StorageError
+from helisim.records.files import file_size
 from helisim.records.logs.mapping import Clock
 from helisim.records.logs.report import LogFinding
 from helisim.records.logs.source import MAX_COLUMNS, check_no_infinity
@@ -30,12 +32,12 @@ _READS_A_BYTE = 4
 """A reader that asks more often goes round in circles: a sound log takes less than one."""
 
 
-class _Finite(io.BytesIO):
-    """Bytes with a limit of reads: a corrupt log sends pyulog back to where it was."""
+class _Finite(io.BufferedReader):
+    """A file with a limit of reads: a corrupt log sends pyulog back to where it was."""
 
-    def __init__(self, data: bytes) -> None:
-        super().__init__(data)
-        self._reads_left = _READS_A_BYTE * len(data) + 1000
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self._reads_left = _READS_A_BYTE * file_size(path) + 1000
 
     def read(self, size: int | None = -1) -> bytes:
         """Read as a file does. Raises EOFError after too many reads."""
@@ -50,26 +52,24 @@ class TopicLog:
 
     Args:
         path: the file.
-        format: name of the format.
-        topics: topic -> field -> (n_time,) numbers.
+        topics: topic -> field -> (n_time,) numbers as they are stored, of any kind.
         clocks: topic -> (n_time,) microseconds.
         units: column -> unit that the log states.
         findings: what the format's reader noticed.
     """
 
+    format = "ULog"
     counts = "row"
 
     def __init__(
         self,
         path: Path,
-        format: str,
-        topics: Mapping[str, Mapping[str, NDArray[np.float64]]],
-        clocks: Mapping[str, NDArray[np.float64]],
+        topics: Mapping[str, Mapping[str, NDArray]],
+        clocks: Mapping[str, NDArray],
         units: Mapping[str, str],
         findings: list[LogFinding],
     ) -> None:
         self.path = path
-        self.format = format
         self.findings = findings
         self._columns = {
             f"{topic}.{field}": (topic, numbers)
@@ -99,7 +99,7 @@ class TopicLog:
 
     def numbers(self, name: str) -> NDArray[np.float64]:
         """Return a column, (n_time,). Raises RecordError if a number is infinite."""
-        values = self._columns[name][1]
+        values = self._columns[name][1].astype(np.float64)
         check_no_infinity(self.path, self.counts, name, values)
         return values
 
@@ -108,16 +108,30 @@ class TopicLog:
         if time is not None:
             raise InputError(f"{self.path}: {self.format} has its own clock; leave out [time]")
         first = min(float(stamps[0]) for stamps in self._clocks.values() if stamps.size)
-        return (self._clocks[clock] - first) * _MICROSECOND, f"{first:.0f} us", f"{clock}'s clock"
+        stamps = self._clocks[clock].astype(np.float64)
+        return (stamps - first) * _MICROSECOND, f"{first:.0f} us", f"{clock}'s clock"
 
 
-def read_ulog(path: Path, data: bytes) -> TopicLog:
-    """Read a PX4 log. Raises StorageError."""
+@lru_cache(maxsize=1)
+def open_ulog(path: Path, digest: str) -> TopicLog:
+    """Return a log; the one that was opened last is kept, as several readings of it follow.
+
+    Args:
+        path: the file.
+        digest: of its bytes.
+
+    Raises:
+        StorageError: it is damaged, or pyulog isn't installed.
+    """
     pyulog = _import("pyulog", path)
     printed = io.StringIO()
     try:
-        with contextlib.redirect_stdout(printed), np.errstate(all="ignore"):
-            log = pyulog.ULog(_Finite(data))
+        with (
+            contextlib.redirect_stdout(printed),
+            np.errstate(all="ignore"),
+            _Finite(path) as file,
+        ):
+            log = pyulog.ULog(file)
     except Exception as error:  # a foreign reader of damaged bytes may raise anything
         raise _unreadable(path, "ULog", error) from None
     findings = _notes(printed.getvalue())
@@ -127,32 +141,32 @@ def read_ulog(path: Path, data: bytes) -> TopicLog:
         lost = sum(dropout.duration for dropout in log.dropouts)
         text = f"{len(log.dropouts)} dropouts of the logger, {lost} ms in all"
         findings.append(LogFinding("dropout", text, len(log.dropouts)))
-    topics: dict[str, dict[str, NDArray[np.float64]]] = {}
-    clocks: dict[str, NDArray[np.float64]] = {}
+    topics: dict[str, dict[str, NDArray]] = {}
+    clocks: dict[str, NDArray] = {}
     for one in log.data_list:
         topic = one.name if one.multi_id == 0 else f"{one.name}[{one.multi_id}]"
         stamps = one.data.get("timestamp")
         if stamps is None or not len(stamps) or topic in topics:
             continue
-        clocks[topic] = np.array(stamps, dtype=np.float64)
+        clocks[topic] = stamps
         topics[topic] = {
-            field: np.array(values, dtype=np.float64)
+            field: values
             for field, values in one.data.items()
-            if field != "timestamp" and np.asarray(values).dtype.kind in "iufb"
+            if field != "timestamp" and values.dtype.kind in "iufb"
         }
     units = {}
     for topic, fields in topics.items():
         added = _euler(fields) if topic.startswith("vehicle_attitude") else {}
         fields.update(added)
         units |= {f"{topic}.{name}": "rad" for name in added}
-    return TopicLog(path, "ULog", topics, clocks, units, findings)
+    return TopicLog(path, topics, clocks, units, findings)
 
 
-def _euler(fields: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+def _euler(fields: Mapping[str, NDArray]) -> dict[str, NDArray[np.float64]]:
     """Return roll, pitch and yaw, rad, of PX4's quaternion from body to world, scalar first."""
     if not {"q[0]", "q[1]", "q[2]", "q[3]"} <= set(fields) or "roll" in fields:
         return {}
-    w, x, y, z = (fields[f"q[{k}]"] for k in range(4))
+    w, x, y, z = (fields[f"q[{k}]"].astype(np.float64) for k in range(4))
     return {
         "roll": np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
         "pitch": np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)),
