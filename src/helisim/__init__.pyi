@@ -48,6 +48,7 @@ from helisim.physics.native import check_model as check_model
 from helisim.physics.native import installed as installed
 from helisim.records.examples import examples as examples
 from helisim.records.examples import open_example as open_example
+from helisim.records.logs import DataFlash as DataFlash
 from helisim.records.logs import read_log as read_log
 from helisim.records.logs import read_logs as read_logs
 from helisim.records.logs import screen as screen

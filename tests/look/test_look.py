@@ -126,7 +126,6 @@ def same_response(fit, frequency, *, output=1.0, tolerance):
 
 def test_a_log_of_ardupilot(tmp_path, capsys):
     """Messages of three rates with jitter: channels, the sweep, the band, and the command."""
-    pytest.importorskip("pymavlink", reason="pymavlink isn't installed: pip install helisim[logs]")
     found = look(ardupilot(tmp_path / "a.bin"))
     (log,) = found.logs
     columns = {one.name: (one.column.column, one.column.unit) for one in log.channels}

@@ -81,7 +81,6 @@ def test_a_ulog_becomes_a_record(tmp_path):
 
 def test_a_dataflash_log_becomes_a_record(tmp_path):
     """A gyro and pulses of the radio meet on a common grid, pulses unitised."""
-    pytest.importorskip("pymavlink", reason="pymavlink isn't installed: pip install helisim[logs]")
     path = tmp_path / "a.bin"
     path.write_bytes(dataflash())
     channels = {
@@ -95,7 +94,6 @@ def test_a_dataflash_log_becomes_a_record(tmp_path):
 
 def test_lost_bytes_are_reported(tmp_path):
     """A hole in a DataFlash log is in the report, and the gap that it leaves is found."""
-    pytest.importorskip("pymavlink", reason="pymavlink isn't installed: pip install helisim[logs]")
     path = tmp_path / "a.bin"
     data = bytearray(dataflash())
     half = len(data) // 2
@@ -113,7 +111,6 @@ def test_lost_bytes_are_reported(tmp_path):
 def test_damaged_logs_are_records_or_errors(tmp_path, make):
     """Cut anywhere, or with bytes flipped, a log is a record or one of helisim's errors."""
     pytest.importorskip("pyulog", reason="pyulog isn't installed: pip install helisim[logs]")
-    pytest.importorskip("pymavlink", reason="pymavlink isn't installed: pip install helisim[logs]")
     whole, path = make(60), tmp_path / "a.log"
     random = np.random.default_rng(0)
     column = Column("gyro.xyz[0]" if make is ulog else "GYR.X", "rad/s")

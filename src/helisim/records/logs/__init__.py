@@ -7,6 +7,7 @@ go wrong are looked for in every log, and noted.
 """
 
 from helisim.records.log_terms import REPAIRS
+from helisim.records.logs.dataflash import DataFlash
 from helisim.records.logs.log import Log
 from helisim.records.logs.mapping import Clock, Column, Layout, Map
 from helisim.records.logs.read import read_log, screen
@@ -19,6 +20,7 @@ __all__ = [
     "UNITS",
     "Clock",
     "Column",
+    "DataFlash",
     "Layout",
     "Log",
     "LogFinding",
