@@ -1,5 +1,7 @@
 """The reader of ArduPilot's binary logs, on logs made here byte by byte, and against pymavlink."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -35,6 +37,19 @@ def test_messages_of_a_type_are_columns(tmp_path):
     assert second["Roll"] == pytest.approx(-0.03 * odd, abs=1e-12)
     assert second.units == {"Rate": "deg/s", "Roll": "deg", "I": "instance"}
     assert not second["Rate"].flags.writeable
+
+
+def test_a_table_is_a_value(tmp_path):
+    """Equal to another reading of it, and to itself from a pickle, which needs no file."""
+    path = small().save(tmp_path)
+    table, other = (DataFlash(path).table("GYR", 1) for _ in range(2))
+    kept = pickle.dumps(table)
+    assert table == other
+    assert hash(table) == hash(other)
+    assert table != DataFlash(path).table("GYR", 0)
+    path.unlink()
+    assert pickle.loads(kept) == table
+    assert repr(table) == "Table('GYR': 50 messages, fields I, Rate, Roll)"
 
 
 def test_parameters_are_those_of_a_time(tmp_path):
