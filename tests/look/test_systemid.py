@@ -121,6 +121,30 @@ def test_a_sweep_that_ends_at_once_is_left_out_and_said(tmp_path):
     assert "not used: it lasts 2.99 s, 3 periods take 4 s" in str(found)
 
 
+def test_a_sweep_whose_settings_were_dropped_is_found_by_what_it_did(tmp_path):
+    """Loggers drop SIDS, too: the axis is in a word of the autopilot, the rest in SIDD."""
+    log = SidLog(without=("SIDS",)).sweep(12, **SHORT)
+    (sweep,) = infer(log.save(tmp_path)).logs[0].sweeps
+    (told,) = infer(one_sweep(tmp_path)).logs[0].sweeps
+    assert (sweep.axis, sweep.complete) == (12, True)
+    assert sweep.low == pytest.approx(told.low)
+    assert sweep.high == pytest.approx(told.high, rel=0.2)  # how long it fades isn't known
+    assert sweep.stop == pytest.approx(told.stop, abs=0.1)
+
+
+def test_a_gap_of_seconds_splits_a_sweep_and_ends_it_not(tmp_path):
+    """The mode's own clock goes on; what is too short to resolve low frequencies is left out."""
+    time = np.arange(1600) / 100.0
+    found = infer(one_sweep(tmp_path, keep=(time < 9.0) | (time > 10.5)))
+    assert found.logs[0].sweeps[0].complete
+    (log,) = found.read()
+    assert [record.duration for record in log.records] == [
+        pytest.approx(8.9, abs=0.1), pytest.approx(5.4, abs=0.1),
+    ]  # fmt: skip
+    short = infer(one_sweep(tmp_path, keep=(time < 1.5) | (time > 3.0)))
+    assert [len(log.records) for log in short.read()] == [1]
+
+
 def test_axes_of_positions_are_told_and_not_used(tmp_path):
     """They move loops that are too slow for the vehicle."""
     log = SidLog().sweep(16, **SHORT).sweep(12, **SHORT)

@@ -23,6 +23,9 @@ _SAMPLES_A_PERIOD = 8.0
 """Of the highest frequency that was swept, in the records."""
 _MAX_GAP = 0.25
 """s without a message that is interpolated: loggers that are pressed drop some now and then."""
+_SHORTEST = 0.25
+"""Of the longest sweep: parts of one that gaps cut off are left out if they are shorter, for the
+shortest says what low frequencies are resolved."""
 _HELICOPTER = 6
 """FRAME_CLASS of a helicopter with one main rotor."""
 
@@ -199,7 +202,8 @@ def infer(
         resample_hz: of the records, Hz; by default as fast as the sweeps need.
         repair: see `REPAIRS`, besides "gaps" and "duplicates".
         max_gap: the longest time without a message that is interpolated, s; by default 0.25.
-        min_duration: parts of a sweep that are shorter are left out, s.
+        min_duration: parts of a sweep, cut at gaps, that are shorter are left out, s; by default a
+            quarter of the longest sweep.
         start: sweeps that begin before are left out, s after the log's first stamp.
         stop: sweeps that end after are left out, s after the log's first stamp.
 
@@ -221,7 +225,8 @@ def infer(
         raise LogError(f"{paths[0]}: no sweep in it identifies the vehicle: {reasons}")
     rate = resample_hz or _rate(found, max(one.high for one in used))
     gap = _MAX_GAP if max_gap is None else max_gap
-    sampling = Sampling(rate, gap, frozenset(repair), min_duration)
+    shortest = min_duration or _SHORTEST * max(one.stop - one.start for one in used)
+    sampling = Sampling(rate, gap, frozenset(repair), shortest)
     fits = chosen_fits(_swept(found, rate), helicopter=all(log.helicopter for log in found))
     return Inferred(found, fits, sampling, remarks(found, fits, rate))
 

@@ -38,10 +38,10 @@ def tail_servo(parameters: Mapping[str, float]) -> tuple[float, float] | None:
             low, trim, high = (
                 parameters.get(f"SERVO{k}_{name}", 0.0) for name in ("MIN", "TRIM", "MAX")
             )
-            sides = (high - trim, trim - low)
+            right, left = high - trim, trim - low
             if parameters.get(f"SERVO{k}_REVERSED", 0.0):
-                sides = sides[::-1]
-            return sides if min(sides) > 0.0 else None
+                right, left = left, right
+            return (right, left) if min(right, left) > 0.0 else None
     return None
 
 

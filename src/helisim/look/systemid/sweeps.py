@@ -1,8 +1,10 @@
 """Finds the sweeps that an ArduPilot log holds: what was injected, from when to when."""
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,8 +18,11 @@ _WAIT = 1.0
 """s that the mode waits before it injects anything."""
 _AFTER = 3.0
 """s after a sweep, in which the vehicle still answers it."""
-_SILENT = 1.0
-"""s without SIDD after which the mode is taken to be left."""
+_FIELDS = ("Time", "F", "Targ")
+"""Of SIDD: the mode's own clock, s, the frequency, Hz, and what is injected."""
+_AXIS = re.compile(r"SystemID Starting: axis=(\d+)")
+_USUAL_FADE = 2.0
+"""s in which a sweep fades out, unless SID_T_FADE_OUT says another."""
 _OCTAVE = 1.5
 """Of its lowest frequency to its highest: what spans less shows no dynamics."""
 _PERIODS = 3.0
@@ -103,28 +108,51 @@ def sweeps(log: DataFlash, first: float) -> tuple[FlownSweep, ...]:
     Raises:
         LogError: it has none; the message says what to set.
     """
-    if "SIDS" not in log or "SIDD" not in log:
+    if "SIDD" not in log:
         raise LogError(_without(log))
-    setup, data = log.table("SIDS"), log.table("SIDD", fields=("F",))
-    frequency, ended = np.asarray(data["F"], np.float64), _ends(log)
+    data = log.table("SIDD", fields=_FIELDS)
+    columns = np.column_stack([np.asarray(data[name], np.float64) for name in _FIELDS])
+    edges = [0, *(np.flatnonzero(np.diff(columns[:, 0]) < 0.0) + 1).tolist(), len(data)]
+    ended = _ends(log)
     found = []
-    for k, start in enumerate(setup.time.tolist()):
-        number = int(setup["Ax"][k])
-        if number not in SID_AXES:
-            continue
-        following = setup.time[k + 1] if k + 1 < len(setup) else math.inf
-        inside = (data.time >= start) & (data.time < following)
-        if np.count_nonzero(inside) > 1:
-            row = {name: float(setup[name][k]) for name in setup.columns}
-            found.append(_sweep(number, start, row, data.time[inside], frequency[inside], ended))
+    for low, high in pairwise(edges):
+        time, rows = data.time[low:high], columns[low:high]
+        start = float(np.median(time - rows[:, 0])) if time.size else 0.0
+        setup = _setup(log, start, rows)
+        if time.size > 1 and int(setup["Ax"]) in SID_AXES:
+            found.append(_sweep(start, setup, time, rows[:, 1], ended))
     if not found:
         raise LogError(
-            f"{log.path}: its SIDS messages have no SIDD beside them, so nothing says what was "
-            "injected; log with a faster card, or with fewer messages (LOG_BITMASK)"
+            f"{log.path}: it has SIDD messages, and neither SIDS nor another says which axis they "
+            "are of; log from before the mode SystemID is chosen"
         )
     return tuple(
         FlownSweep(one.axis, one.start - first, one.stop - first, *_rest(one)) for one in found
     )
+
+
+def _setup(log: DataFlash, start: float, rows: NDArray[np.float64]) -> Mapping[str, float]:
+    """Return what SIDS says of the sweep that began, or what follows where the logger dropped it.
+
+    Args:
+        log: by ArduPilot.
+        start: of the sweep, s since the autopilot was switched on.
+        rows: its SIDD, (n_time, 3) of `_FIELDS`.
+    """
+    if "SIDS" in log:
+        table = log.table("SIDS")
+        near = np.flatnonzero(np.abs(table.time - start) < _WAIT)
+        if near.size:
+            return {name: float(table[name][near[0]]) for name in table.columns}
+    said = [_AXIS.search(one.text) for one in log.messages() if abs(one.time - start) < _WAIT]
+    axis = next((float(word[1]) for word in said if word), None)
+    if axis is None:
+        axis = log.parameters(at=start + 0.5 * _WAIT).get("SID_AXIS", 0.0)
+    clock, frequency, injected = rows.T
+    moving = clock[injected != 0.0]
+    length = float(moving[-1]) - _WAIT if moving.size else 0.0
+    low, size = float(frequency[0]), float(np.abs(injected).max())
+    return {"Ax": axis, "Mag": size, "FSt": low, "TR": length, "TFout": _USUAL_FADE}
 
 
 def _rest(one: FlownSweep) -> tuple[float, float, float, bool, str]:
@@ -132,9 +160,8 @@ def _rest(one: FlownSweep) -> tuple[float, float, float, bool, str]:
 
 
 def _sweep(
-    axis: int,
     start: float,
-    row: dict[str, float],
+    row: Mapping[str, float],
     time: NDArray[np.float64],
     frequency: NDArray[np.float64],
     ended: Sequence[tuple[float, str]],
@@ -142,15 +169,13 @@ def _sweep(
     """Return a sweep in the autopilot's time.
 
     Args:
-        axis: of SID_AXIS.
         start: s.
         row: of SIDS, by field.
-        time: (n_time,) of SIDD until the next sweep, s.
+        time: (n_time,) of its SIDD, s.
         frequency: (n_time,) Hz.
         ended: when the autopilot said or did what ends a sweep, s, and what.
     """
-    silent = np.flatnonzero(np.diff(time) > _SILENT)
-    logged = float(time[silent[0]] if silent.size else time[-1])
+    logged = float(time[-1])
     length, fade = row["TR"], row.get("TFout", 0.0)
     planned = start + _WAIT + length
     stop, why = next(((at, why) for at, why in ended if at > start), (math.inf, ""))
@@ -159,12 +184,12 @@ def _sweep(
         end, why = max(min(planned + _AFTER, stop, logged), planned - 0.5 * fade), "complete"
     else:
         end = min(stop, logged)
-        said = why if stop <= logged + _SILENT and why else "the log of it ends"
+        said = why if stop <= logged + _WAIT and why else "the log of it ends"
         why = f"ended after {end - start:.3g} of {length + _WAIT:.3g} s: {said}"
     used = time <= min(end, planned - fade)
     flown = 2.0 * math.pi * np.append(frequency[used], row["FSt"])
     low, high = float(flown.min()), float(flown.max())
-    return FlownSweep(axis, start, end, abs(row["Mag"]), low, high, complete, why)
+    return FlownSweep(int(row["Ax"]), start, end, abs(row["Mag"]), low, high, complete, why)
 
 
 def _ends(log: DataFlash) -> list[tuple[float, str]]:
