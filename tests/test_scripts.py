@@ -35,6 +35,7 @@ def test_a_few_scripts_are_for_users():
         "learn_to_hover.py",
         "multisine.py",
         "own_controller.py",
+        "own_flight.py",
         "own_structure.py",
         "own_vehicle.py",
         "run_campaign.py",

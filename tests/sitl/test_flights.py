@@ -6,11 +6,15 @@ from dataclasses import fields
 
 import pytest
 
+from helisim.cli import main
 from helisim.errors import InputError, UnknownNameError
+from helisim.records.logs.dataflash import DataFlash
+from helisim.records.storage import read_record
 from helisim.sitl.flights.pilot import Sticks
 from helisim.sitl.flights.scripts import script_of
 from helisim.sitl.flights.sweeps import INTO, Sweep, sweeps
 from helisim.sitl.process import Autopilot, find_program
+from script import SCRIPTS, loaded
 
 FAKE = """#!{python}
 import os, socket, sys
@@ -147,3 +151,35 @@ def test_a_sweep_is_told_with_its_units():
     sweep = sweeps(["yaw"], ["rate"])[0]
     assert str(sweep).startswith("SystemID axis 9, rate yaw: 15 deg/s, 0.2 to 12 Hz in 90 s")
     assert {one.name for one in fields(Sweep)} >= {"fade_in", "fade_out"}
+
+
+@pytest.mark.slow
+def test_own_flight_goes_from_the_ground_to_the_ground(ardupilot, tmp_path, capsys):
+    """The shipped example, by the real autopilot: off the ground and back; its log is whole."""
+    record, log = tmp_path / "flight.parquet", tmp_path / "flight.bin"
+    script = [SCRIPTS / "own_flight.py", "--log", log, "--record", record]
+    done = main(["sitl", "--ardupilot", str(ardupilot), "--script", *map(str, script)])
+    printed = capsys.readouterr()
+    assert done == 0, printed.err
+    assert "to the right" in printed.err
+    flown = read_record(record)
+    height = flown["down"][0] - flown["down"]
+    assert 2.7 < height.max() < 3.3  # it is there from within 0.3 m on
+    assert abs(height[-1]) < 0.02
+    assert flown["rotor_speed"][-1] < 0.02 * flown["rotor_speed"].max()
+    written = DataFlash(log)
+    assert written.skipped == 0
+    assert written.table("DSF")["Dp"][-1] == 0
+    assert written.table("RATE").time[-1] > flown.duration - 60.0
+
+
+@pytest.mark.slow
+def test_two_flights_are_the_same_to_the_last_bit(ardupilot, tmp_path):
+    """Ten seconds of each, in which the autopilot starts; the proof flies for minutes."""
+    proof = loaded("proof/autopilot_flights")
+    first, second = (
+        proof.flown(lambda pilot: pilot.wait(10.0), ardupilot, tmp_path, armed=False)
+        for _ in range(2)
+    )
+    assert first.record == second.record
+    assert first.flight.served.frames > 10_000

@@ -15,6 +15,7 @@ from helisim.errors import InputError
 if TYPE_CHECKING:
     from helisim.sitl import Aircraft, Frame, Sensed
     from helisim.sitl.flights.pilot import Pilot, Steps
+    from helisim.vehicle import Vehicle
 
 EPILOG = """\
 --script starts ArduPilot itself, in a network of its own, and flies it: hover (5
@@ -55,7 +56,13 @@ def add_script(command: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="the program arducopter-heli (default: what HELISIM_ARDUPILOT names)",
     )
-    group.add_argument("--parm", type=Path, metavar="FILE", help="ArduPilot's parameters (needed)")
+    group.add_argument(
+        "--parm",
+        type=Path,
+        metavar="FILE",
+        help="ArduPilot's parameters (default: VEHICLE.parm of its folder, or as helisim parm "
+        "makes them)",
+    )
     group.add_argument(
         "--speed",
         type=float,
@@ -111,7 +118,6 @@ def check_script(options: argparse.Namespace) -> None:
     if not options.speed > 0.0:
         raise InputError(f"--speed must be above 0, got {options.speed:g}")
     script_of_options(options)
-    _parameters(options)
     find_program(options.ardupilot)
     mavlink()
 
@@ -121,6 +127,7 @@ def fly(options: argparse.Namespace, aircraft: "Aircraft", also: tuple[str, ...]
     from helisim.sitl.flights.session import fly_script
     from helisim.sitl.process import find_program
 
+    parameters = _parameters(options, aircraft.vehicle)
     told = _Told(aircraft, options.quiet)
     with ExitStack() as stack:
         watched = stack.enter_context(window(aircraft)) if options.view else None
@@ -133,7 +140,7 @@ def fly(options: argparse.Namespace, aircraft: "Aircraft", also: tuple[str, ...]
             script_of_options(options),
             aircraft,
             find_program(options.ardupilot),
-            _parameters(options),
+            parameters,
             log=options.log,
             speed=options.speed,
             say=told,
@@ -145,17 +152,30 @@ def fly(options: argparse.Namespace, aircraft: "Aircraft", also: tuple[str, ...]
     if options.log is not None:
         size = options.log.stat().st_size / 1e6
         print(f"Written: {options.log} ({size:.1f} MB)")
+        if flight.lost:
+            print(f"The log lacks {flight.lost} messages: fly with a lower --speed")
     print(f"Flown: {flight.served}", flush=True)
     return 0
 
 
-def _parameters(options: argparse.Namespace) -> str:
-    if options.parm is None:
-        raise InputError("--script needs ArduPilot's parameters of the vehicle: give --parm FILE")
+def _parameters(options: argparse.Namespace, vehicle: "Vehicle") -> str:
+    """Return ArduPilot's parameters: those given, of the vehicle's folder, or made from it."""
+    path = options.parm
+    if path is None and options.tail != "direct":
+        raise InputError(
+            "--tail gyro needs parameters that leave the tail to it: give --parm FILE, with "
+            "H_TAIL_TYPE 1 and no gains of ATC_RAT_YAW but FF"
+        )
+    if path is None:
+        path = vehicle.folder / f"{vehicle.name}.parm"
+        if not path.is_file():
+            from helisim.sitl.parameters import parameters_for
+
+            return parameters_for(vehicle).text
     try:
-        return options.parm.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{options.parm}: can't read ArduPilot's parameters: {error}") from None
+        raise InputError(f"{path}: can't read ArduPilot's parameters: {error}") from None
 
 
 class _Told:

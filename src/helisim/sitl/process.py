@@ -77,6 +77,8 @@ class Autopilot:
         Raises:
             InputError: the program can't be run.
         """
+        if not hasattr(socket, "send_fds"):
+            raise InputError(f"ArduPilot can't be started on {sys.platform}: use Linux or WSL")
         self.folder = Path(tempfile.mkdtemp(prefix="helisim-ardupilot-"))
         (self.folder / "start.parm").write_text(parameters, encoding="ascii")
         others = [f"--serial{k}=none:" for k in _OTHER_PORTS]
@@ -158,7 +160,9 @@ class Autopilot:
         """
         log = self.log
         if log is None:
-            raise AutopilotError("ArduPilot wrote no log: does LOG_BACKEND_TYPE have bit 1?")
+            raise AutopilotError(
+                "ArduPilot wrote no log: it does once it is armed, if LOG_BACKEND_TYPE is 1"
+            )
         with atomic_write(path) as temporary:
             shutil.copyfile(log, temporary)
 

@@ -32,6 +32,8 @@ MODES = {
 """Flight mode -> ArduCopter's number."""
 _BOOTS = 5.0
 """s after its first heartbeat before the autopilot listens for sure."""
+_STILL, _WINDMILLS = 0.02, 0.3
+"""Of the rotor's nominal speed: it creeps on below the first, and gusts turn it up to the other."""
 _ALIGNED = 0b10_0001_1111
 """Flags of the EKF: attitude, velocity, position, and that it will have them in flight."""
 
@@ -241,6 +243,7 @@ class Pilot:
             yield from self.command("MAV_CMD_COMPONENT_ARM_DISARM", 0)
             yield from self.until(lambda: not self.telemetry.armed, "disarmed", 10.0)
         yield from self.set(LOG_DISARMED=0)
+        still = _STILL if self.aircraft.weather.dryden is None else _WINDMILLS
         yield from self.until(
-            lambda: self.aircraft.rotor_speed < 0.02, "the rotor stands still", 120.0
+            lambda: self.aircraft.rotor_speed < still, "the rotor stands still", 120.0
         )

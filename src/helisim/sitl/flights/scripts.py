@@ -10,7 +10,7 @@ from helisim.sitl.flights.pilot import Pilot, Steps
 
 _FUNCTION = "fly"
 """What a file's function is called."""
-_CORNERS = ((5.0, 0.0), (5.0, 5.0), (0.0, 5.0), (0.0, 0.0))
+CORNERS = ((5.0, 0.0), (5.0, 5.0), (0.0, 5.0), (0.0, 0.0))
 """m north and east."""
 
 
@@ -25,7 +25,7 @@ def hover(pilot: Pilot) -> Steps:
 def square(pilot: Pilot) -> Steps:
     """Take off to 5 m, fly a square of 5 m, and land."""
     yield from pilot.take_off(5.0)
-    for north, east in _CORNERS:
+    for north, east in CORNERS:
         pilot.say(f"to {north:g} m north, {east:g} m east")
         yield from pilot.go_to(north, east, 5.0)
     yield from pilot.land()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from helisim.errors import AutopilotError
+from helisim.records.logs.dataflash import DataFlash
 from helisim.sitl.aircraft import Aircraft
 from helisim.sitl.backend import OnFrame, OnWait, serve
 from helisim.sitl.flights.pilot import Pilot, Steps
@@ -42,11 +43,13 @@ class Flight:
     Attributes:
         served: frames and time.
         said: what the autopilot told, in order.
+        lost: messages that its log lacks, as it says itself; 0 without a log.
         shared: why it flew in the machine's own network, "" if it had one of its own.
     """
 
     served: Served
     said: tuple[str, ...]
+    lost: int = 0
     shared: str = ""
 
 
@@ -92,16 +95,32 @@ def fly_script(
     text = parameters.rstrip("\n") + "\n" + own
     with Autopilot(program, text, speed=speed, more=more) as autopilot:
         flown = _Flown(script, aircraft, autopilot, say, on_frame)
+
+        def alive() -> bool:
+            autopilot.check()
+            return on_wait is not None and bool(on_wait())
+
         if autopilot.shared:
             say(f"{autopilot.shared}: ArduPilot's ports are open on this machine's network")
         with aircraft, Link.over(autopilot.frames, timeout=_PATIENCE) as link:
-            served = serve(aircraft, link, on_frame=flown, on_wait=on_wait, also=also)
+            served = serve(aircraft, link, on_frame=flown, on_wait=alive, also=also)
         if not flown.done:
             autopilot.check()
             raise AutopilotError(f"ArduPilot sent no frame for {_PATIENCE:g} s")
+        lost = 0
         if log is not None:
             autopilot.keep_log(log)
-        return Flight(served, tuple(flown.said), autopilot.shared)
+            lost = _lost(log)
+        return Flight(served, tuple(flown.said), lost, autopilot.shared)
+
+
+def _lost(log: str | os.PathLike[str]) -> int:
+    """Return how many messages a log's writer did not get into it, by its statistics."""
+    written = DataFlash(Path(log))
+    if "DSF" not in written:
+        return 0
+    counts = written.table("DSF")["Dp"]
+    return int(counts[-1]) if len(counts) else 0
 
 
 _PATIENCE = 30.0

@@ -120,22 +120,18 @@ def _into(
     return _Into(numbers, magnitudes, units, *band, by_position)
 
 
-_ANGLES, _RATES, _MIXER, _PLACES = (
-    (0.1, 8.0, 90.0),
-    (0.2, 12.0, 90.0),
-    (0.2, 12.0, 90.0),
-    (0.05, 2.0, 120.0),
-)
+_ANGLES, _RATES, _MIXER = (0.1, 8.0, 90.0), (0.2, 12.0, 90.0), (0.2, 12.0, 90.0)
+_PLACES, _WISHES = (0.05, 2.0, 120.0), (0.05, 0.5, 120.0)
 """Usual start and stop frequency, Hz, and duration, s."""
-_METRE = {"roll": 1.0, "pitch": 1.0}
+_HALF = {"roll": 0.5, "pitch": 0.5}
 INTO = {
     "input": _into(1, {"roll": 5.0, "pitch": 5.0, "yaw": 15.0}, "deg", _ANGLES, yaw="deg/s"),
     "recovery": _into(4, {"roll": 3.0, "pitch": 3.0, "yaw": 15.0}, "deg", _ANGLES, yaw="deg/s"),
     "rate": _into(7, {"roll": 10.0, "pitch": 10.0, "yaw": 15.0}, "deg/s", _RATES),
     "mixer": _into(10, {"roll": 0.06, "pitch": 0.06, "yaw": 0.15, "thrust": 0.06}, "of 1", _MIXER),
-    "position": _into(14, _METRE, "m", _PLACES, by_position=True),
-    "velocity": _into(16, _METRE, "m/s", _PLACES, by_position=True),
-    "velocity-input": _into(18, _METRE, "m/s", _PLACES, by_position=True),
+    "position": _into(14, _HALF, "m", _PLACES, by_position=True),
+    "velocity": _into(16, _HALF, "m/s", _PLACES, by_position=True),
+    "velocity-input": _into(18, _HALF, "m/s", _WISHES, by_position=True),
 }
 """Name -> where SystemID adds its signal: to what the pilot asks (with feed forward, "input", and
 without, "recovery"), to the rates that are wanted, to the mixer, to a measured position or

@@ -1,0 +1,110 @@
+"""ArduPilot flies the JR700 twice by the same script: what must hold of a flight, and of both.
+
+Take-off to 5 m, a hover, a square, a sweep of each axis of SystemID in the loops of attitude, rate
+and at the mixer, landing, disarmed, rotor stopped. Bars: the hover stays within 0.5 m of where it
+began; the autopilot stands disarmed at the end and the rotor stands still; its log lacks no
+message; and two flights give the same flight record byte for byte. Exit status 1 if one is missed.
+
+    HELISIM_ARDUPILOT=.../arducopter-heli python scripts/proof/autopilot_flights.py --hover 300
+"""
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from helisim.records.storage import write_record
+from helisim.sitl.aircraft import Aircraft
+from helisim.sitl.flights.pilot import Pilot, Steps
+from helisim.sitl.flights.scripts import CORNERS
+from helisim.sitl.flights.session import Flight, fly_script
+from helisim.sitl.flights.sweeps import fly_sweep, sweeps
+from helisim.sitl.parameters import parameters_for
+from helisim.sitl.process import find_program
+
+WITHIN = 0.5
+"""m, of the hover."""
+STILL = 0.02
+"""Of the rotor's nominal speed: it creeps on below."""
+
+
+class Flown(NamedTuple):
+    """A flight, and what is judged of it."""
+
+    flight: Flight
+    record: bytes
+    rotor: float
+
+
+def flown(
+    script: Callable[[Pilot], Steps], program: Path, folder: Path, *, armed: bool = True
+) -> Flown:
+    """Fly a script, and keep its record as a file has it; one that is `armed` has a log too."""
+    aircraft = Aircraft("jr700", recorded=True)
+    text, path = parameters_for("jr700").text, folder / "flight.parquet"
+    log = folder / "flight.bin" if armed else None
+    flight = fly_script(script, aircraft, program, text, log=log, say=lambda text: None)
+    write_record(aircraft.record(), path)
+    return Flown(flight, path.read_bytes(), aircraft.rotor_speed)
+
+
+class Whole:
+    """The script: a tour of all that is asked; it measures its hover."""
+
+    def __init__(self, hover: float, seconds: float) -> None:
+        self.hover, self.seconds, self.away = hover, seconds, np.nan
+        self.disarmed = False
+
+    def __call__(self, pilot: Pilot) -> Steps:
+        """Fly it."""
+        yield from pilot.take_off(5.0)
+        yield from pilot.wait(5.0)
+        begun, end = pilot.sensed.position, pilot.time + self.hover
+        self.away = 0.0
+        while pilot.time < end:
+            self.away = max(self.away, float(np.linalg.norm(pilot.sensed.position - begun)))
+            yield
+        for north, east in CORNERS:
+            yield from pilot.go_to(north, east, 5.0)
+        band = {"start_hz": 0.5, "stop_hz": 5.0, "seconds": self.seconds}
+        for sweep in sweeps(
+            ["roll", "pitch", "yaw", "thrust"], ["input", "recovery", "rate", "mixer"], **band
+        ):
+            yield from pilot.go_to(0.0, 0.0, 30.0)
+            yield from fly_sweep(pilot, sweep)
+        yield from pilot.go_to(0.0, 0.0, 5.0)
+        yield from pilot.land()
+        self.disarmed = not pilot.telemetry.armed
+
+
+def main() -> int:
+    """Fly twice; print each bar with its figure."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--hover", type=float, default=300.0, help="s")
+    parser.add_argument("--sweep", type=float, default=20.0, help="s, each")
+    options = parser.parse_args()
+    program, flights = find_program(), []
+    for _ in range(2):
+        script = Whole(options.hover, options.sweep)
+        with tempfile.TemporaryDirectory() as folder:
+            flights.append(flown(script, program, Path(folder)))
+        print(f"flown: {flights[-1].flight.served}", flush=True)
+    first, second = flights
+    bars = {
+        f"hover of {options.hover:g} s stays within {script.away:.3f} m": script.away <= WITHIN,
+        "disarmed at the end": script.disarmed,
+        f"rotor at {first.rotor:.3f} of its speed at the end": first.rotor < STILL,
+        f"{first.flight.lost} messages lost in the log": first.flight.lost == 0,
+        f"two records of {len(first.record)} bytes are the same": first.record == second.record,
+    }
+    for text, holds in bars.items():
+        print(f"{'holds' if holds else 'MISSED'}: {text}")
+    return 0 if all(bars.values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
