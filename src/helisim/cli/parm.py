@@ -11,7 +11,8 @@ examples:
   helisim parm jr700 --out jr700.parm                   from its exact linear model
   helisim parm jr700 --from reproduction --out jr700.parm
                                                         from what was identified
-  helisim parm myheli --from sweeps --out myheli.parm
+  helisim parm myheli --from flight.bin --out myheli.parm
+                                                        from what the autopilot logged
 """
 
 
@@ -31,8 +32,9 @@ def add(commands: Any) -> None:
         dest="source",
         type=Path,
         metavar="SOURCE",
-        help="what gains come from: a folder of helisim reproduce or of sweeps, or a model of "
-        "helisim identify, .json (default: the exact linearisation)",
+        help="what gains come from: a folder of helisim reproduce or of sweeps, an autopilot's "
+        "log of SystemID's sweeps, .bin, or a model of helisim identify, .json (default: the exact "
+        "linearisation)",
     )
     command.add_argument("--out", type=Path, metavar="FILE", help="the file, .parm")
     command.add_argument(

@@ -77,12 +77,14 @@ class Commanded:
     Attributes:
         vehicle: from col, lon, lat, ped in the vehicle's unit to p, q, r, phi, theta, psi.
         scale: (4, 4): what a unit of the autopilot's moves of them; see `mixing.Controls`.
-        late: s, by which commands act late, beyond half a tick for which they are held.
+        late: s, by which commands act late besides.
+        held: whether they are held for a tick, which the vehicle's model doesn't have in it.
     """
 
     vehicle: Linear
     scale: Array
     late: float = 0.0
+    held: bool = True
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -103,8 +105,8 @@ class Commanded:
         by = [IN1.index(name) for name in own.inputs]
         to = [IN1.index(name) for name in self.inputs]
         moved = np.einsum("yuf,uc->ycf", whole, self.scale[np.ix_(by, to)])
-        held = 0.5 / LOOP_RATE + self.late
-        late = np.array([held + _LATE[name] for name in self.inputs])
+        held = [0.5 / LOOP_RATE + _LATE[name] if self.held else 0.0 for name in self.inputs]
+        late = self.late + np.array(held)
         return np.asarray(moved * np.exp(-1j * late[:, None] * np.asarray(frequency)))
 
 
@@ -169,7 +171,12 @@ def rates_of(gains: Gains) -> Rates:
 
 
 def tune(
-    vehicle: Linear, scale: Array, *, lean: tuple[float, float] = (0.0, 0.0), late: float = 0.0
+    vehicle: Linear,
+    scale: Array,
+    *,
+    lean: tuple[float, float] = (0.0, 0.0),
+    late: float = 0.0,
+    held: bool = True,
 ) -> Tuning:
     """Return gains for a vehicle.
 
@@ -178,12 +185,13 @@ def tune(
         scale: (4, 4), of the autopilot's units; see `mixing.Controls`.
         lean: (phi, theta) of the hover, rad.
         late: s, by which commands act later than the model and the autopilot's ticks say.
+        held: whether the autopilot's holding of commands is yet to be put into the model.
 
     Raises:
         InputError: no axis has both its command and its rate in the model, or an axis has no
             gains that keep the margins.
     """
-    plant = Commanded(vehicle, scale, late)
+    plant = Commanded(vehicle, scale, late, held)
     axes = [name for name in plant.inputs if BY_NAME[name].angle in plant.outputs]
     if not axes:
         raise InputError(
@@ -192,16 +200,16 @@ def tune(
         )
     if not set(ATTITUDES) <= set(plant.outputs):
         lean = (0.0, 0.0)  # which turns one attitude into another's rate
-    held = {axis: _holds(plant, axis) for axis in axes}
+    steady = {axis: _holds(plant, axis) for axis in axes}
     found: dict[str, Gains] = {}
     for _ in range(_ROUNDS):
         before = dict(found)
         for axis in axes:
             others = {name: one for name, one in found.items() if name != axis}
-            found[axis] = _best(plant, axis, others, held[axis], lean)
+            found[axis] = _best(plant, axis, others, steady[axis], lean)
         if found == before:
             break
-    return Tuning(plant, found, lean, held)
+    return Tuning(plant, found, lean, steady)
 
 
 def _own(plant: Linear, axis: str, frequency: Array) -> Response:

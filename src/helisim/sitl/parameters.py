@@ -45,7 +45,13 @@ class Exact:
 
 
 def parameters_for(
-    vehicle: Vehicle | str, model: Linear | None = None, *, late: float = 0.0, made_from: str = ""
+    vehicle: Vehicle | str,
+    model: Linear | None = None,
+    *,
+    of_autopilot: bool = False,
+    late: float = 0.0,
+    lift: float | None = None,
+    made_from: str = "",
 ) -> AutopilotParameters:
     """Return parameters with which ArduCopter-heli flies a vehicle, and what each follows from.
 
@@ -53,8 +59,11 @@ def parameters_for(
         vehicle: or its name or folder: its servos, rotor and hover are what is set.
         model: from col, lon, lat, ped in the vehicle's unit to rates, attitudes and w, such as an
             identified one; the exact linearisation if None. What it doesn't know isn't tuned.
+        of_autopilot: whether the model's commands are the autopilot's own, 1 all of it, held for
+            its ticks: of its log.
         late: s, by which the autopilot's commands act later than the model's and its own ticks
             say: negative where half a tick of another computer is in the model.
+        lift: acceleration that a unit of the model's col gives, m/s^2, where w doesn't tell.
         made_from: what the model is, for the file.
 
     Raises:
@@ -71,9 +80,10 @@ def parameters_for(
     }
     told = {one.name: one.value for group in groups.values() for one in group}
     controls = Controls(Mixer.of(told), outputs, vehicle.swashplate)
-    scale = controls.scale(told["H_COL_HOVER"])
+    scale = np.eye(4) if of_autopilot else controls.scale(told["H_COL_HOVER"])
     known = model or Exact(vehicle.linearize())
-    tuning = tune(known, scale, lean=(vehicle.trim.phi, vehicle.trim.theta), late=late)
+    lean = (vehicle.trim.phi, vehicle.trim.theta)
+    tuning = tune(known, scale, lean=lean, late=late, held=not of_autopilot)
     groups["loops, and the filters in them"] = _loops()
     for axis in COMMANDS:
         if axis in tuning.gains:
@@ -82,9 +92,9 @@ def parameters_for(
             remarks.append(
                 f"no gains of {axis_of(axis).word}: the model doesn't know it; ArduPilot's own stay"
             )
-    lift = _lift(known, scale)
-    if lift:
-        groups["height"] = _height(lift)
+    lifts = scale[0, 0] * lift if lift else _lift(known, scale)
+    if lifts:
+        groups["height"] = _height(lifts)
     else:
         remarks.append("no gains of height: the model has no w over col; ArduPilot's own stay")
     source = made_from or "its exact linearisation in the hover"

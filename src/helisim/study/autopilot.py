@@ -4,7 +4,11 @@ from os import PathLike
 from pathlib import Path
 
 from helisim.design.plant import Plant
-from helisim.ident import load_fit
+from helisim.errors import InputError
+from helisim.ident import identify, load_fit, structures
+from helisim.look.systemid import infer
+from helisim.look.systemid.autopilots import says_itself
+from helisim.look.systemid.estimate import estimate_fits
 from helisim.sitl.parameter_file import AutopilotParameters
 from helisim.sitl.parameters import parameters_for
 from helisim.study.for_design import identify_for_design
@@ -19,9 +23,10 @@ def autopilot_parameters(
 
     Args:
         vehicle: or its name or folder: its servos, rotor and hover are what is set.
-        source: what its gains come from: sweeps (see `identify_for_design`), one identified model
-            as `helisim identify` writes it (.json), or a `Plant`; None takes the vehicle's exact
-            linearisation, as if it were known.
+        source: what its gains come from: sweeps (see `identify_for_design`), an autopilot's log of
+            SystemID's sweeps, one identified model as `helisim identify` writes it of other
+            records (.json), or a `Plant`; None takes the vehicle's exact linearisation, as if it
+            were known.
         seed: of the bench test that finds its servos.
 
     Raises:
@@ -31,14 +36,47 @@ def autopilot_parameters(
     """
     if source is None:
         return parameters_for(vehicle)
-    plant = source if isinstance(source, Plant) else _plant(source, seed)
+    own = isinstance(source, str | PathLike) and Path(source).is_file() and says_itself(source)
+    plant = source if isinstance(source, Plant) else _plant(source, seed, own)
     told = ", ".join(fit.structure.name for fit in plant.fits)
+    lifts = [abs(fit["Z_col"].value) for fit in plant.fits if "Z_col" in fit.parameters]
     return parameters_for(
-        vehicle, plant, late=-0.5 * plant.period, made_from=f"identified models ({told})"
+        vehicle,
+        plant,
+        of_autopilot=own,
+        late=0.0 if own else -0.5 * plant.period,
+        lift=lifts[0] if lifts else None,
+        made_from=f"models identified {'in its own log' if own else 'of its records'} ({told})",
     )
 
 
-def _plant(source: Source, seed: int) -> Plant:
+def _plant(source: Source, seed: int, own: bool) -> Plant:
+    if own:
+        return _logged(Path(str(source)))
     if isinstance(source, str | PathLike) and Path(source).suffix == ".json":
         return Plant((load_fit(source),))
     return identify_for_design(source, seed=seed)
+
+
+def _logged(path: Path) -> Plant:
+    """Return what an autopilot's log tells: commands are in its unit, held for its ticks."""
+    found = infer([path])
+    wanted = tuple(fit for fit in found.fits if hasattr(structures, fit.structure))
+    if not wanted:
+        raise InputError(
+            f"{path}: no model of it can be used for gains; sweep roll and pitch, or yaw, by "
+            "SystemID's axes 7 to 12"
+        )
+    names = {
+        name
+        for fit in wanted
+        for name in (*fit.inputs, *fit.outputs, *fit.conditioning, *fit.reference)
+    }
+    records = [record for log in found.read(names) for record in log.records]
+    responses = estimate_fits(records, wanted)
+    return Plant(
+        tuple(
+            identify(response, getattr(structures, fit.structure), band=fit.band)
+            for fit, response in zip(wanted, responses)
+        )
+    )
