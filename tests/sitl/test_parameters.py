@@ -11,7 +11,9 @@ from helisim.sitl.gains import LEAST_GAIN, LEAST_PHASE, MOST_PEAK, Commanded, tu
 from helisim.sitl.mixing import Controls, Mixer
 from helisim.sitl.outputs import Outputs
 from helisim.sitl.parameter_file import AutopilotParameters, Setting, read_parameters
+from helisim.sitl.settings import swashplate, tail
 from helisim.vehicle.folder import model_folder
+from sid_logs import TRUTH, SidLog
 
 LINE = 98
 """Characters of a line that ArduPilot reads; the rest would be the next line's name."""
@@ -53,6 +55,41 @@ def test_its_own_mixer_moves_each_control_by_one_command(made):
     scale = controls.scale(made.values["H_COL_HOVER"])
     np.testing.assert_allclose(scale, np.diag(np.diag(scale)), atol=1e-9)
     assert np.all(np.diag(scale) > 0.0)
+
+
+def test_reversed_servos_and_turned_plates_are_set_right():
+    """A plate turned by 90 degrees, a reversed linkage, a reversed servo, other outputs and pulses.
+
+    Mixed as ArduPilot mixes, each of its commands still moves its own control the right way.
+    """
+    changes = {
+        "swashplate.front_angle": math.pi / 2.0,
+        "swashplate.left_angle": math.radians(-150.0),
+        "swashplate.right_angle": math.radians(-30.0),
+        "swashplate.front_sign": -1.0,
+        "outputs.left_travel": -0.0005,
+        "outputs.right_channel": 5.0,
+        "outputs.tail_channel": 6.0,
+        "outputs.tail_travel": -0.0004,
+        "outputs.front_trim": 0.00152,
+    }
+    own = hs.load("jr700", parameters=changes)
+    outputs = Outputs.of(own.parameters)
+    plate, remarks = swashplate(own, outputs)
+    values = {one.name: one.value for one in (*plate, *tail(outputs))}
+    assert remarks == []
+    assert values["SERVO1_REVERSED"] == values["SERVO2_REVERSED"] == 1.0
+    assert values["SERVO5_FUNCTION"] == 35.0
+    scale = Controls(Mixer.of(values), outputs, own.swashplate).scale(values["H_COL_HOVER"])
+    expected = np.diag([0.75 * 666.0 / 500.0, 0.675, 0.675, 0.75])
+    np.testing.assert_allclose(scale, expected, atol=1e-9)
+
+
+def test_arms_that_differ_are_said_to_be_beyond_the_mixer():
+    """ArduPilot's servos all stand as far out: another arm couples, and a remark says so."""
+    own = hs.load("jr700", parameters={"swashplate.front_arm": 1.2})
+    _, remarks = swashplate(own, Outputs.of(own.parameters))
+    assert "different arms" in remarks[0]
 
 
 def test_the_shipped_file_is_what_identified_models_gave(made):
@@ -161,6 +198,25 @@ def test_a_file_of_any_ground_station_is_read(tmp_path):
     path.write_text("# nothing\n")
     with pytest.raises(InputError, match="no parameter is in it"):
         read_parameters(path)
+
+
+def test_an_autopilot_s_own_log_gives_gains_in_its_own_unit(tmp_path):
+    """A sweep of the mixer's yaw: N_r / N_ped of the log's helicopter, whatever the vehicle's."""
+    truth = TRUTH["yaw_base"]
+    path = SidLog().sweep(12, length=12.0, low=1.0).save(tmp_path)
+    made = hs.autopilot_parameters("jr700", path)
+    # one sweep of 12 s tells N_r / N_ped to a few per cent, and delays move it by 1 %
+    expected = -truth["N_r"] / truth["N_ped"]
+    assert made.values["ATC_RAT_YAW_FF"] == pytest.approx(expected, rel=0.05)
+    assert "identified in its own log (yaw_base)" in made.title
+    assert "ATC_RAT_RLL_P" not in made.values
+
+
+def test_a_log_that_tells_of_no_axis_whole_is_refused(tmp_path):
+    """Roll alone is no model of roll and pitch."""
+    path = SidLog().sweep(10, length=12.0, low=1.0).save(tmp_path)
+    with pytest.raises(InputError, match="sweep roll and pitch both, or yaw"):
+        hs.autopilot_parameters("jr700", path)
 
 
 @pytest.mark.slow

@@ -49,8 +49,6 @@ _USUAL = {
     "H_COL_ZERO_THRST": 0.0,
     "H_CYC_MAX": 2500.0,
     "H_COL2YAW": 0.0,
-    **{f"SERVO{k}_FUNCTION": 32.0 + k for k in (1, 2, 3, 4)},
-    **{f"SERVO{k}_FUNCTION": 0.0 for k in range(5, 33)},
     **{f"SERVO{k}_TRIM": 1500.0 for k in range(1, 33)},
     **{f"SERVO{k}_MIN": 1100.0 for k in range(1, 33)},
     **{f"SERVO{k}_MAX": 1900.0 for k in range(1, 33)},
@@ -82,13 +80,16 @@ class Servo:
     def of(cls, parameters: Mapping[str, float], motor: int) -> "Servo":
         """Return that of a motor, 1 to 4. Raises InputError: no output has it."""
         wanted = _FIRST_FUNCTION + motor - 1
-        for channel in range(1, 33):
-            own = f"SERVO{channel}_"
-            if parameters[f"{own}FUNCTION"] == wanted:
-                trim, low, high, turned = (
-                    parameters[own + name] for name in ("TRIM", "MIN", "MAX", "REVERSED")
-                )
-                return cls(channel, trim, low, high, bool(turned))
+        said = {k: parameters.get(f"SERVO{k}_FUNCTION") for k in range(1, 33)}
+        channels = [k for k, function in said.items() if function == wanted]
+        if not channels and said[motor] is None:
+            channels = [motor]
+        if channels:
+            own = f"SERVO{channels[0]}_"
+            trim, low, high, turned = (
+                parameters[own + name] for name in ("TRIM", "MIN", "MAX", "REVERSED")
+            )
+            return cls(channels[0], trim, low, high, bool(turned))
         raise InputError(
             f"no output has SERVOn_FUNCTION {wanted}, of ArduPilot's Motor{motor}: a helicopter's "
             "swashplate has 33, 34 and 35, its tail 36"

@@ -13,7 +13,7 @@ from helisim.sitl.gains import FILTER_HZ, GYRO_HZ, INPUT_TIME, LOOP_RATE, Tuning
 from helisim.sitl.mixing import Controls, Mixer
 from helisim.sitl.outputs import Outputs
 from helisim.sitl.parameter_file import AutopilotParameters, Setting
-from helisim.sitl.settings import Group, hover, rotor, simulated, swashplate, tail
+from helisim.sitl.settings import Group, hover, rotor, simulated, swashplate, tail, unused
 from helisim.units import STANDARD_GRAVITY
 from helisim.vehicle import Linearization, Vehicle, load
 
@@ -78,6 +78,7 @@ def parameters_for(
         "rotor": rotor(vehicle, outputs),
         "hover": hover(vehicle),
     }
+    groups["outputs that move nothing"] = unused(outputs)
     told = {one.name: one.value for group in groups.values() for one in group}
     controls = Controls(Mixer.of(told), outputs, vehicle.swashplate)
     scale = np.eye(4) if of_autopilot else controls.scale(told["H_COL_HOVER"])
@@ -100,7 +101,7 @@ def parameters_for(
     source = made_from or "its exact linearisation in the hover"
     return AutopilotParameters(
         f"{vehicle.name} flown by ArduCopter-heli; gains from {source}; by helisim parm",
-        {**groups, **simulated()},
+        {heading: some for heading, some in {**groups, **simulated()}.items() if some},
         (*remarks, *_LEFT),
     )
 

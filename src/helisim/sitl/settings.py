@@ -160,6 +160,13 @@ def rotor(vehicle: Vehicle, outputs: Outputs) -> Group:
     )
 
 
+def unused(outputs: Outputs) -> Group:
+    """Return those of a helicopter's usual outputs that move nothing of this one."""
+    used = {outputs.front, outputs.left, outputs.right, outputs.tail, outputs.rotor}
+    free = sorted({1, 2, 3, 4, 8} - {one.channel for one in used})
+    return tuple(Setting(f"SERVO{channel}_FUNCTION", 0.0) for channel in free)
+
+
 def hover(vehicle: Vehicle) -> Group:
     """Return the settings of the hover."""
     lean = math.degrees(vehicle.trim.phi)

@@ -8,6 +8,7 @@ from helisim.errors import InputError
 from helisim.ident import identify, load_fit, structures
 from helisim.look.systemid import infer
 from helisim.look.systemid.autopilots import says_itself
+from helisim.look.systemid.bands import followed_band
 from helisim.look.systemid.estimate import estimate_fits
 from helisim.sitl.parameter_file import AutopilotParameters
 from helisim.sitl.parameters import parameters_for
@@ -61,11 +62,10 @@ def _plant(source: Source, seed: int, own: bool) -> Plant:
 def _logged(path: Path) -> Plant:
     """Return what an autopilot's log tells: commands are in its unit, held for its ticks."""
     found = infer([path])
-    wanted = tuple(fit for fit in found.fits if hasattr(structures, fit.structure))
+    wanted = tuple(fit for fit in found.fits if not fit.structure.startswith("tf:"))
     if not wanted:
         raise InputError(
-            f"{path}: no model of it can be used for gains; sweep roll and pitch, or yaw, by "
-            "SystemID's axes 7 to 12"
+            f"{path}: no model of it can be used for gains; sweep roll and pitch both, or yaw"
         )
     names = {
         name
@@ -73,10 +73,9 @@ def _logged(path: Path) -> Plant:
         for name in (*fit.inputs, *fit.outputs, *fit.conditioning, *fit.reference)
     }
     records = [record for log in found.read(names) for record in log.records]
-    responses = estimate_fits(records, wanted)
-    return Plant(
-        tuple(
-            identify(response, getattr(structures, fit.structure), band=fit.band)
-            for fit, response in zip(wanted, responses)
-        )
-    )
+    fits = []
+    for fit, response in zip(wanted, estimate_fits(records, wanted)):
+        structure = structures.named(fit.structure)
+        band = followed_band(response, structure, fit.band)
+        fits.append(identify(response, structure, band=band))
+    return Plant(tuple(fits))
