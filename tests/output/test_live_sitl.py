@@ -1,13 +1,20 @@
 """A window that follows an autopilot's flight shows where it is, and changes nothing."""
 
+import os
+import shutil
+import socket
+import subprocess
+import sys
 from contextlib import nullcontext
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from helisim.output.live_sitl import Watched, seen
 from helisim.sitl import Aircraft
 from helisim.sitl.packet import Frame
+from script import SCRIPTS
 
 IDLE = (1500, 1500, 1500, 1500, 0, 0, 0, 1000)
 SPUN_UP = (*IDLE[:7], 1700)
@@ -32,9 +39,9 @@ class Window:
 
 
 @pytest.fixture(scope="module")
-def flown():
+def flown(jr700):
     """An aircraft, and all of it that is seen."""
-    aircraft = Aircraft()
+    aircraft = Aircraft(jr700)
     return aircraft, seen(aircraft)
 
 
@@ -96,3 +103,50 @@ def test_what_is_watched_flies_the_same(watched):
         aircraft.step(SPUN_UP)
     np.testing.assert_array_equal(aircraft.data.qpos, qpos)
     np.testing.assert_array_equal(aircraft.data.act, act)
+
+
+SEEN = """
+import os, sys, threading
+from PIL import ImageGrab
+from helisim.cli import main
+from played_autopilot import PlayedAutopilot
+
+def fly():
+    autopilot = PlayedAutopilot(int(sys.argv[1]), resend=0.2)
+    drawn = False
+    while not drawn and autopilot.count < 100_000:  # a renderer without a graphics card is slow
+        for _ in range(400):
+            autopilot.frame((1500,) * 7 + (1700,), patience=100.0)
+        picture = ImageGrab.grab(xdisplay=os.environ["DISPLAY"])
+        drawn = len(picture.convert("RGB").getcolors(10**6)) > 1000
+    picture.save("seen.png")
+
+threading.Thread(target=fly).start()
+sys.exit(main(["sitl", "--view", "--port", sys.argv[1], "--wait", "5"]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="no virtual display: apt install xvfb")
+def test_a_real_window_shows_it(tmp_path):
+    """The helicopter on its pad, more than a plain ground."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    paths = os.pathsep.join([*sys.path, str(SCRIPTS / "proof")])
+    done = subprocess.run(
+        ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", sys.executable, "-c", SEEN, str(port)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "00 frames" in done.stdout
+    red, green, blue = np.moveaxis(
+        np.asarray(Image.open(tmp_path / "seen.png").convert("RGB"), dtype=float), -1, 0
+    )
+    orange = (red > 130.0) & (green < 0.7 * red) & (blue < 0.5 * red)
+    assert orange.sum() > 100  # its canopy's stripe, and the tips of its blades
