@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from helisim.errors import AutopilotError, HelisimError
+from helisim.errors import AutopilotError, HelisimError, UnknownNameError
 from helisim.sitl import Sensed
 from helisim.sitl.flights.pilot import Pilot
 from helisim.sitl.flights.sweeps import fly_sweeps, sweeps
@@ -27,7 +27,9 @@ AXES = ("roll", "pitch", "yaw", "thrust")
 SPEED = 4.0
 """Times real time: its log's writer follows."""
 HEIGHT = 100.0
-"""m: its throttle is held by nobody's eye while a sweep lasts."""
+"""m above the ground where sweeps are flown."""
+SWEPT = {"heli": (0.3, 12.0), "heli-blade360": (0.5, 18.0)}
+"""Hz: past the rotor's mode, which is at 10 and at 11 Hz; that of a smaller one is faster."""
 _OWN = {"LOG_BITMASK": 3, "LOG_DISARMED": 0, "LOG_FILE_BUFSIZE": 30_000, "FLTMODE_CH": 0}
 _STICKS, _STEP, _SILENCE = 0.05, 0.02, 20.0
 """s of simulated time between two messages of the sticks, and steps; s of the clock in silence."""
@@ -75,7 +77,9 @@ def fly(log: Path, model: str, program: Path) -> None:
     """Fly the sweeps. Raises HelisimError."""
     defaults = (program.parent / "copter-heli.parm").read_text(encoding="ascii")
     text = defaults + "".join(f"\n{name} {value}" for name, value in _OWN.items()) + "\n"
-    script = fly_sweeps(sweeps(AXES, start_hz=0.3, magnitude=0.06), height=HEIGHT)
+    low, high = SWEPT[model]
+    wanted = sweeps(AXES, start_hz=low, stop_hz=high, magnitude=0.06)
+    script = fly_sweeps(wanted, height=HEIGHT)
     with Autopilot(program, text, speed=SPEED, more=("--model", model)) as autopilot:
         heard = Heard(autopilot.telemetry)
         seen = Seen(heard)
@@ -111,6 +115,8 @@ def fly(log: Path, model: str, program: Path) -> None:
 
 def main(log: str, model: str = "heli", program: str | None = None) -> None:
     """Fly it, and say where the log is."""
+    if model not in SWEPT:
+        raise UnknownNameError("helicopter of ArduPilot's", model, SWEPT)
     fly(Path(log), model, find_program(program))
     print(f"Written: {log}")
 
