@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from helisim.errors import AutopilotError, HelisimError, UnknownNameError
+from helisim.errors import AutopilotError, HelisimError, InputError, UnknownNameError
 from helisim.sitl import Sensed
 from helisim.sitl.flights.pilot import Pilot
 from helisim.sitl.flights.sweeps import fly_sweeps, sweeps
@@ -75,7 +75,12 @@ class Seen:
 
 def fly(log: Path, model: str, program: Path) -> None:
     """Fly the sweeps. Raises HelisimError."""
-    defaults = (program.parent / "copter-heli.parm").read_text(encoding="ascii")
+    beside = program.parent / "copter-heli.parm"
+    if not beside.is_file():
+        raise InputError(
+            f"{beside}: no such file; copy it from Tools/autotest/default_params of ArduPilot"
+        )
+    defaults = beside.read_text(encoding="ascii")
     text = defaults + "".join(f"\n{name} {value}" for name, value in _OWN.items()) + "\n"
     low, high = SWEPT[model]
     wanted = sweeps(AXES, start_hz=low, stop_hz=high, magnitude=0.06)

@@ -68,3 +68,10 @@ def test_a_log_of_known_derivatives_meets_the_bars_and_of_others_misses_them(
     study.SOURCES["heli"] = mine._replace(Lb=1.2 * mine.Lb)
     assert study.main(["--heli", str(log)]) == 1
     assert "missed: heli: 92 % inside their bounds, bar 95 %" in capsys.readouterr().out
+
+
+@pytest.mark.study
+def test_logs_that_it_wrote_meet_the_bars(study, ardupilot, monkeypatch, tmp_path):
+    """The JR700 and ArduPilot's own helicopter, flown by the program itself."""
+    monkeypatch.setenv("HELISIM_ARDUPILOT", str(ardupilot))
+    assert study.main(["--fly", str(tmp_path)]) == 0
