@@ -2,37 +2,66 @@
 
 import os
 import sys
+import time
+from contextlib import nullcontext
 from dataclasses import fields
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from helisim.cli import main
-from helisim.errors import InputError, UnknownNameError
+from helisim.errors import AutopilotError, InputError, UnknownNameError
 from helisim.records.logs.dataflash import DataFlash
 from helisim.records.storage import read_record
+from helisim.sitl import isolated
 from helisim.sitl.flights.pilot import Sticks
 from helisim.sitl.flights.scripts import script_of
+from helisim.sitl.flights.session import fly_script
 from helisim.sitl.flights.sweeps import INTO, Sweep, sweeps
+from helisim.sitl.packet import Sensed
 from helisim.sitl.process import Autopilot, find_program
 from script import SCRIPTS, loaded
 
 FAKE = """#!{python}
-import os, socket, sys
+import os, socket, struct, sys
 os.makedirs("logs", exist_ok=True)
 open("logs/00000001.BIN", "wb").write(b"log")
 ports = sys.argv[sys.argv.index("--sim-port-out") + 1], sys.argv[sys.argv.index("--serial0") + 1]
+frames, telemetry = int(ports[0]), int(ports[1].split(":")[2])
 sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-sender.sendto(os.readlink("/proc/self/ns/net").encode(), ("127.0.0.1", int(ports[0])))
-sender.sendto(open("start.parm").read().encode(), ("127.0.0.1", int(ports[1].split(":")[2])))
-{end}
+send = lambda data, port: sender.sendto(data, ("127.0.0.1", port))
+{rest}
+"""
+GREETS = """
+send(os.readlink("/proc/self/ns/net").encode(), frames)
+send(open("start.parm").read().encode(), telemetry)
+sender.recv(1)
+"""
+DIES = """
+send(struct.pack("<HHI16H", 18458, 1000, 0, *[1000] * 16), frames)
+sender.recv(4096)
+print("it hurts")
+sys.exit(7)
 """
 
 
-def fake(tmp_path, end):
+def fake(tmp_path, rest):
     path = tmp_path / "program"
-    path.write_text(FAKE.format(python=sys.executable, end=end))
+    path.write_text(FAKE.format(python=sys.executable, rest=rest))
     path.chmod(0o755)
     return path
+
+
+class Still(nullcontext):
+    """An aircraft that only waits."""
+
+    crashed = ""
+    time = 0.0
+    sensed = Sensed(0.0, *np.zeros((4, 3)), np.array([1.0, 0.0, 0.0, 0.0]))
+
+    def step(self, pulses):
+        return self.sensed
 
 
 def heard(socket):
@@ -43,7 +72,7 @@ def heard(socket):
 
 def test_program_is_started_in_a_folder_and_a_network_of_its_own(tmp_path):
     """It finds its parameters there, reaches both sockets, and nothing is left at the end."""
-    with Autopilot(fake(tmp_path, "sender.recv(1)"), "NAME 1\n") as autopilot:
+    with Autopilot(fake(tmp_path, GREETS), "NAME 1\n") as autopilot:
         network = heard(autopilot.frames).decode()
         assert heard(autopilot.telemetry) == b"NAME 1\n"
         own = network != os.readlink("/proc/self/ns/net")
@@ -53,6 +82,25 @@ def test_program_is_started_in_a_folder_and_a_network_of_its_own(tmp_path):
         folder = autopilot.folder
     assert (tmp_path / "kept.bin").read_bytes() == b"log"
     assert not folder.exists()
+
+
+def test_program_shares_the_network_where_it_may_have_none_of_its_own(tmp_path, monkeypatch):
+    """The reason is told; it is flown all the same, on ports that nobody else has."""
+    source = Path(isolated.__file__).read_text(encoding="utf-8")
+    refused = tmp_path / "refused.py"
+    refused.write_text(source.replace("= 0x10000000, 0x40000000", "= -1, -1"))
+    monkeypatch.setattr(isolated, "__file__", str(refused))
+    with Autopilot(fake(tmp_path, GREETS), "") as autopilot:
+        assert autopilot.shared.startswith("network namespaces are not permitted: Invalid")
+        assert heard(autopilot.frames).decode() == os.readlink("/proc/self/ns/net")
+
+
+def test_program_that_ends_in_flight_ends_the_flight_at_once(tmp_path):
+    """Its status and last words are told; nobody waits for the frames of the dead."""
+    begun = time.monotonic()
+    with pytest.raises(AutopilotError, match="status 7; its last words: it hurts"):
+        fly_script(lambda pilot: pilot.wait(9.0), Still(), fake(tmp_path, DIES), "")
+    assert time.monotonic() - begun < 20.0  # it waits 30 s for one that lives
 
 
 def test_program_that_is_none_is_told(tmp_path):

@@ -127,8 +127,9 @@ def fly(options: argparse.Namespace, aircraft: "Aircraft", also: tuple[str, ...]
     from helisim.sitl.flights.session import fly_script
     from helisim.sitl.process import find_program
 
-    parameters = _parameters(options, aircraft.vehicle)
+    parameters, source = _parameters(options, aircraft.vehicle)
     told = _Told(aircraft, options.quiet)
+    told(f"parameters: {source}")
     with ExitStack() as stack:
         watched = stack.enter_context(window(aircraft)) if options.view else None
 
@@ -158,8 +159,8 @@ def fly(options: argparse.Namespace, aircraft: "Aircraft", also: tuple[str, ...]
     return 0
 
 
-def _parameters(options: argparse.Namespace, vehicle: "Vehicle") -> str:
-    """Return ArduPilot's parameters: those given, of the vehicle's folder, or made from it."""
+def _parameters(options: argparse.Namespace, vehicle: "Vehicle") -> tuple[str, str]:
+    """Return ArduPilot's parameters and where they are from: given, the vehicle's own, or made."""
     path = options.parm
     if path is None and options.tail != "direct":
         raise InputError(
@@ -171,9 +172,9 @@ def _parameters(options: argparse.Namespace, vehicle: "Vehicle") -> str:
         if not path.is_file():
             from helisim.sitl.parameters import parameters_for
 
-            return parameters_for(vehicle).text
+            return parameters_for(vehicle).text, f"made from {vehicle.name}, as helisim parm does"
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8"), str(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: can't read ArduPilot's parameters: {error}") from None
 

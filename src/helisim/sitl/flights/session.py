@@ -28,6 +28,7 @@ _LONGEST_TAIL = 300.0
 """s that a log may go on after the flight."""
 _OWN = {
     "LOG_FILE_BUFSIZE": 30_000,  # kB: many times real time are more than its writer follows
+    "LOG_FILE_MB_FREE": 10,
     "LOG_DISARMED": 0,
     "FLTMODE_CH": 0,  # the script alone changes the mode
     **{f"RC{k}_{name}": value for k in range(1, 9) for name, value in (
@@ -69,7 +70,8 @@ def fly_script(
 ) -> Flight:
     """Fly an aircraft by ArduPilot, and ArduPilot by a script.
 
-    Two flights of the same script, aircraft and program are the same to the last bit.
+    Two flights of the same script, aircraft and program are the same to the last bit, unless the
+    machine stood still for a second and a frame came again: `Flight.served` tells.
 
     Args:
         script: what is flown.
@@ -100,10 +102,14 @@ def fly_script(
             autopilot.check()
             return on_wait is not None and bool(on_wait())
 
+        def anew() -> None:
+            raise AutopilotError(f"ArduPilot started anew at {aircraft.time:.1f} s of flight")
+
         if autopilot.shared:
             say(f"{autopilot.shared}: ArduPilot's ports are open on this machine's network")
         with aircraft, Link.over(autopilot.frames, timeout=_PATIENCE) as link:
-            served = serve(aircraft, link, on_frame=flown, on_wait=alive, also=also)
+            calls = {"on_frame": flown, "on_wait": alive, "on_restart": anew}
+            served = serve(aircraft, link, **calls, also=also)
         if not flown.done:
             autopilot.check()
             raise AutopilotError(f"ArduPilot sent no frame for {_PATIENCE:g} s")
