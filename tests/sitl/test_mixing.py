@@ -23,17 +23,18 @@ ANYWHERE = {
 EQUAL = {"H_SW_TYPE": 3.0, "H_COL_MIN": 1460.0, "H_COL_MAX": 1740.0}
 
 
-# What ArduCopter-heli 4.7.0-dev logged at one time: RATE's ROut, POut, YOut, AOut, and RCOU's C1
-# to C4. The first three flew the JR700, the last three its own simulated helicopter.
+# What ArduCopter-heli 4.7.0-dev logged: RATE's ROut, POut and AOut at one time and YOut a tick
+# before, as the tail's pulse is sent a tick late, and RCOU's C1 to C4. The first three flew the
+# JR700, the last three its own simulated helicopter.
 @pytest.mark.parametrize(
     ("parameters", "lat", "lon", "ped", "col", "pulses"),
     [
-        (ANYWHERE, 0.066048, 0.010228, -0.113141, 0.473976, (1487, 1506, 1454, 1443)),
-        (ANYWHERE, -0.021438, -0.020229, 0.01363, 0.0, (1157, 1163, 1179, 1506)),
-        (ANYWHERE, 0.006698, 0.003613, 0.004299, 0.500486, (1501, 1502, 1496, 1502)),
-        (EQUAL, -0.038366, -0.082324, 0.203614, 0.494, (1564, 1594, 1635, 1581)),
-        (EQUAL, 0.031711, 0.088157, 0.203636, 0.494, (1630, 1605, 1558, 1581)),
-        (EQUAL, 0.00048, -0.000133, 0.208034, 0.50322, (1601, 1600, 1600, 1583)),
+        (ANYWHERE, 0.0703362, 0.0186719, -0.1196388, 0.4723686, (1489, 1504, 1449, 1441)),
+        (ANYWHERE, 0.0008119, 0.0024067, -0.0039437, 0.489185, (1493, 1492, 1491, 1499)),
+        (ANYWHERE, 0.0034692, -0.0068926, 0.0940672, 0.5231936, (1512, 1518, 1515, 1547)),
+        (EQUAL, -0.0016445, -0.0042284, -0.001775, 0.0, (1458, 1459, 1461, 1500)),
+        (EQUAL, 0.0008995, 0.0007025, 0.1966394, 0.494, (1598, 1598, 1598, 1578)),
+        (EQUAL, 0.0038776, -0.0002389, 0.3582196, 0.5422264, (1613, 1610, 1611, 1643)),
     ],
 )
 def test_a_real_log_s_pulses_are_repeated(parameters, lat, lon, ped, col, pulses):

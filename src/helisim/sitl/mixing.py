@@ -162,19 +162,23 @@ class Mixer:
     def pulses(self, commands: Mapping[str, float]) -> dict[int, int]:
         """Return the pulse of each channel, whole us, as the autopilot sends them.
 
+        The swashplate's are cut downwards, the tail's towards its trim.
+
         Args:
             commands: "col", "lon", "lat", "ped" in ArduPilot's units.
         """
-        return {channel: int(pulse) for channel, pulse in self.exact(commands).items()}
+        found = {channel: int(pulse) for channel, pulse in self.exact(commands).items()}
+        tail = self.servos[3]
+        share = math.trunc(self._yaw(commands) * FULL_CYCLIC) / FULL_CYCLIC
+        return found | {tail.channel: int(tail.trim) + math.trunc(_tail_travel(tail, share))}
 
     def exact(self, commands: Mapping[str, float]) -> dict[int, float]:
         """Return the pulses before they are cut to whole microseconds; see `pulses`."""
-        col, lon, lat, ped = (commands.get(name, 0.0) for name in IN1)
+        col, lon, lat = (commands.get(name, 0.0) for name in IN1[:3])
         cyclic = math.hypot(lat, lon)
         if cyclic > self.most_cyclic:
             lat, lon = (one * self.most_cyclic / cyclic for one in (lat, lon))
         col = min(max(col, 0.0), 1.0)
-        ped += self.to_yaw * abs(col - self.zero) ** 1.5
         raised = self.lowest + col * (self.highest - self.lowest) - _MIDDLE
         raised = raised if self.up else -raised
         found = {
@@ -182,7 +186,13 @@ class Mixer:
             for servo, roll, pitch in zip(self.servos, self.roll, self.pitch)
         }
         tail = self.servos[3]
-        return found | {tail.channel: _tail_pulse(tail, min(max(ped, -1.0), 1.0))}
+        return found | {tail.channel: tail.trim + _tail_travel(tail, self._yaw(commands))}
+
+    def _yaw(self, commands: Mapping[str, float]) -> float:
+        """Return what goes to the tail, -1 to 1: yaw, and what the collective adds to it."""
+        col = min(max(commands.get("col", 0.0), 0.0), 1.0)
+        ped = commands.get("ped", 0.0) + self.to_yaw * abs(col - self.zero) ** 1.5
+        return min(max(ped, -1.0), 1.0)
 
 
 def _swash_pulse(servo: Servo, off: float) -> float:
@@ -190,10 +200,10 @@ def _swash_pulse(servo: Servo, off: float) -> float:
     return min(max(pulse, _SHORTEST), _LONGEST)
 
 
-def _tail_pulse(servo: Servo, share: float) -> float:
+def _tail_travel(servo: Servo, share: float) -> float:
+    """Return by how much the tail's pulse is off its trim, us."""
     share = -share if servo.reversed else share
-    room = servo.high - servo.trim if share > 0.0 else servo.trim - servo.low
-    return servo.trim + share * room
+    return share * (servo.high - servo.trim if share > 0.0 else servo.trim - servo.low)
 
 
 @dataclass(frozen=True, eq=False)
