@@ -8,11 +8,11 @@ from helisim.cli.common import add_quiet, add_vehicle, print_written
 
 _EPILOG = """\
 examples:
-  helisim parm jr700 --out jr700.parm                   from its exact linear model
+  helisim parm jr700 --out jr700.parm               from its exact linear model
   helisim parm jr700 --from reproduction --out jr700.parm
-                                                        from what was identified
+                                                    from what was identified
   helisim parm myheli --from flight.bin --out myheli.parm
-                                                        from what the autopilot logged
+                                                    from what ArduPilot logged
 """
 
 

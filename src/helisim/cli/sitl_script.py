@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from helisim.vehicle import Vehicle
 
 EPILOG = """\
---script starts ArduPilot itself, in a network of its own, and flies it: hover (5
-minutes at 5 m), square, sysid (sweeps by its mode SystemID), or FILE.py, whose
-function fly(pilot) is a script of your own:
+--script starts ArduPilot itself, in a network of its own, and flies it: hover
+(5 minutes at 5 m), square, sysid (sweeps by its mode SystemID), or FILE.py,
+whose function fly(pilot) is a script of your own:
 
   def fly(pilot):
       yield from pilot.take_off(5.0)
