@@ -94,8 +94,9 @@ def test_a_plan_says_what_it_took_and_why(tmp_path):
     """Messages, units and axes are named, so that each can be overruled."""
     text = str(infer(one_sweep(tmp_path)))
     for part in (
-        "ped = RATE.YOut [1]", "r = SIDD.Gz [deg/s]", "mixer_yaw = SIDD.Targ",
-        "yaw_base: r over ped", "SID_AXIS 12, mixer yaw", "ArduCopter V4.7.0",
+        "  ped = RATE.YOut [1]", "  r = SIDD.Gz [deg/s]", "there are also lat",
+        "mixer_yaw = SIDD.Targ", "yaw_base: r over ped", "SID_AXIS 12, mixer yaw",
+        "ArduCopter V4.7.0",
     ):  # fmt: skip
         assert part in text, part
 
@@ -301,3 +302,12 @@ def test_a_band_begins_where_the_structure_follows():
     low, high = followed_band(frf(slow), hs.structures.yaw_base, whole, searches=2)
     assert 2.0 < low < 6.0
     assert high == 50.0
+
+
+def test_look_tells_the_sweeps_and_the_command_without_an_option(tmp_path):
+    """Of a log that says them itself, nothing of its excitation is guessed."""
+    path = one_sweep(tmp_path)
+    found = hs.look(path)
+    assert "SID_AXIS 12, mixer yaw" in str(found)
+    assert found.command == f"helisim identify {path}"
+    assert not found.logs[0].excitations

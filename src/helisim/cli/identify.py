@@ -101,8 +101,7 @@ def _run_inferred(options: argparse.Namespace) -> int:
     for one, search in zip(work, searches):
         search["band"] = fitted_bands(options, one.structure, one.fit.band)
         files = _Files.of(options, one.label if len(work) > 1 else "")
-        said = f"\n{one.fit.structure}"
-        status |= _fitted(options, one.structure, one.estimated, search, units, files, said)
+        status |= _fitted(options, one.structure, one.estimated, search, units, files, "")
     return status
 
 

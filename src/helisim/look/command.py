@@ -10,6 +10,7 @@ from typing import NamedTuple
 from helisim.look.answers import FoundAnswer
 from helisim.look.excitation import FoundExcitation
 from helisim.look.opened import Opened
+from helisim.look.systemid.sweeps import FlownSweep
 from helisim.records.channels import IN1, IN2
 from helisim.records.logs.mapping import Column
 from helisim.records.logs.report import OURS, LogFinding
@@ -39,6 +40,7 @@ class Looked(NamedTuple):
         excited: what its controls did.
         answers: what answered them, best first.
         loops: where a loop is closed.
+        sweeps: that it says itself were injected.
     """
 
     path: Path
@@ -46,6 +48,7 @@ class Looked(NamedTuple):
     excited: tuple[FoundExcitation, ...]
     answers: tuple[FoundAnswer, ...]
     loops: tuple[LogFinding, ...]
+    sweeps: tuple[FlownSweep, ...] = ()
 
 
 def main_excitations(found: Sequence[FoundExcitation]) -> tuple[FoundExcitation, ...]:

@@ -1,5 +1,6 @@
 """A first look at logs: what they hold, what was flown, what is usable, and what to run next."""
 
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,8 @@ from helisim.look.command import Looked, by_axis, command, main_excitations
 from helisim.look.excitation import FoundExcitation, excitation
 from helisim.look.guess import CONTROLS, SeenChannel
 from helisim.look.opened import AS_RECORDED, Asked, Opened, SeenClock, opened
+from helisim.look.systemid.autopilots import own_sweeps
+from helisim.look.systemid.sweeps import FlownSweep
 from helisim.records.channels import CHANNELS
 from helisim.records.logs.mapping import Clock, Column, Map
 from helisim.records.logs.report import LogFinding
@@ -33,7 +36,9 @@ class LogLook:
         unused: its other columns.
         duration: of what can be used, s.
         parts: uninterrupted ones of it.
-        excitations: what its controls did; those that only react are left out.
+        sweeps: that it says itself were injected, where it is of ArduPilot's mode SystemID.
+        excitations: what its controls did; those that only react are left out. Not looked for
+            where there are sweeps.
         answers: channels that answer coherently, and in which band, best first.
         findings: what is wrong, suspicious or to be noted, with the option to try.
     """
@@ -48,6 +53,7 @@ class LogLook:
     excitations: tuple[FoundExcitation, ...]
     answers: tuple[FoundAnswer, ...]
     findings: tuple[LogFinding, ...]
+    sweeps: tuple[FlownSweep, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
@@ -59,6 +65,7 @@ class LogLook:
             "unused_columns": list(self.unused),
             "duration_s": self.duration,
             "parts": self.parts,
+            "sweeps": [one.to_dict() for one in self.sweeps],
             "excitations": [one.to_dict() for one in self.excitations],
             "answers": [one.to_dict() for one in self.answers],
             "findings": [one.to_dict() for one in self.findings],
@@ -83,8 +90,9 @@ class LogLook:
         if self.unused:
             more = f", and {len(self.unused) - _SHOWN} more" if len(self.unused) > _SHOWN else ""
             lines.append(f"  not used: {', '.join(self.unused[:_SHOWN])}{more}")
+        lines += [f"  {one}" for one in self.sweeps]
         lines += [_excitation_line(one) for one in self.excitations]
-        if self.parts and not self.excitations:
+        if self.parts and not self.excitations and not self.sweeps:
             lines.append(f"  {_without_control(self.channels)}")
         lines += _answer_lines(self.answers)
         if self.excitations and not self.answers:
@@ -163,7 +171,14 @@ def look(
     repairs = (repair,) if isinstance(repair, str) else tuple(repair)
     asked = Asked(map_, resample_hz, repairs, max_gap, start, stop)
     looked = [_looked(Path(path), asked) for path in paths]
-    return Look(tuple(map(_log_look, looked)), command(looked))
+    return Look(tuple(map(_log_look, looked)), _next(looked))
+
+
+def _next(looked: Sequence[Looked]) -> str:
+    """Return the command to run next: logs that say themselves what was swept need no option."""
+    if all(any(not sweep.unused for sweep in one.sweeps) for one in looked):
+        return shlex.join(["helisim", "identify", *(str(one.path) for one in looked)])
+    return command(looked)
 
 
 def _map(channels: Map | Mapping[str, Column | str] | None, time: Clock | str | None) -> Map:
@@ -182,6 +197,9 @@ def _looked(path: Path, asked: Asked) -> Looked:
     log = opened(path, asked)
     if not log.records:
         return Looked(path, log, (), (), ())
+    swept = own_sweeps(path)
+    if swept:
+        return Looked(path, log, (), (), (), swept)
     record = max(log.records, key=lambda one: one.duration)
     rates = {one.name: one.rate for one in log.seen}
     moved = [
@@ -209,6 +227,7 @@ def _log_look(looked: Looked) -> LogLook:
         excitations=looked.excited,
         answers=looked.answers,
         findings=(*log.findings, *looked.loops),
+        sweeps=looked.sweeps,
     )
 
 

@@ -42,12 +42,6 @@ class TakenChannel:
             "why": self.why,
         }
 
-    def __str__(self) -> str:
-        unit = self.column.unit or "as stated"
-        sign = "-" if self.column.sign < 0 else ""
-        name = f"{sign}{self.column.column}"
-        return f"{self.name} = {name} [{unit}], {self.rate:.4g} Hz: {self.why}"
-
 
 INJECTED = "SIDD.Targ"
 """Column of what a sweep injects, in its axis's unit."""

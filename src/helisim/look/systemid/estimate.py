@@ -58,8 +58,13 @@ def _flagged(response: FrequencyResponse, fit: InferredFit) -> FrequencyResponse
     """Return a response with the flags that are about a fit's signals, or about none."""
     mine = {*fit.inputs, *fit.outputs}
     mine |= {f"{output}/{input_}" for output in fit.outputs for input_ in fit.inputs}
-    named = [{a or b for a, b in _SIGNAL.findall(flag)} for flag in response.flags]
-    kept = [flag for flag, names in zip(response.flags, named) if not names or names & mine]
+    sensed = mine - set(fit.inputs)
+    kept = []
+    for flag in response.flags:
+        names = {a or b for a, b in _SIGNAL.findall(flag)}
+        # a command's steps are a controller's own, and those of pulses in whole microseconds
+        if not names or names & (sensed if "spikes" in flag else mine):
+            kept.append(flag)
     return replace(response, flags=tuple(kept))
 
 

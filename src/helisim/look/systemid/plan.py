@@ -169,11 +169,8 @@ class Inferred:
 
     def __str__(self) -> str:
         lines = [str(log) for log in self.logs]
-        lines += ["channels:", *(f"  {one}" for one in self.logs[0].channels)]
-        lines += [
-            f"  {axis.name} = SIDD.Targ [{axis.unit}] of SID_AXIS {axis.number}: {axis.meaning}"
-            for axis in self.injected
-        ]
+        lines += ["channels:", *_channel_lines(self.logs, self.fits)]
+        lines += [f"  {line}" for line in _injected_lines(self.injected)]
         lines += ["fits:", *(f"  {one}" for one in self.fits)]
         lines += [f"note: {one}" for one in self.remarks]
         return "\n".join(lines)
@@ -271,3 +268,47 @@ def _swept(logs: Sequence[InferredLog], rate: float) -> Swept:
     resolved = 1.001 * 2.0 * math.pi / window, PASSBAND * math.pi * rate
     common = frozenset.intersection(*(frozenset(c.name for c in log.channels) for log in logs))
     return Swept(used, common, resolved)
+
+
+def _channel_lines(logs: Sequence[InferredLog], fits: Sequence[InferredFit]) -> list[str]:
+    """Return a line for channels that come from one message for one reason, and the others."""
+    used = {name for fit in fits for name in (*fit.inputs, *fit.outputs, *fit.conditioning)}
+    lines = []
+    for log in logs:
+        groups: dict[tuple[str, str | None, float, str, int], list[TakenChannel]] = {}
+        for one in log.channels:
+            column = one.column
+            message = column.column.partition(".")[0]
+            key = (message, column.unit, one.rate, one.why, column.sign)
+            if one.name in used:
+                groups.setdefault(key, []).append(one)
+        lines += [f"  {_together(ones)}" for ones in groups.values()]
+    unused = [one.name for one in logs[0].channels if one.name not in used]
+    if unused:
+        lines.append(f"  there are also {', '.join(unused)}")
+    return list(dict.fromkeys(lines))
+
+
+def _together(ones: Sequence[TakenChannel]) -> str:
+    """Return channels of one message in a line."""
+    fields = [one.column.column.partition(".")[2] for one in ones]
+    first = ones[0]
+    message = first.column.column.partition(".")[0]
+    sign = "-" if first.column.sign < 0 else ""
+    names = ", ".join(one.name for one in ones)
+    return (
+        f"{names} = {sign}{message}.{', '.join(fields)} [{first.column.unit or 'as stated'}], "
+        f"{first.rate:.4g} Hz: {first.why}"
+    )
+
+
+def _injected_lines(axes: Sequence[SidAxis]) -> list[str]:
+    """Return a line for the axes that are injected at one place in one unit."""
+    groups: dict[tuple[str, str], list[SidAxis]] = {}
+    for axis in axes:
+        groups.setdefault((axis.place, axis.unit), []).append(axis)
+    return [
+        f"{', '.join(axis.name for axis in mine)} = SIDD.Targ [{unit}] of SID_AXIS "
+        f"{', '.join(str(axis.number) for axis in mine)}: {mine[0].meaning}"
+        for (_, unit), mine in groups.items()
+    ]
