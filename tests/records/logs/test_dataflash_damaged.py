@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dataflash_logs import Log
-from helisim.errors import HelisimError, LogError, StorageError
+from helisim.errors import HelisimError, InputError, LogError, StorageError
 from helisim.records.logs import Column, read_log
 from helisim.records.logs.dataflash import DataFlash
 
@@ -278,3 +278,15 @@ def test_thousands_of_parts_share_what_is_said_of_their_log(tmp_path):
     assert [one.provenance["part"] for one in read.records] == list(range(3000))
     assert read.records[5].slice(0.0, 1e9).provenance is read.records[5].provenance
     assert str(read.report).count("\n") < 40
+
+
+def test_an_autopilots_whole_log_is_no_record(tmp_path):
+    """Of hundreds of columns on many clocks, the user says which are channels: in one line."""
+    log = Log()
+    for number in range(1, 8):
+        log.define(number, f"T{number}", "Qff", "TimeUS,A,B", units="skd", multipliers="F00")
+        for k in range(50):
+            log.write(number, 10_000 * k + number, 0.1 * k, 1.0)
+    with pytest.raises(InputError, match=r"14 columns with a unit on 7 clocks; say which") as error:
+        read_log(log.save(tmp_path))
+    assert "\n" not in str(error.value)

@@ -26,6 +26,8 @@ from helisim.records.storage import read_record
 
 _OURS_CSV = b"# helisim flight record"
 _PARQUET_MAGIC = b"PAR1"
+_MANY_CLOCKS = 4
+"""A log whose columns have more isn't read as a whole: hardly two of its messages are."""
 
 
 def read_log(
@@ -262,5 +264,12 @@ def _stated(source: Source) -> dict[str, Column]:
         raise InputError(
             f"{source.path}: no column states its unit, as 'p [deg/s]' does; say which column is "
             "which channel (--channel NAME=COLUMN:UNIT, or --map FILE.toml)"
+        )
+    clocks = {source.clock(column.column) for column in found.values()}
+    if len(clocks) > _MANY_CLOCKS:
+        raise InputError(
+            f"{source.path}: an autopilot's log, {len(found)} columns with a unit on {len(clocks)} "
+            "clocks; say which column is which channel (--channel NAME=COLUMN:UNIT, or --map "
+            "FILE.toml); helisim look guesses which"
         )
     return found
