@@ -229,11 +229,13 @@ def test_on_a_deck_it_is_carried_along():
     assert not aircraft.crashed
 
 
-def test_numbers_that_break_are_never_answered():
-    aircraft = Aircraft("jr700")
+def test_numbers_that_break_are_never_answered_nor_recorded():
+    aircraft = Aircraft("jr700", recorded=True)
+    held(aircraft, 0.5)
     aircraft.data.qvel[0] = np.nan
     with pytest.raises(DivergedError, match="no finite state"):
         aircraft.step(LOW)
+    assert aircraft.record().ended == "the flight has no finite state at 0.50 s"
 
 
 @pytest.mark.parametrize(

@@ -137,19 +137,22 @@ def fly(options: argparse.Namespace, aircraft: "Aircraft", also: tuple[str, ...]
             told.now_and_then()
             return watched is not None and watched.on_frame(frame, sensed)
 
-        flight = fly_script(
-            script_of_options(options),
-            aircraft,
-            find_program(options.ardupilot),
-            parameters,
-            log=options.log,
-            speed=options.speed,
-            say=told,
-            on_frame=on_frame,
-            on_wait=watched.on_wait if watched else None,
-            also=also,
-        )
-    Kept(options, aircraft).write()
+        try:
+            flight = fly_script(
+                script_of_options(options),
+                aircraft,
+                find_program(options.ardupilot),
+                parameters,
+                log=options.log,
+                speed=options.speed,
+                say=told,
+                on_frame=on_frame,
+                on_wait=watched.on_wait if watched else None,
+                also=also,
+            )
+        finally:  # what led to a crash is in the record
+            if aircraft.time > 0.0:
+                Kept(options, aircraft).write()
     if options.log is not None:
         size = options.log.stat().st_size / 1e6
         print(f"Written: {options.log} ({size:.1f} MB)")

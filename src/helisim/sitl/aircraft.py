@@ -263,7 +263,9 @@ class Aircraft:
         data = self.data.sensordata[self._imu : self._imu + len(SENSOR)].tolist()
         p, q, r, ax, ay, az, u, v, w, qw, qx, qy, qz, x, y, z = data[: SENSOR.imu_z + 1]
         if not math.isfinite(p + q + r + x + y + z + qw + u):
-            raise DivergedError(f"the flight has no finite state from {self.time:.2f} s")
+            self.crashed = "the flight has no finite state"
+            self._crash = self.time, self.crashed
+            raise DivergedError(f"{self.crashed} from {self.time:.2f} s")
         turn = qw, qx, -qy, -qz
         position = np.array((x, -y, -z))
         return Sensed(
