@@ -85,6 +85,17 @@ def test_reversed_servos_and_turned_plates_are_set_right():
     np.testing.assert_allclose(scale, expected, atol=1e-9)
 
 
+def test_a_gyro_that_stays_in_the_tail_is_asked_for_a_rate():
+    """FF is 1 over the rate of full pedals, k_delta / k_a / 2 (paper, Table 2); no other gain."""
+    made = hs.autopilot_parameters("jr700", gyro=True)
+    assert made.values["H_TAIL_TYPE"] == 1.0
+    # four digits in the file
+    assert made.values["ATC_RAT_YAW_FF"] == pytest.approx(0.2941 / 2.68 / 0.5, rel=2e-4)
+    assert made.values["ATC_RAT_YAW_P"] == made.values["ATC_RAT_YAW_I"] == 0.0
+    assert made.values["SERVO4_TRIM"] == 1500.0
+    assert made.values["ATC_RAT_RLL_P"] > 0.0
+
+
 def test_arms_that_differ_are_said_to_be_beyond_the_mixer():
     """ArduPilot's servos all stand as far out: another arm couples, and a remark says so."""
     own = hs.load("jr700", parameters={"swashplate.front_arm": 1.2})

@@ -36,6 +36,13 @@ def add(commands: Any) -> None:
         "log of SystemID's sweeps, .bin, or a model of helisim identify, .json (default: the exact "
         "linearisation)",
     )
+    command.add_argument(
+        "--tail",
+        default="direct",
+        metavar="direct|gyro",
+        help="direct: ArduPilot moves the tail servo (default); gyro: the vehicle's own yaw gyro "
+        "does, as of helisim sitl --tail gyro",
+    )
     command.add_argument("--out", type=Path, metavar="FILE", help="the file, .parm")
     command.add_argument(
         "--seed", type=int, default=1, metavar="S", help="of the servos' bench test (default: 1)"
@@ -45,12 +52,18 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.errors import UnknownNameError
     from helisim.records.files import check_destination
+    from helisim.sitl.aircraft import TAILS
     from helisim.study.autopilot import autopilot_parameters
 
     if options.out is not None:
         check_destination(options.out, (".parm", ".param"))
-    parameters = autopilot_parameters(options.vehicle, options.source, seed=options.seed)
+    if options.tail not in TAILS:
+        raise UnknownNameError("tail", options.tail, TAILS)
+    parameters = autopilot_parameters(
+        options.vehicle, options.source, gyro=options.tail == "gyro", seed=options.seed
+    )
     print(parameters.text, end="")
     if options.out is not None:
         parameters.write(options.out)

@@ -165,17 +165,13 @@ def fly(options: argparse.Namespace, aircraft: "Aircraft", also: tuple[str, ...]
 def _parameters(options: argparse.Namespace, vehicle: "Vehicle") -> tuple[str, str]:
     """Return ArduPilot's parameters and where they are from: given, the vehicle's own, or made."""
     path = options.parm
-    if path is None and options.tail != "direct":
-        raise InputError(
-            "--tail gyro needs parameters that leave the tail to it: give --parm FILE, with "
-            "H_TAIL_TYPE 1 and no gains of ATC_RAT_YAW but FF"
-        )
     if path is None:
-        path = vehicle.folder / f"{vehicle.name}.parm"
-        if not path.is_file():
+        path, gyro = vehicle.folder / f"{vehicle.name}.parm", options.tail == "gyro"
+        if gyro or not path.is_file():
             from helisim.sitl.parameters import parameters_for
 
-            return parameters_for(vehicle).text, f"made from {vehicle.name}, as helisim parm does"
+            made = parameters_for(vehicle, gyro=gyro)
+            return made.text, f"made from {vehicle.name}, as helisim parm does"
     try:
         return path.read_text(encoding="utf-8"), str(path)
     except (OSError, UnicodeDecodeError) as error:

@@ -79,17 +79,19 @@ class Commanded:
         scale: (4, 4): what a unit of the autopilot's moves of them; see `mixing.Controls`.
         late: s, by which commands act late besides.
         held: whether they are held for a tick, which the vehicle's model doesn't have in it.
+        axes: the commands that are looked at.
     """
 
     vehicle: Linear
     scale: Array
     late: float = 0.0
     held: bool = True
+    axes: tuple[str, ...] = COMMANDS
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """The commands, in the autopilot's unit, of which the vehicle's model knows."""
-        return tuple(name for name in COMMANDS if name in self.vehicle.inputs)
+        return tuple(name for name in self.axes if name in self.vehicle.inputs)
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -177,6 +179,7 @@ def tune(
     lean: tuple[float, float] = (0.0, 0.0),
     late: float = 0.0,
     held: bool = True,
+    axes: Sequence[str] = COMMANDS,
 ) -> Tuning:
     """Return gains for a vehicle.
 
@@ -186,12 +189,13 @@ def tune(
         lean: (phi, theta) of the hover, rad.
         late: s, by which commands act later than the model and the autopilot's ticks say.
         held: whether the autopilot's holding of commands is yet to be put into the model.
+        axes: that are tuned, where the model knows them.
 
     Raises:
         InputError: no axis has both its command and its rate in the model, or an axis has no
             gains that keep the margins.
     """
-    plant = Commanded(vehicle, scale, late, held)
+    plant = Commanded(vehicle, scale, late, held, tuple(axes))
     axes = [name for name in plant.inputs if BY_NAME[name].angle in plant.outputs]
     if not axes:
         raise InputError(

@@ -36,6 +36,8 @@ _ANYWHERE, _EQUAL = 0.0, 3.0
 """H_SW_TYPE of three servos at places of their own, and 120 degrees apart."""
 _AZIMUTHS = (-60.0, 60.0, 180.0)
 """Of the latter, degrees; of the former where nothing else is said."""
+_SERVO, _GYRO = 0.0, 1.0
+"""H_TAIL_TYPE of a servo, and of a servo behind a gyro of its own."""
 _USUAL = {
     "H_SW_TYPE": _EQUAL,
     **{f"H_SW_H3_SV{k}_POS": azimuth for k, azimuth in zip((1, 2, 3), _AZIMUTHS)},
@@ -135,9 +137,10 @@ class Mixer:
                 f"H_SW_TYPE {given['H_SW_TYPE']:g} is not known here: expected 0 (three servos "
                 "anywhere) or 3 (120 degrees)"
             )
-        if given["H_TAIL_TYPE"] != 0.0:
+        if given["H_TAIL_TYPE"] not in (_SERVO, _GYRO):
             raise InputError(
-                f"H_TAIL_TYPE {given['H_TAIL_TYPE']:g} is not known here: expected 0, a servo"
+                f"H_TAIL_TYPE {given['H_TAIL_TYPE']:g} is not known here: expected 0, a servo, or "
+                "1, a gyro of its own"
             )
         azimuths = np.array(_AZIMUTHS)
         if given["H_SW_TYPE"] == _ANYWHERE:
@@ -154,7 +157,7 @@ class Mixer:
             lowest=given["H_COL_MIN"],
             highest=given["H_COL_MAX"],
             most_cyclic=given["H_CYC_MAX"] / FULL_CYCLIC,
-            to_yaw=given["H_COL2YAW"],
+            to_yaw=given["H_COL2YAW"] if given["H_TAIL_TYPE"] == _SERVO else 0.0,
             zero=(zero - low) / (high - low) if high > low else 0.0,
             up=given["H_SW_COL_DIR"] == 0.0,
         )

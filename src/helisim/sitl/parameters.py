@@ -51,6 +51,7 @@ def parameters_for(
     of_autopilot: bool = False,
     late: float = 0.0,
     lift: float | None = None,
+    gyro: bool = False,
     made_from: str = "",
 ) -> AutopilotParameters:
     """Return parameters with which ArduCopter-heli flies a vehicle, and what each follows from.
@@ -64,6 +65,8 @@ def parameters_for(
         late: s, by which the autopilot's commands act later than the model's and its own ticks
             say: negative where half a tick of another computer is in the model.
         lift: acceleration that a unit of the model's col gives, m/s^2, where w doesn't tell.
+        gyro: whether the vehicle's own gyro stays in the tail: the autopilot then asks it for a
+            rate of yaw, and gains of yaw are the gyro's.
         made_from: what the model is, for the file.
 
     Raises:
@@ -74,7 +77,7 @@ def parameters_for(
     plate, remarks = swashplate(vehicle, outputs)
     groups: dict[str, Group] = {
         "swashplate and collective": plate,
-        "tail": tail(outputs),
+        "tail": tail(outputs, gyro=gyro),
         "rotor": rotor(vehicle, outputs),
         "hover": hover(vehicle),
     }
@@ -84,9 +87,12 @@ def parameters_for(
     scale = np.eye(4) if of_autopilot else controls.scale(told["H_COL_HOVER"])
     known = model or Exact(vehicle.linearize())
     lean = (vehicle.trim.phi, vehicle.trim.theta)
-    tuning = tune(known, scale, lean=lean, late=late, held=not of_autopilot)
+    axes = [axis for axis in COMMANDS if not (gyro and axis == "ped")]
+    tuning = tune(known, scale, lean=lean, late=late, held=not of_autopilot, axes=axes)
     groups["loops, and the filters in them"] = _loops()
-    for axis in COMMANDS:
+    if gyro:
+        groups["yaw"] = _asked(vehicle)
+    for axis in axes:
         if axis in tuning.gains:
             groups[f"{axis_of(axis).word}"] = _axis(tuning, axis)
         else:
@@ -155,6 +161,18 @@ def _axis(tuning: Tuning, axis: str) -> Group:
         Setting(f"{own}FLTT", FILTER_HZ, "Hz"),
         Setting(f"{own}FLTE", 0.0),
         Setting(f"{own}FLTD", FILTER_HZ),
+    )
+
+
+def _asked(vehicle: Vehicle) -> Group:
+    """Return the gains of yaw where a gyro of its own turns the vehicle as it is asked."""
+    full = 0.5 * vehicle.parameters["gyro.k_delta"] / vehicle.parameters["gyro.k_a"]
+    why = f"full yaw asks the gyro for {full:.3f} rad/s (gyro.k_delta / k_a, half a unit of pedals)"
+    none = [Setting(f"ATC_RAT_YAW_{name}", 0.0) for name in ("P", "I", "D", "D_FF", "FLTE")]
+    return (
+        Setting("ATC_RAT_YAW_FF", _rounded(1.0 / full), why),
+        *none,
+        Setting("ATC_RAT_YAW_FLTT", FILTER_HZ, "Hz"),
     )
 
 

@@ -113,14 +113,20 @@ def _pitch(vehicle: Vehicle, col: float) -> float:
     return math.degrees(own["main_rotor.pitch_trim"] + own["main_rotor.pitch_range"] * col)
 
 
-def tail(outputs: Outputs) -> Group:
-    """Return the settings of the tail."""
+def tail(outputs: Outputs, *, gyro: bool = False) -> Group:
+    """Return the settings of the tail, with a gyro of its own or without."""
+    turned = outputs.tail.travel < 0.0
+    if gyro:
+        return (
+            Setting("H_TAIL_TYPE", 1.0, "its own gyro moves the servo: yaw is the gyro's pedals"),
+            *_servo(outputs.tail, 36, turned, "pedals: their middle and their ends, us"),
+        )
     return (
         Setting("H_TAIL_TYPE", 0.0, "a servo, gyro in the autopilot"),
         *_servo(
             outputs.tail,
             36,
-            outputs.tail.travel < 0.0,
+            turned,
             f"tail: trim and ends {_ASIDE:g} us short of the hover's, as pulses are cut to whole "
             "us towards the trim: at it small commands would be lost",
             _ASIDE,

@@ -18,7 +18,11 @@ from helisim.vehicle import Vehicle
 
 
 def autopilot_parameters(
-    vehicle: Vehicle | str, source: "Source | Plant | None" = None, *, seed: int = 1
+    vehicle: Vehicle | str,
+    source: "Source | Plant | None" = None,
+    *,
+    gyro: bool = False,
+    seed: int = 1,
 ) -> AutopilotParameters:
     """Return parameters with which ArduCopter-heli flies a vehicle, each with its derivation.
 
@@ -28,6 +32,7 @@ def autopilot_parameters(
             SystemID's sweeps, one identified model as `helisim identify` writes it of other
             records (.json), or a `Plant`; None takes the vehicle's exact linearisation, as if it
             were known.
+        gyro: whether the vehicle's own gyro stays in the tail, and is asked for a rate of yaw.
         seed: of the bench test that finds its servos.
 
     Raises:
@@ -36,7 +41,7 @@ def autopilot_parameters(
         IdentificationError: a model can't be identified.
     """
     if source is None:
-        return parameters_for(vehicle)
+        return parameters_for(vehicle, gyro=gyro)
     own = isinstance(source, str | PathLike) and Path(source).is_file() and says_itself(source)
     plant = source if isinstance(source, Plant) else _plant(source, seed, own)
     told = ", ".join(fit.structure.name for fit in plant.fits)
@@ -47,6 +52,7 @@ def autopilot_parameters(
         of_autopilot=own,
         late=0.0 if own else -0.5 * plant.period,
         lift=lifts[0] if lifts else None,
+        gyro=gyro,
         made_from=f"models identified {'in its own log' if own else 'of its records'} ({told})",
     )
 
