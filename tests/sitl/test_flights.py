@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command import fails
 from helisim.cli import main
 from helisim.errors import AutopilotError, InputError, UnknownNameError
 from helisim.records.logs.dataflash import DataFlash
@@ -199,6 +200,29 @@ def test_a_sweep_is_told_with_its_units():
     sweep = sweeps(["yaw"], ["rate"])[0]
     assert str(sweep).startswith("SystemID axis 9, rate yaw: 15 deg/s, 0.2 to 12 Hz in 90 s")
     assert {one.name for one in fields(Sweep)} >= {"fade_in", "fade_out"}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--script", "hovr"], "hover"),
+        (["--script", "sysid"], "--log FILE.bin"),
+        (["--script", "sysid", "--log", "out.txt"], "suffix"),
+        (["--script", "sysid", "--log", "out.bin", "--axes", "rol"], "roll"),
+        (["--script", "sysid", "--log", "out.bin", "--height", "2"], "--height"),
+        (["--script", "hover", "--speed", "0"], "--speed"),
+        (["--script", "hover"], "set HELISIM_ARDUPILOT"),
+        (["--script", "hover", "--ardupilot", "nothing"], "is not a program"),
+        (["--script", "hover", "--ardupilot", sys.executable, "--tail", "gyro"], "H_TAIL_TYPE 1"),
+        (["--script", "hover", "--ardupilot", sys.executable, "--parm", "no.parm"], "no.parm"),
+        (["--log", "out.bin"], "--script"),
+    ],
+)
+def test_what_can_not_be_flown_is_one_line(words, message, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("HELISIM_ARDUPILOT", raising=False)
+    assert message in fails(capsys, "sitl", *words)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from helisim.cli.common import add_parameters, add_quiet, add_vehicle, names, pa
 from helisim.cli.ground import EPILOG as GROUND
 from helisim.cli.ground import add_ground, ground
 from helisim.cli.sitl_script import EPILOG as SCRIPTS
-from helisim.cli.sitl_script import add_script, check_script, fly
+from helisim.cli.sitl_script import add_script, check_no_script, check_script, fly
 from helisim.cli.sitl_serving import add_kept, check, is_kept, serve
 from helisim.cli.weather import add_weather, weather
 
@@ -98,6 +98,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.script is not None:
         check_script(options)
         return fly(options, _aircraft(options), also)
+    check_no_script(options)
     with Link(options.port, address=options.address, timeout=options.wait) as link:
         return serve(options, _aircraft(options), link, also)
 

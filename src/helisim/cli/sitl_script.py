@@ -107,6 +107,16 @@ def script_of_options(options: argparse.Namespace) -> "Callable[[Pilot], Steps]"
     return fly_sweeps(wanted, height=options.height)
 
 
+def check_no_script(options: argparse.Namespace) -> None:
+    """Refuse what only a script has."""
+    for name in ("log", "ardupilot", "parm"):
+        if getattr(options, name) is not None:
+            raise InputError(
+                f"--{name} is of a flight that --script flies; ArduPilot that you start yourself "
+                "keeps its log in its own folder, logs/"
+            )
+
+
 def check_script(options: argparse.Namespace) -> None:
     """Refuse a flight that can't be flown, or whose log can't be written, before it begins."""
     from helisim.records.files import check_destination
@@ -117,6 +127,13 @@ def check_script(options: argparse.Namespace) -> None:
         check_destination(options.log, (".bin",))
     if not options.speed > 0.0:
         raise InputError(f"--speed must be above 0, got {options.speed:g}")
+    if not 10.0 <= options.height <= 1000.0:
+        raise InputError(f"--height must be 10 to 1000 m, got {options.height:g}")
+    if options.parm is None and options.tail != "direct":
+        raise InputError(
+            "--tail gyro needs parameters that leave the tail to it: give --parm FILE, with "
+            "H_TAIL_TYPE 1 and no gains of ATC_RAT_YAW but FF"
+        )
     script_of_options(options)
     find_program(options.ardupilot)
     mavlink()
