@@ -56,9 +56,9 @@ class Served:
             time.sleep(self._slow.get(frame.count, 0.0))
         return self._over
 
-    def autopilot(self):
-        """Return a played autopilot, which waits a tenth of a second before it sends again."""
-        self._autopilots.append(played.PlayedAutopilot(self.link.port, resend=0.1))
+    def autopilot(self, resend=0.1):
+        """Return a played autopilot, which waits `resend` s before it sends again."""
+        self._autopilots.append(played.PlayedAutopilot(self.link.port, resend=resend))
         return self._autopilots[-1]
 
     def __enter__(self):
@@ -133,7 +133,7 @@ def test_the_played_parser_has_the_ways_of_the_real_one():
 def test_each_frame_is_a_step():
     """Two hundred frames: as many milliseconds, nothing lost."""
     with Served() as served:
-        autopilot = served.autopilot()
+        autopilot = served.autopilot(resend=5.0)
         times = [autopilot.frame((1000,))["timestamp"] for _ in range(200)]
     np.testing.assert_allclose(times, 1e-3 * np.arange(1, 201), rtol=2e-6)
     assert served.flown == list(range(200))
