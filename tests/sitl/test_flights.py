@@ -20,8 +20,11 @@ from helisim.sitl.flights.pilot import Sticks
 from helisim.sitl.flights.scripts import script_of
 from helisim.sitl.flights.session import fly_script
 from helisim.sitl.flights.sweeps import INTO, Sweep, sweeps
+from helisim.sitl.mixing import Mixer
 from helisim.sitl.packet import Sensed
+from helisim.sitl.parameter_file import read_parameters
 from helisim.sitl.process import Autopilot, find_program
+from helisim.vehicle.folder import model_folder
 from script import SCRIPTS, loaded
 
 FAKE = """#!{python}
@@ -243,6 +246,39 @@ def test_own_flight_goes_from_the_ground_to_the_ground(ardupilot, tmp_path, caps
     assert written.skipped == 0
     assert written.table("DSF")["Dp"][-1] == 0
     assert written.table("RATE").time[-1] > flown.duration - 60.0
+    its_parameters_were_taken(written)
+    its_pulses_are_repeated(written)
+
+
+def its_parameters_were_taken(log):
+    """Each name of the shipped file is one of ArduPilot's, and no value was limited or refused."""
+    shipped = read_parameters(model_folder("jr700") / "jr700.parm")
+    taken = log.parameters()
+    for name, value in shipped.items():
+        if not name.startswith("LOG_"):  # which a script sets as it goes
+            assert taken[name] == pytest.approx(value, rel=1e-6), name  # single precision
+
+
+def its_pulses_are_repeated(log):
+    """Our mixing of the rate controllers' outputs gives the pulses that it sent, all the flight.
+
+    RCOU is logged ten times a second, between ticks: the tail's is of the tick before. On the
+    ground the collective is limited, which RATE doesn't tell.
+    """
+    mixer = Mixer.of(log.parameters())
+    rate, sent = log.table("RATE"), log.table("RCOU")
+    names = {"lat": "ROut", "lon": "POut", "ped": "YOut", "col": "AOut"}
+    wanted = [
+        dict(zip(names, map(float, row))) for row in zip(*(rate.columns[n] for n in names.values()))
+    ]
+    last = np.searchsorted(rate.time, sent.time, side="right") - 1
+    same = []
+    for k, row in enumerate(last):
+        if row > 0 and wanted[row]["col"] > 0.3:
+            pulses = mixer.pulses(wanted[row]) | {4: mixer.pulses(wanted[row - 1])[4]}
+            same.append([pulses[n] == sent.columns[f"C{n}"][k] for n in (1, 2, 3, 4)])
+    assert len(same) > 50
+    assert np.mean(same, axis=0).min() > 0.9
 
 
 @pytest.mark.slow
