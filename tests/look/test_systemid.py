@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.errors import InputError, LogError
+from helisim.errors import HelisimError, InputError, LogError
 from helisim.look.systemid import SID_AXES, infer
 from helisim.look.systemid.bands import followed_band
 from helisim.look.systemid.channels import usual_step
@@ -311,3 +311,28 @@ def test_look_tells_the_sweeps_and_the_command_without_an_option(tmp_path):
     assert "SID_AXIS 12, mixer yaw" in str(found)
     assert found.command == f"helisim identify {path}"
     assert not found.logs[0].excitations
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_damaged_log_is_used_or_refused(tmp_path, seed):
+    """Bytes overwritten, lost or cut off, in the head too: records, or an error that says why."""
+    random = np.random.default_rng(seed)
+    data = bytearray(SidLog().sweep(10, length=8.0, low=1.0).data)
+    if seed % 3 == 0:
+        for k in random.integers(0, 6000, 15):
+            data[k] = random.integers(0, 256)
+    elif seed % 3 == 1:
+        for k in random.integers(0, len(data), 40):
+            data[k] = random.integers(0, 256)
+    else:
+        start = int(random.integers(0, len(data) - 5000))
+        del data[start : start + 4000]
+    path = tmp_path / "a.bin"
+    path.write_bytes(data)
+    said, logs = str(path), ()
+    try:
+        logs = infer(path).read()
+    except HelisimError as error:
+        said = str(error)
+    assert str(path) in said
+    assert all(np.all(np.isfinite(record.values)) for log in logs for record in log.records)

@@ -28,8 +28,6 @@ def own_sweeps(path: Path) -> tuple[FlownSweep, ...]:
     if not says_itself(path):
         return ()
     log = opened_log(path)[0].log
-    if "SIDD" not in log:
-        return ()
     try:
         return sweeps(log, min(log.first_stamps.values()))
     except LogError:

@@ -20,6 +20,10 @@ _AFTER = 3.0
 """s after a sweep, in which the vehicle still answers it."""
 _FIELDS = ("Time", "F", "Targ")
 """Of SIDD: the mode's own clock, s, the frequency, Hz, and what is injected."""
+_RANGE = (0.005, 200.0)
+"""Hz, in which sweeps are: the parameters' own range, and room."""
+_SETUP = ("Ax", "Mag", "FSt", "TR", "TFout")
+"""Of SIDS: axis, magnitude, lowest frequency, Hz, length and fade, s."""
 _AXIS = re.compile(r"SystemID Starting: axis=(\d+)")
 _USUAL_FADE = 2.0
 """s in which a sweep fades out, unless SID_T_FADE_OUT says another."""
@@ -108,7 +112,7 @@ def sweeps(log: DataFlash, first: float) -> tuple[FlownSweep, ...]:
     Raises:
         LogError: it has none; the message says what to set.
     """
-    if "SIDD" not in log:
+    if "SIDD" not in log or not set(_FIELDS) <= set(log.table("SIDD").columns):
         raise LogError(_without(log))
     data = log.table("SIDD", fields=_FIELDS)
     columns = np.column_stack([np.asarray(data[name], np.float64) for name in _FIELDS])
@@ -119,7 +123,7 @@ def sweeps(log: DataFlash, first: float) -> tuple[FlownSweep, ...]:
         time, rows = data.time[low:high], columns[low:high]
         start = float(np.median(time - rows[:, 0])) if time.size else 0.0
         setup = _setup(log, start, rows)
-        if time.size > 1 and int(setup["Ax"]) in SID_AXES:
+        if time.size > 1 and setup["FSt"] >= _RANGE[0] and int(setup["Ax"]) in SID_AXES:
             found.append(_sweep(start, setup, time, rows[:, 1], ended))
     if not found:
         raise LogError(
@@ -139,11 +143,11 @@ def _setup(log: DataFlash, start: float, rows: NDArray[np.float64]) -> Mapping[s
         start: of the sweep, s since the autopilot was switched on.
         rows: its SIDD, (n_time, 3) of `_FIELDS`.
     """
-    if "SIDS" in log:
-        table = log.table("SIDS")
-        near = np.flatnonzero(np.abs(table.time - start) < _WAIT)
-        if near.size:
-            return {name: float(table[name][near[0]]) for name in table.columns}
+    if "SIDS" in log and set(_SETUP) <= set((table := log.table("SIDS")).columns):
+        for k in np.flatnonzero(np.abs(table.time - start) < _WAIT).tolist():
+            row = {name: float(table[name][k]) for name in _SETUP}
+            if _RANGE[0] <= row["FSt"] <= _RANGE[1] and all(map(math.isfinite, row.values())):
+                return row
     said = [_AXIS.search(one.text) for one in log.messages() if abs(one.time - start) < _WAIT]
     axis = next((float(word[1]) for word in said if word), None)
     if axis is None:
@@ -176,7 +180,7 @@ def _sweep(
         ended: when the autopilot said or did what ends a sweep, s, and what.
     """
     logged = float(time[-1])
-    length, fade = row["TR"], row.get("TFout", 0.0)
+    length, fade = row["TR"], row["TFout"]
     planned = start + _WAIT + length
     stop, why = next(((at, why) for at, why in ended if at > start), (math.inf, ""))
     complete = min(stop, logged) >= planned - 0.5 * fade
@@ -186,7 +190,7 @@ def _sweep(
         end = min(stop, logged)
         said = why if stop <= logged + _WAIT and why else "the log of it ends"
         why = f"ended after {end - start:.3g} of {length + _WAIT:.3g} s: {said}"
-    used = time <= min(end, planned - fade)
+    used = (time <= min(end, planned - fade)) & (frequency >= _RANGE[0]) & (frequency <= _RANGE[1])
     flown = 2.0 * math.pi * np.append(frequency[used], row["FSt"])
     low, high = float(flown.min()), float(flown.max())
     return FlownSweep(int(row["Ax"]), start, end, abs(row["Mag"]), low, high, complete, why)
