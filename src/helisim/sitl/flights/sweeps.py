@@ -128,7 +128,7 @@ INTO = {
     "input": _into(1, {"roll": 5.0, "pitch": 5.0, "yaw": 15.0}, "deg", _ANGLES, yaw="deg/s"),
     "recovery": _into(4, {"roll": 3.0, "pitch": 3.0, "yaw": 15.0}, "deg", _ANGLES, yaw="deg/s"),
     "rate": _into(7, {"roll": 10.0, "pitch": 10.0, "yaw": 15.0}, "deg/s", _RATES),
-    "mixer": _into(10, {"roll": 0.06, "pitch": 0.06, "yaw": 0.15, "thrust": 0.06}, "of 1", _MIXER),
+    "mixer": _into(10, {"roll": 0.06, "pitch": 0.06, "yaw": 0.07, "thrust": 0.06}, "of 1", _MIXER),
     "position": _into(14, _HALF, "m", _PLACES, by_position=True),
     "velocity": _into(16, _HALF, "m/s", _PLACES, by_position=True),
     "velocity-input": _into(18, _HALF, "m/s", _WISHES, by_position=True),
