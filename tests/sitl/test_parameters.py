@@ -85,6 +85,28 @@ def test_reversed_servos_and_turned_plates_are_set_right():
     np.testing.assert_allclose(scale, expected, atol=1e-9)
 
 
+@pytest.mark.parametrize(("front", "side"), [(180.0, 45.0), (0.0, 135.0)])
+def test_an_h3_140_is_mixed_one_to_one(front, side):
+    """Elevator behind or in front (HR3-140), as docs/extend/swashplate.md has them."""
+    changes = {
+        "swashplate.front_angle": math.radians(front),
+        "swashplate.left_angle": math.radians(side),
+        "swashplate.right_angle": math.radians(-side),
+        "swashplate.left_arm": math.sqrt(2.0),
+        "swashplate.right_arm": math.sqrt(2.0),
+    }
+    own = hs.load("jr700", parameters=changes)
+    outputs = Outputs.of(own.parameters)
+    plate, remarks = swashplate(own, outputs)
+    values = {one.name: one.value for one in (*plate, *tail(outputs))}
+    assert remarks == []
+    assert values["H_SW_TYPE"] == 2.0
+    scale = Controls(Mixer.of(values), outputs, own.swashplate).scale(values["H_COL_HOVER"])
+    np.testing.assert_allclose(scale, np.diag(np.diag(scale)), atol=1e-9)
+    np.testing.assert_allclose(np.diag(scale)[1:3], 0.675)
+    assert scale[0, 0] > 0.0
+
+
 def test_a_gyro_that_stays_in_the_tail_is_asked_for_a_rate():
     """FF is 1 over the rate of full pedals, k_delta / k_a / 2 (paper, Table 2); no other gain."""
     made = hs.autopilot_parameters("jr700", gyro=True)

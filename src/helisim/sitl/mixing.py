@@ -32,8 +32,10 @@ _FIRST_FUNCTION = 33
 """SERVOn_FUNCTION of "Motor1"; those of the swashplate's other two and the tail follow."""
 ROTOR_FUNCTION = 31
 """SERVOn_FUNCTION of the rotor's speed."""
-_ANYWHERE, _EQUAL = 0.0, 3.0
-"""H_SW_TYPE of three servos at places of their own, and 120 degrees apart."""
+_ANYWHERE, H3_140, _EQUAL = 0.0, 2.0, 3.0
+"""H_SW_TYPE of three servos at places of their own, of an H3-140, and 120 degrees apart."""
+MIXED_1_TO_1 = ((1.0, 1.0), (1.0, -1.0), (-1.0, 0.0))
+"""Of an H3-140: how far pitch and roll move Motors 1 (left), 2 (right), 3 (behind), of 450 us."""
 _AZIMUTHS = (-60.0, 60.0, 180.0)
 """Of the latter, degrees; of the former where nothing else is said."""
 _SERVO, _GYRO = 0.0, 1.0
@@ -132,10 +134,10 @@ class Mixer:
             InputError: they are of another swashplate or tail than this knows.
         """
         given = ChainMap(dict(parameters), _USUAL)
-        if given["H_SW_TYPE"] not in (_ANYWHERE, _EQUAL):
+        if given["H_SW_TYPE"] not in (_ANYWHERE, H3_140, _EQUAL):
             raise InputError(
                 f"H_SW_TYPE {given['H_SW_TYPE']:g} is not known here: expected 0 (three servos "
-                "anywhere) or 3 (120 degrees)"
+                "anywhere), 2 (H3-140) or 3 (120 degrees)"
             )
         if given["H_TAIL_TYPE"] not in (_SERVO, _GYRO):
             raise InputError(
@@ -147,13 +149,16 @@ class Mixer:
             azimuths = np.array([given[f"H_SW_H3_SV{k}_POS"] for k in (1, 2, 3)])
             azimuths = azimuths - given["H_SW_H3_PHANG"]
         angles = np.radians(azimuths)
+        moved = np.column_stack([np.cos(angles), -np.sin(angles)])
+        if given["H_SW_TYPE"] == H3_140:
+            moved = np.array(MIXED_1_TO_1)
         one, two, three, four = (Servo.of(given, motor) for motor in (1, 2, 3, 4))
         low, high = given["H_COL_ANG_MIN"], given["H_COL_ANG_MAX"]
         zero = min(max(given["H_COL_ZERO_THRST"], low), high)
         return cls(
             servos=(one, two, three, four),
-            roll=tuple(-CYCLIC * np.sin(angles)),
-            pitch=tuple(CYCLIC * np.cos(angles)),
+            roll=tuple(CYCLIC * moved[:, 1]),
+            pitch=tuple(CYCLIC * moved[:, 0]),
             lowest=given["H_COL_MIN"],
             highest=given["H_COL_MAX"],
             most_cyclic=given["H_CYC_MAX"] / FULL_CYCLIC,

@@ -7,9 +7,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from helisim.errors import InputError
-from helisim.sitl.mixing import CYCLIC, FULL_CYCLIC, ROTOR_FUNCTION
+from helisim.sitl.mixing import CYCLIC, FULL_CYCLIC, H3_140, MIXED_1_TO_1, ROTOR_FUNCTION
 from helisim.sitl.outputs import Output, Outputs
 from helisim.sitl.parameter_file import Setting
 from helisim.vehicle import Vehicle
@@ -37,11 +38,13 @@ def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
     plate = vehicle.swashplate
     columns = np.array(plate.mix(*np.eye(3)))  # rows: servos; columns: col, lon, lat
     signs = np.sign(columns[:, 0])
-    arms = np.hypot(columns[:, 1], columns[:, 2])
-    azimuths = -np.degrees(np.arctan2(signs * columns[:, 2], signs * columns[:, 1]))
+    rows = signs[:, None] * columns[:, 1:]
     each = (outputs.front, outputs.left, outputs.right)
+    order, sense = _h3_140(rows) or ([0, 1, 2], 1.0)
+    mixed = _h3_140(rows) is not None
+    arms = np.ones(3) if mixed else np.hypot(rows[:, 0], rows[:, 1])
     travel = np.array([one.travel for one in each]) / outputs.reach
-    reversed_ = (signs * travel) < 0.0
+    turned = (sense * signs * travel) < 0.0
     remarks = []
     if np.ptp(arms) > _SAME or np.ptp(np.abs(travel)) > _SAME:
         remarks.append(
@@ -49,19 +52,11 @@ def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
             "no numbers for: means are taken, and roll, pitch and collective move each other"
         )
     unit = float(np.mean(np.abs(travel)))
-    found = [Setting("H_SW_TYPE", 0.0, "three servos anywhere (H3 generic)")]
-    for k, azimuth in enumerate(azimuths):
-        why = "azimuths of the servos' ball links, deg from the nose to the right" if not k else ""
-        found.append(Setting(f"H_SW_H3_SV{k + 1}_POS", round(float(azimuth), 6) + 0.0, why))
-    found.append(
-        Setting(
-            "H_SW_H3_PHANG",
-            0.0,
-            "none: roll is the vehicle's lat and pitch its lon; what moves across is its rotor's",
-        )
-    )
-    for k, (one, turned) in enumerate(zip(each, reversed_)):
-        found += _servo(one, 33 + k, bool(turned), f"servo {k + 1} of the swashplate, us")
+    found = _plate(rows, mixed)
+    found.append(Setting("H_SW_COL_DIR", float(sense < 0.0)))
+    for motor, k in enumerate(order):
+        why = f"servo {motor + 1} of the swashplate, us"
+        found += _servo(each[k], 33 + motor, bool(turned[k]), why)
     low, high = collective(vehicle)
     least = 1500.0 + low * unit
     if least < 1000.0 or 1500.0 + high * unit > 2000.0:
@@ -95,6 +90,39 @@ def swashplate(vehicle: Vehicle, outputs: Outputs) -> tuple[Group, list[str]]:
         ),
     ]
     return tuple(found), remarks
+
+
+def _plate(rows: NDArray[np.float64], mixed: bool) -> list[Setting]:
+    """Return where the servos stand; rows are of lon and lat, (3, 2)."""
+    if mixed:
+        return [Setting("H_SW_TYPE", H3_140, "H3-140, mixed 1:1: left, right, elevator's servo")]
+    azimuths = -np.degrees(np.arctan2(rows[:, 1], rows[:, 0]))
+    why = "azimuths of the servos' ball links, deg from the nose to the right"
+    return [
+        Setting("H_SW_TYPE", 0.0, "three servos anywhere (H3 generic)"),
+        *(
+            Setting(f"H_SW_H3_SV{k}_POS", round(float(azimuth), 6) + 0.0, why if k == 1 else "")
+            for k, azimuth in enumerate(azimuths, 1)
+        ),
+        Setting(
+            "H_SW_H3_PHANG",
+            0.0,
+            "none: roll is the vehicle's lat and pitch its lon; what moves across is its rotor's",
+        ),
+    ]
+
+
+def _h3_140(rows: NDArray[np.float64]) -> tuple[list[int], float] | None:
+    """Return which servos an H3-140's motors 1 to 3 move, and -1 where its elevator is in front.
+
+    All of it is then reversed, collective too, as ArduPilot's H_SW_TYPE says of an HR3-140. None
+    for another plate. Rows are of lon and lat, (3, 2).
+    """
+    for sense in (1.0, -1.0):
+        near = [np.all(np.abs(rows - sense * np.array(one)) < 1e-3, axis=1) for one in MIXED_1_TO_1]
+        if all(map(np.any, near)):
+            return [int(np.argmax(one)) for one in near], sense
+    return None
 
 
 def collective(vehicle: Vehicle) -> tuple[float, float]:
