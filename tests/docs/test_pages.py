@@ -110,10 +110,10 @@ def test_the_readme_is_read_in_a_few_minutes():
 
 
 def test_each_door_takes_at_most_ten_lines():
-    """From logs, model, vehicle and law to mission, agent, hands and notebook; blanks aside."""
+    """From logs, autopilot, model, vehicle and law to agent, hands and notebook; blanks aside."""
     section = README.read_text(encoding="utf-8").split("## Make it yours")[1].split("\n## ")[0]
     doors = [text.split("\n") for _, _, text in BLOCK.findall(section)]
-    assert len(doors) == 10
+    assert len(doors) == 11
     assert max(len([line for line in door if line]) for door in doors) <= 10
 
 
