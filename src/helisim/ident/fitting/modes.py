@@ -296,20 +296,28 @@ def text_lines(found: Modes) -> list[str]:
     rows = [("pole", one) for one in found.poles]
     rows += [(f"zero {name}", one) for name, some in found.zeros.items() for one in some]
     width = max((len(name) for name, _ in rows), default=4)
-    head = f"{'mode':<{width}}  {'root, 1/s':>19}  {'rad/s':>8} {'error':>7}  "
+    roots = max((len(_root(one)) for _, one in rows), default=0)
+    roots = max(roots, len("root, 1/s"))
+    head = f"{'mode':<{width}}  {'root, 1/s':>{roots}}  {'rad/s':>8} {'error':>7}  "
     return [
         f"{head}{'damping':>7} {'error':>7}  {'time, s':>8} {'error':>7}",
-        *(f"{name:<{width}}  {_line(name, one)}".rstrip() for name, one in rows),
+        *(
+            f"{name:<{width}}  {_root(one):>{roots}}  {_line(name, one)}".rstrip()
+            for name, one in rows
+        ),
     ]
 
 
+def _root(one: Mode) -> str:
+    return f"{one.real:.4g}" + (f" +- {one.imag:.4g}j" if one.oscillates else "")
+
+
 def _line(name: str, one: Mode) -> str:
-    root = f"{one.real:.4g}" + (f" +- {one.imag:.4g}j" if one.oscillates else "")
     damping = f"{'-':>7} {'-':>7}"
     if one.oscillates:
         damping = f"{one.damping:7.3f} {_text(one.damping_error, 7, 2)}"
     return (
-        f"{root:>19}  {_text(one.frequency, 8)} {_text(one.frequency_error, 7, 2)}  "
+        f"{_text(one.frequency, 8)} {_text(one.frequency_error, 7, 2)}  "
         f"{damping}  "
         f"{_text(one.time, 8)} {_text(one.time_error, 7, 2)}  {'; '.join(mode_notes(name, one))}"
     )
