@@ -4,6 +4,7 @@ Numbers of a letter that scales are in their unit already.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +29,7 @@ class TextStore:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
+        self._parsed: dict[str, tuple[NDArray[np.signedinteger], dict[str, NDArray]]] = {}
         places: dict[bytes, list[int]] = {}
         for match in _LINE.finditer(data):
             places.setdefault(match[1], []).append(match.start())
@@ -48,10 +50,18 @@ class TextStore:
         """Return the fields of each part, each (n_message,) or (n_message, n_number)."""
         found = []
         for part, fields in wanted:
-            count = max((one.index for one in part.layout.fields), default=0) + 1
-            rows = [line.split(b",", count)[1:] for line in self._lines(part.places)]
-            found.append([_column(rows, field) for field in fields])
+            places, columns = self._columns(part.layout.name)
+            here = np.searchsorted(places, part.places)
+            found.append([columns[field.name][here] for field in fields])
         return found
+
+    def _columns(self, name: str) -> tuple[NDArray[np.signedinteger], dict[str, NDArray]]:
+        """Return where a type's lines begin, (n_line,), and its columns, each (n_line,)."""
+        if name not in self._parsed:
+            part = next(one for one in self.parts if one.layout.name == name)
+            columns = _columns(part.layout.fields, self._lines(part.places))
+            self._parsed[name] = part.places, columns
+        return self._parsed[name]
 
     def _whole(self, places: NDArray[np.int64], layout: Layout) -> NDArray[np.int64]:
         """Return those of the lines at places, (n_line,), that have all fields."""
@@ -77,13 +87,35 @@ def _layout(line: bytes) -> Layout | None:
     return replace(found, fields=tuple(replace(one, divisor=1.0) for one in found.fields))
 
 
+def _columns(fields: Sequence[Field], lines: list[bytes]) -> dict[str, NDArray]:
+    """Return field -> its cells in lines, (n_line,)."""
+    if not fields:
+        return {}
+    if not any(one.is_text for one in fields):
+        try:
+            where = [one.index + 1 for one in fields]
+            numbers = np.loadtxt(lines, delimiter=",", usecols=where, ndmin=2, comments=None)
+        except ValueError:
+            pass  # a cell isn't a number: which ones, is found one by one
+        else:
+            return {one.name: _shaped(one, numbers[:, k]) for k, one in enumerate(fields)}
+    count = max(one.index for one in fields) + 1
+    rows = [line.split(b",", count)[1:] for line in lines]
+    return {one.name: _shaped(one, _column(rows, one)) for one in fields}
+
+
+def _shaped(field: Field, values: NDArray) -> NDArray:
+    """Return a column, (n_line,); without numbers, (n_line, n_number), where it has several."""
+    if field.count == 1:
+        return values
+    return np.full((values.size, field.count), np.nan)  # no program writes them in text
+
+
 def _column(rows: list[list[bytes]], field: Field) -> NDArray:
     """Return a field of split lines, (n_message,); NaN where it isn't a number."""
     cells = [row[field.index].strip() if field.index < len(row) else b"" for row in rows]
     if field.is_text:
         return np.array(cells, field.kind)
-    if field.count > 1:  # no program writes them in text
-        return np.full((len(cells), field.count), np.nan)
     return np.array([_number(cell) for cell in cells], np.float64)
 
 
