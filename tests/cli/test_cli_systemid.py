@@ -69,3 +69,16 @@ def test_what_belongs_to_one_structure_asks_for_it(tmp_path, capsys):
     path = SidLog().sweep(10, **SHORT).sweep(12, **SHORT).save(tmp_path)
     assert main(["identify", str(path), "--fix", "N_r=-3", "--quiet"]) == 2
     assert "choose one by --structure" in capsys.readouterr().err
+
+
+def test_a_model_is_verified_on_another_log_without_an_option(tmp_path, capsys):
+    """Of its sweeps those of the model's inputs; a log that it was fitted to is refused."""
+    first = SidLog().sweep(12, **SHORT).save(tmp_path)
+    log = SidLog().sweep(10, **SHORT).sweep(12, seed=3, noise=0.1, **SHORT)
+    second = log.save(tmp_path, "b.bin")
+    model = tmp_path / "yaw.json"
+    main(["identify", str(first), "--json", str(model), "--quiet"])
+    capsys.readouterr()
+    assert main(["verify", str(model), str(second), "--quiet"]) == 0
+    assert "r " in capsys.readouterr().out
+    assert main(["verify", str(model), str(first), "--quiet"]) == 2

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from helisim.cli.bands import Bands
 from helisim.cli.common import names, wrapped
-from helisim.cli.logs import given_columns, located
+from helisim.cli.logs import Read, given_columns, located
 from helisim.cli.responses import Estimated, Signals, estimator_options, resolved_band
 from helisim.cli.structures import find_structure
 from helisim.errors import InputError
@@ -77,22 +77,9 @@ def inferred_work(
     Raises:
         HelisimError: the logs can't be used, or not so.
     """
-    from helisim.look.systemid import infer
     from helisim.look.systemid.estimate import estimate_fits
 
-    if options.time is not None or options.rate is not None:
-        raise InputError("--time and --rate are of logs without a clock; an autopilot's has one")
-    channels, _ = given_columns(options)
-    found = infer(
-        options.logs,
-        channels=channels,
-        resample_hz=options.resample,
-        repair=[name for item in options.repair for name in names(item)],
-        max_gap=options.max_gap,
-        min_duration=options.min_duration,
-        start=options.from_time,
-        stop=options.to_time,
-    )
+    found = _inferred(options)
     fits = _fits(options, found)
     structures = [_structure(fit, adapted) for fit in fits]
     found = replace(found, fits=fits)
@@ -109,6 +96,60 @@ def inferred_work(
         for fit, structure, response in zip(fits, structures, responses)
     ]
     return replace(found, fits=fits), work
+
+
+def _inferred(options: argparse.Namespace) -> "Inferred":
+    """Return what the logs say, read as the options want. Raises HelisimError."""
+    from helisim.look.systemid import infer
+
+    if options.time is not None or options.rate is not None:
+        raise InputError("--time and --rate are of logs without a clock; an autopilot's has one")
+    channels, _ = given_columns(options)
+    return infer(
+        options.logs,
+        channels=channels,
+        resample_hz=options.resample,
+        repair=[name for item in options.repair for name in names(item)],
+        max_gap=options.max_gap,
+        min_duration=options.min_duration,
+        start=options.from_time,
+        stop=options.to_time,
+    )
+
+
+def read_sweeps(
+    options: argparse.Namespace,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    advance: Callable[[str], None],
+) -> Read | None:
+    """Return the sweeps of a model's inputs, where logs say them; None of any other logs.
+
+    Args:
+        options: of the command.
+        inputs: of the model.
+        outputs: of the model.
+        advance: called with each file's name.
+
+    Raises:
+        HelisimError: the logs can't be used.
+    """
+    from helisim.look.systemid import SID_AXES
+    from helisim.look.systemid.autopilots import own_sweeps
+
+    wanted = {*inputs, *outputs}
+    if wanted <= set(given_columns(options)[0].channels):
+        return None
+    if not all(path.is_file() and own_sweeps(path) for path in options.logs):
+        return None
+    found = _inferred(options)
+    found.fit("the model", inputs, outputs)  # says what wasn't swept, or isn't there
+    logs = tuple(
+        log
+        for log in found.read(wanted, on_progress=advance)
+        if SID_AXES[log.records[0].provenance["sweep"]["axis"]].control in inputs
+    )
+    return Read(logs, tuple(record for log in logs for record in log.records))
 
 
 def with_followed_bands(

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.cli.common import add_quiet, print_written
+from helisim.cli.inferred import read_sweeps
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, read_logs, reports
 from helisim.cli.progress import Progress
 from helisim.cli.units import add_units, chosen_units
@@ -67,7 +68,8 @@ def _run(options: argparse.Namespace) -> int:
         check_destination(options.json, (".json",))
     wanted = (*fit.structure.inputs, *fit.structure.outputs)
     with Progress(len(options.logs) + 1, options.quiet) as advance:
-        logs, records = read_logs(options, wanted, advance)
+        swept = read_sweeps(options, fit.structure.inputs, fit.structure.outputs, advance)
+        logs, records = swept or read_logs(options, wanted, advance)
         for log in logs:
             for record in log.records:
                 refuse_seen(fit, record, log.report.path)
