@@ -71,6 +71,7 @@ def test_what_belongs_to_one_structure_asks_for_it(tmp_path, capsys):
     assert "choose one by --structure" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_model_is_verified_on_another_log_without_an_option(tmp_path, capsys):
     """Of its sweeps those of the model's inputs; a log that it was fitted to is refused."""
     first = SidLog().sweep(12, **SHORT).save(tmp_path)
