@@ -11,15 +11,14 @@ copter-heli.parm, are read from the folder in which it is.
 
 import select
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 
 from helisim.errors import AutopilotError, HelisimError, InputError, UnknownNameError
 from helisim.sitl import Sensed
-from helisim.sitl.flights.pilot import Pilot
-from helisim.sitl.flights.sweeps import fly_sweeps, sweeps
+from helisim.sitl.flights.pilot import Pilot, Steps
+from helisim.sitl.flights.sweeps import fly_sweep, sweeps
 from helisim.sitl.flights.telemetry import Telemetry
 from helisim.sitl.process import Autopilot, find_program
 
@@ -52,15 +51,8 @@ class Heard(Telemetry):
 class Seen:
     """The helicopter as its own autopilot sees it, in the place of one that flies here."""
 
-    crashed = ""
-
     def __init__(self, heard: Heard) -> None:
         self._heard, self.rotor_speed = heard, 0.0
-
-    @property
-    def stands(self) -> bool:
-        """Whether it is on the ground."""
-        return abs(self.sensed.position[2]) < 0.3
 
     @property
     def sensed(self) -> Sensed:
@@ -73,6 +65,20 @@ class Seen:
         return Sensed(heard.time, still, still, position, velocity, np.array((1.0, 0.0, 0.0, 0.0)))
 
 
+def swept(pilot: Pilot, low: float, high: float) -> Steps:
+    """Take off, fly a sweep of each axis between two frequencies, Hz, and land."""
+    yield from pilot.take_off(HEIGHT)
+    for sweep in sweeps(AXES, start_hz=low, stop_hz=high, magnitude=0.06):
+        yield from pilot.go_to(0.0, 0.0, HEIGHT)
+        pilot.say(str(sweep))
+        yield from fly_sweep(pilot, sweep)
+    yield from pilot.go_to(0.0, 0.0, 5.0)
+    pilot.say("landing")
+    yield from pilot.mode("land")
+    yield from pilot.until(lambda: not pilot.telemetry.armed, "it lands and disarms itself", 120.0)
+    yield from pilot.wait(5.0)  # its log's end is written
+
+
 def fly(log: Path, model: str, program: Path) -> None:
     """Fly the sweeps. Raises HelisimError."""
     beside = program.parent / "copter-heli.parm"
@@ -82,32 +88,14 @@ def fly(log: Path, model: str, program: Path) -> None:
         )
     defaults = beside.read_text(encoding="ascii")
     text = defaults + "".join(f"\n{name} {value}" for name, value in _OWN.items()) + "\n"
-    low, high = SWEPT[model]
-    wanted = sweeps(AXES, start_hz=low, stop_hz=high, magnitude=0.06)
-    script = fly_sweeps(wanted, height=HEIGHT)
     with Autopilot(program, text, speed=SPEED, more=("--model", model)) as autopilot:
         heard = Heard(autopilot.telemetry)
-        seen = Seen(heard)
-        pilot = Pilot(seen, heard, lambda said: print(f"{heard.time:7.1f} s  {said}", flush=True))
-        steps, told = script(pilot), 0
+        pilot = Pilot(Seen(heard), heard, lambda said: print(f"{heard.time:7.1f} s  {said}"))
+        steps = swept(pilot, *SWEPT[model])
         sticks = step = 0.0
-        last = time.monotonic()
         while True:
-            ready, _, _ = select.select([autopilot.telemetry], [], [], 0.01)
-            if ready:
-                last = time.monotonic()
-            elif time.monotonic() - last > _SILENCE:
-                autopilot.check()
-                raise AutopilotError(f"ArduPilot says nothing for {_SILENCE:g} s")
-            heard.hear()
-            for one in heard.said[told:]:
-                pilot.say(f"ArduPilot: {one}")
-            told = len(heard.said)
-            if ready and not heard.time:
-                heard.ask_for_messages()  # which tell the time
-            seen.rotor_speed = float(pilot.sticks.rotor)
-            pilot.sensed = seen.sensed
-            if heard.time >= step or not heard.time:
+            listen(autopilot, pilot)
+            if heard.time >= step:
                 step = heard.time + _STEP
                 if next(steps, "done") == "done":
                     break
@@ -116,6 +104,21 @@ def fly(log: Path, model: str, program: Path) -> None:
                 heard.move_sticks(pilot.sticks.pulses)
                 heard.beat()
         autopilot.keep_log(log)
+
+
+def listen(autopilot: Autopilot, pilot: Pilot) -> None:
+    """Take in what the autopilot says. Raises AutopilotError if it says nothing for long."""
+    heard, told = pilot.telemetry, len(pilot.telemetry.said)
+    if not select.select([autopilot.telemetry], [], [], _SILENCE)[0]:
+        autopilot.check()
+        raise AutopilotError(f"ArduPilot says nothing for {_SILENCE:g} s")
+    heard.hear()
+    for one in heard.said[told:]:
+        pilot.say(f"ArduPilot: {one}")
+    if not heard.time:
+        heard.ask_for_messages()  # which tell the time
+    pilot.aircraft.rotor_speed = float(pilot.sticks.rotor)
+    pilot.sensed = pilot.aircraft.sensed
 
 
 def main(log: str, model: str = "heli", program: str | None = None) -> None:
