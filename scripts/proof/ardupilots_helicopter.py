@@ -23,13 +23,14 @@ from helisim.sitl.flights.telemetry import Telemetry
 from helisim.sitl.process import Autopilot, find_program
 
 AXES = ("roll", "pitch", "yaw", "thrust")
-SPEED = 4.0
-"""Times real time: its log's writer follows."""
+SPEED = 3.0
+"""Times real time: its log's writer follows, and a busy machine holds the place."""
 HEIGHT = 100.0
 """m above the ground where sweeps are flown."""
 SWEPT = {"heli": (0.3, 12.0), "heli-blade360": (0.5, 18.0)}
 """Hz: past the rotor's mode, which is at 10 and at 11 Hz; that of a smaller one is faster."""
 _OWN = {"LOG_BITMASK": 3, "LOG_DISARMED": 0, "LOG_FILE_BUFSIZE": 30_000, "FLTMODE_CH": 0}
+_OWN["RC_OVERRIDE_TIME"] = -1  # it doesn't wait for us: sticks stay where they were put
 _STICKS, _STEP, _SILENCE = 0.05, 0.02, 20.0
 """s of simulated time between two messages of the sticks, and steps; s of the clock in silence."""
 
