@@ -227,6 +227,16 @@ class ArduCopterLaw(Value):
         row = COMMANDS.index(axis_of(axis).name)
         return self.ticked.response(frequency)[row, len(self.inputs) + row]
 
+    def wanted(self, error: Array, moves: Array) -> Array:
+        """Return the rates that the attitude's law wants, (3, ...) rad/s.
+
+        Args:
+            error: (3, ...) of roll, pitch and heading: what is aimed at less what is, rad.
+            moves: (3, ...) derivatives of what is aimed at, rad/s.
+        """
+        gains = np.array([self.angle[axis] for axis in COMMANDS])
+        return (gains[:, None] * self._turned) @ error + self._turned @ moves
+
     @cached_property
     def ticked(self) -> SampledLaw:
         """The law at its ticks; its rates are those behind the gyro's filter.
@@ -263,8 +273,7 @@ class ArduCopterLaw(Value):
             still = own.tick(Terms(0.0, 0.0, 0.0, steady, steady), 0.0, 0.0, self.period)
             terms[:, k] = np.array([*now]) - np.array([*still])
         aim, moves = self._aimed(aim, moves, asked)
-        gains = np.array([self.angle[axis] for axis in COMMANDS])
-        wanted = gains * (self._turned @ (aim - attitude)) + self._turned @ moves + added
+        wanted = self.wanted(aim - attitude, moves) + added
         *kept, commands = terms
         return np.concatenate([wanted, *kept, aim, moves, commands])
 

@@ -29,6 +29,9 @@ class Cut:
         total: channel of the sum of both, which goes on behind the cut. None: `returned` and what
             was injected, added up.
         returned: channel of what comes back, to which it was added. None: the difference.
+        alone: at the actuators, whether the law moves this command by the axis's own attitude and
+            rate alone. To turn that attitude is then to add there: what follows the cut is also the
+            rejection of disturbances.
 
     Raises:
         InputError: neither `total` nor `returned` is given.
@@ -40,6 +43,7 @@ class Cut:
     injected: str
     total: str | None = None
     returned: str | None = None
+    alone: bool = False
 
     def __post_init__(self) -> None:
         one = axis_of(self.axis)

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helisim.handling.axis import axis_of
 from helisim.handling.curve import Curve
 from helisim.handling.figures.bandwidth import bandwidth
 from helisim.handling.figures.margins import margins
 from helisim.handling.figures.rejection import HALF_POWER, rejection
 from helisim.handling.loop import Loop
+from helisim.handling.measured.cut import Cut
 
 UNITS: Mapping[str, str] = {
     "crossover": "rad/s",
@@ -96,7 +96,8 @@ def of_command(curve: Curve) -> dict[str, float]:
     }
 
 
-def asked_of(axis: str, at: str) -> list[Asked]:
+def asked_of(cut: Cut) -> list[Asked]:
     """Return what a cut of an axis's loop can be asked."""
-    broken = Asked("broken", axis_of(axis).name, at)
-    return [broken, Asked("disturbance", broken.axis, at)] if at == "sensors" else [broken]
+    broken = Asked("broken", cut.axis, cut.at)
+    turned = cut.at == "sensors" or (cut.alone and cut.at == "actuators")
+    return [broken, Asked("disturbance", cut.axis, cut.at)] if turned else [broken]

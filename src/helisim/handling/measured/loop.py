@@ -51,8 +51,11 @@ class MeasuredCurves(Value):
         return self._at_cut(self._cut(axis, at), "L")
 
     def disturbance(self, axis: str) -> MeasuredCurve:
-        """Return the sensitivity S at the attitude. Raises NoResponse."""
-        return self._at_cut(self._cut(axis, "sensors"), "S")
+        """Return the sensitivity S at the attitude, or where it acts alone. Raises NoResponse."""
+        name = axis_of(axis).name
+        alone = [one for one in self._used if one.alone and one.axis == name]
+        turned = any((one.axis, one.at) == (name, "sensors") for one in self._used)
+        return self._at_cut(alone[0] if alone and not turned else self._cut(name, "sensors"), "S")
 
     def command(self, axis: str, output: str | None = None) -> MeasuredCurve:
         """Return an output over the axis's stick. Raises NoResponse.
@@ -97,13 +100,17 @@ class MeasuredCurves(Value):
             raise NoResponse(f"{drive} was not moved on purpose in the records: {there} was")
         return self._drives[drive]
 
+    @cached_property
+    def _used(self) -> list[Cut]:
+        """The cuts at which something was injected."""
+        return [cut for cut in self.cuts if cut.injected in self._drives]
+
     def _cut(self, axis: str, at: str) -> Cut:
         name = axis_of(axis).name
-        used = [cut for cut in self.cuts if cut.injected in self._drives]
-        for cut in used:
+        for cut in self._used:
             if (cut.axis, cut.at) == (name, at):
                 return cut
-        there = ", ".join(f"{cut.axis} at {cut.at}" for cut in used) or "no cut"
+        there = ", ".join(f"{cut.axis} at {cut.at}" for cut in self._used) or "no cut"
         raise NoResponse(f"nothing was injected into {name} at {at}; there is {there}")
 
     def _at_cut(self, cut: Cut, kind: str) -> MeasuredCurve:

@@ -184,8 +184,10 @@ def _cuts(flights: Sequence[FlightRecord], cuts: Cut | Iterable[Cut] | None) -> 
         return cuts_by_name(tuple(names))
     given = (cuts,) if isinstance(cuts, Cut) else tuple(cuts)
     for cut in given:
-        for flight in flights:
-            for name in (cut.injected, *cut.outputs):
+        names = (cut.injected, *cut.outputs)
+        cutting = [flight for flight in flights if any(name in flight for name in names)]
+        for flight in cutting or flights:
+            for name in names:
                 flight.unit(name)
     return given
 
@@ -286,7 +288,7 @@ def _figures(
     """Return all figures that the loop has, and which it doesn't have."""
     found, missing = [], []
     drives = {one.drive for one in loop.curves.driven}
-    asked = [one for cut in cuts if cut.injected in drives for one in asked_of(cut.axis, cut.at)]
+    asked = [one for cut in cuts if cut.injected in drives for one in asked_of(cut)]
     if not asked:
         missing.append(
             "no loop was cut: nothing that the control law doesn't know was injected, so margins, "
