@@ -16,7 +16,8 @@ The house, from the ground up; each room imports only from those above it in thi
                     `responses` | `model`, `fitting`, `verifying`
     laws            control laws as data: a file that is read, linearised and flown
     handling        what a closed loop is judged by: margins, disturbance rejection, ADS-33
-    look            a first look at logs of which nothing is known: what to identify, and how
+    look            a first look at logs of which nothing is known: what to identify, and how;
+                    `systemid`: what autopilots' logs of it say themselves, their loops too
     sim             what is flown and recorded: pilot, manoeuvre, weather, faults; `rigs`: benches
     design          from an identified model to a control law that meets specifications
     sitl            an outside autopilot in the loop: ArduPilot flies the vehicle, lock step

@@ -16,7 +16,7 @@ from helisim.cli.responses import Estimated, Signals, add_responses, estimate
 from helisim.cli.structures import find_structure
 from helisim.cli.suspicions import print_suspicions
 from helisim.cli.units import add_units, chosen_units
-from helisim.errors import InputError
+from helisim.errors import IdentificationError, InputError, LogError
 
 if TYPE_CHECKING:
     from helisim.ident import Fit, FittedParameter, FrequencyResponse, Reduction, Structure
@@ -102,7 +102,25 @@ def _run_inferred(options: argparse.Namespace) -> int:
         search["band"] = fitted_bands(options, one.structure, one.fit.band)
         files = _Files.of(options, one.label if len(work) > 1 else "")
         status |= _fitted(options, one.structure, one.estimated, search, units, files, "")
+    _print_loops(options)
     return status
+
+
+def _print_loops(options: argparse.Namespace) -> None:
+    """Print the loops as flown, of logs that say them too."""
+    from helisim.cli.margins import print_loops
+    from helisim.look.systemid.loops import flown_loops
+
+    print("\nloops as flown")
+    try:
+        with Progress(1, options.quiet) as advance:
+            found = flown_loops(options.logs, start=options.from_time, stop=options.to_time)
+            measured = found.margins()
+            advance("margins")
+    except (LogError, IdentificationError) as error:
+        print(wrapped(f"not measured: {error}", indent=2))
+    else:
+        print_loops(found, measured)
 
 
 def _fitted(

@@ -5,16 +5,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helisim.cli.bands import Bands
-from helisim.cli.common import add_quiet, named_numbers, names, print_written
+from helisim.cli.common import add_quiet, named_numbers, names, print_written, wrapped
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, read_logs, reports
 from helisim.cli.progress import Progress
 from helisim.errors import InputError
 
 if TYPE_CHECKING:
     from helisim.handling.measured.cut import Cut
+    from helisim.handling.measured.margins import MeasuredMargins
+    from helisim.look.systemid.loops import FlownLoops
 
 _EPILOG = f"""\
 example:
+  helisim margins flight.bin
   helisim fly --axis ped --at actuators --excitation \\
       chirp,amplitude=0.05,band=2:90 --set pilot.k_heading=0 --out loop.parquet
   helisim margins loop.parquet
@@ -23,7 +26,9 @@ example:
 
 Where channels are called lat_disturbance (what was added to lat) and lat_sum
 (what came of it), or phi_disturbance and phi_sum of a sensed angle, nothing
-need be said. Sticks that were swept give bandwidth and phase delay.
+need be said. Sticks that were swept give bandwidth and phase delay. Nor need
+it of logs of ArduPilot's mode SystemID (SID_AXIS 1 to 12) on a helicopter:
+they say themselves what was injected, and that is printed.
 
 Exit status 1: none of the figures could be measured.
 
@@ -92,6 +97,8 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.output.table import as_text, filled
     from helisim.records.files import check_destination, write_json
 
+    if _says_itself(options):
+        return _run_inferred(options)
     if options.json is not None:
         check_destination(options.json, (".json",))
     bands, cuts = Bands.of(options), _cuts(options)
@@ -121,6 +128,64 @@ def _run(options: argparse.Namespace) -> int:
         write_json({**found.to_dict(), "logs": reports(logs)}, options.json)
         print_written(options, str(options.json))
     return 0 if found.figures else 1
+
+
+def _says_itself(options: argparse.Namespace) -> bool:
+    """Return whether logs say themselves what was injected, and nothing else is asked for."""
+    from helisim.look.systemid.autopilots import says_itself
+
+    named = (options.injected, options.total, options.returned, options.map, options.channel)
+    return not any(named) and all(path.is_file() and says_itself(path) for path in options.logs)
+
+
+def _run_inferred(options: argparse.Namespace) -> int:
+    """Measure the loops that logs of SystemID cut. Return the exit status."""
+    from helisim.look.systemid.loops import flown_loops
+    from helisim.records.files import check_destination, write_json
+
+    bands = Bands.of(options)
+    if bands.own:
+        raise InputError("--band LO HI is one for all responses here")
+    if options.json is not None:
+        check_destination(options.json, (".json",))
+    unused = [
+        f"--{name.replace('_', '-')}"
+        for name in ("time", "rate", "resample", "repair", "max_gap", "min_duration", "late")
+        if getattr(options, name)
+    ]
+    if unused:
+        raise InputError(
+            f"{', '.join(unused)}: of channels that --injected, --total and --channel name; sweeps "
+            "of an autopilot are read at its own ticks"
+        )
+    with Progress(2, options.quiet) as advance:
+        found = flown_loops(options.logs, start=options.from_time, stop=options.to_time)
+        advance("logs")
+        measured = found.margins(
+            axes=None if options.axis is None else names(options.axis),
+            at=options.at,
+            band=bands.common,
+            **({} if options.draws is None else {"draws": options.draws}),
+        )
+        advance("margins")
+    print(wrapped(str(found), indent=4), end="\n\n")
+    print_loops(found, measured)
+    if options.json is not None:
+        logs = [one.to_dict() for one in found.logs]
+        write_json({**measured.to_dict(), "logs": logs}, options.json)
+        print_written(options, str(options.json))
+    return 0 if measured.figures else 1
+
+
+def print_loops(found: "FlownLoops", measured: "MeasuredMargins") -> None:
+    """Print the figures of loops as flown, and what is to be known of them."""
+    from helisim.output.measured import measured_table
+    from helisim.output.table import as_text, filled
+
+    if measured.figures:
+        print(as_text(measured_table(measured)))
+    for remark in (*measured.remarks, *found.remarks):
+        print(filled(remark))
 
 
 def _cuts(options: argparse.Namespace) -> "tuple[Cut, ...] | None":

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.errors import InputError
+from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Rates
 from helisim.handling.axis import BY_NAME, axis_of
 from helisim.handling.closed_loop import ClosedLoop, Linear
 from helisim.handling.figures.margins import Margins, margins
 from helisim.handling.figures.rejection import Rejection, rejection
 from helisim.records.channels import ATTITUDES, IN1, RATES
-from helisim.sitl.control import COMMANDS, ArduCopterLaw, Rates
 
 Array = NDArray[np.float64]
 Response = NDArray[np.complex128]

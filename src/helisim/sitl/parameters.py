@@ -5,10 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.handling.arducopter import COMMANDS
 from helisim.handling.axis import axis_of
 from helisim.handling.closed_loop import Linear
 from helisim.records.channels import IN1
-from helisim.sitl.control import COMMANDS
 from helisim.sitl.gains import FILTER_HZ, GYRO_HZ, INPUT_TIME, LOOP_RATE, Tuning, tune
 from helisim.sitl.mixing import Controls, Mixer
 from helisim.sitl.outputs import Outputs

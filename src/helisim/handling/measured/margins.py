@@ -111,7 +111,7 @@ def margins(
     cuts: Cut | Iterable[Cut] | None = None,
     axes: str | Iterable[str] | None = None,
     at: str | Iterable[str] | None = None,
-    band: tuple[float, float] | None = None,
+    band: tuple[float, float] | Mapping[str, tuple[float, float]] | None = None,
     late: Mapping[str, float] | None = None,
     draws: int = DRAWS,
     seed: int = 1,
@@ -128,7 +128,8 @@ def margins(
             was added, `lat_sum` is what came of it.
         axes: of these only.
         at: "actuators", "sensors" or one sensor such as "p": of these only.
-        band: rad/s; by default where what was injected has power.
+        band: rad/s, or channel that was injected -> its band; by default, and of a channel that
+            is not there, where what was injected has power.
         late: channel -> s, by which its record is late; by default as a simulation's records say.
         draws: of the loop, for the intervals.
         seed: of the draws.
@@ -214,7 +215,7 @@ def _estimate(
     part: Sequence[FlightRecord],
     drives: tuple[str, ...],
     cuts: Sequence[Cut],
-    band: tuple[float, float] | None,
+    band: tuple[float, float] | Mapping[str, tuple[float, float]] | None,
     late: Mapping[str, float],
 ) -> tuple[list[Driven], list[str]]:
     """Return the responses to what was injected in some records, and what is to be doubted."""
@@ -243,7 +244,7 @@ def _estimate(
             part,
             drives,
             outputs,
-            band or excited_band(part, drives),
+            _band(band, drives) or excited_band(part, drives),
             late,
             cuts,
         )
@@ -252,6 +253,18 @@ def _estimate(
     if not by_stick:
         remarks += _held(part, drives)
     return found, remarks
+
+
+def _band(
+    band: tuple[float, float] | Mapping[str, tuple[float, float]] | None, drives: Sequence[str]
+) -> tuple[float, float] | None:
+    """Return the band that all driving signals have in common, None if nothing says it."""
+    if not isinstance(band, Mapping):
+        return band
+    said = [band[name] for name in drives if name in band]
+    if not said:
+        return None
+    return max(low for low, _ in said), min(high for _, high in said)
 
 
 def _answers(common: Sequence[str], sticks: Sequence[str]) -> list[str]:

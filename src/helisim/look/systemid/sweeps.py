@@ -102,18 +102,22 @@ class FlownSweep:
         return self.sid_axis.unit
 
 
-def sweeps(log: DataFlash, first: float) -> tuple[FlownSweep, ...]:
+_BY_HAND = "or say it by --structure, --inputs, --outputs and --channel (helisim look LOG guesses)"
+
+
+def sweeps(log: DataFlash, first: float, *, by_hand: str = _BY_HAND) -> tuple[FlownSweep, ...]:
     """Return the sweeps of a log, in their order.
 
     Args:
         log: by ArduPilot.
         first: its first stamp, s since the autopilot was switched on.
+        by_hand: what else a user can do with a log that has none.
 
     Raises:
         LogError: it has none; the message says what to set.
     """
     if "SIDD" not in log or not set(_FIELDS) <= set(log.table("SIDD").columns):
-        raise LogError(_without(log))
+        raise LogError(_without(log, by_hand))
     data = log.table("SIDD", fields=_FIELDS)
     columns = np.column_stack([np.asarray(data[name], np.float64) for name in _FIELDS])
     edges = [0, *(np.flatnonzero(np.diff(columns[:, 0]) < 0.0) + 1).tolist(), len(data)]
@@ -218,7 +222,7 @@ _MODE = 25
 """Number of the mode SystemID among Copter's."""
 
 
-def _without(log: DataFlash) -> str:
+def _without(log: DataFlash, by_hand: str) -> str:
     """Return what is wrong with a log without SystemID's messages, and what to set."""
     mode = "MODE" in log and bool(np.any(log.table("MODE", fields=("Mode",))["Mode"] == _MODE))
     if mode:
@@ -230,5 +234,5 @@ def _without(log: DataFlash) -> str:
     return (
         f"{log.path}: no SystemID messages (SIDS, SIDD) in the log, so nothing says what was "
         "swept; fly the mode SystemID with SID_AXIS 10 to 13 and LOG_BITMASK's bits 0 and 1 set, "
-        "or say it by --structure, --inputs, --outputs and --channel (helisim look LOG guesses)"
+        f"{by_hand}"
     )

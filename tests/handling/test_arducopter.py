@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from helisim.errors import InputError
-from helisim.sitl.control import COMMANDS, ArduCopterLaw, Terms
+from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Terms
 
 # ArduCopter-heli 4.7.0-dev (90700977c5) flying its own built-in helicopter under SystemID's axes
 # 10 to 12: 45 ticks of each, its RATE, PIDR, PIDP, PIDY, ANG and SIDD messages as logged: degrees,
