@@ -70,7 +70,8 @@ def cuts_by_name(names: Sequence[str]) -> tuple[Cut, ...]:
         for at, *signals in _signals(axis):
             injected, *sides = (name if name in names else None for name in signals)
             if injected and any(sides):
-                found.append(Cut(axis.name, at, injected, *sides))
+                total, returned = sides
+                found.append(Cut(axis.name, at, injected, total, returned))
     return tuple(found)
 
 

@@ -130,7 +130,7 @@ class CutRows(NamedTuple):
     def _at(self, table: Table, field: str, time: Array) -> Array:
         """Return a field at times, (n_time,), of a table's own stamps."""
         stamps, first = np.unique(table.time, return_index=True)
-        return filled(stamps, table[field][first], time, self.period)
+        return filled(stamps, _numbers(table, field)[first], time, self.period)
 
     def _added(self, time: Array) -> Array:
         """Return what the mode added to the mixer's command, (n_time,): each at the next tick."""
@@ -142,7 +142,7 @@ class CutRows(NamedTuple):
         near = ticks[after[there]] - stamps[there] < 1.6 * self.tick
         acts[np.flatnonzero(there)[near]] = ticks[after[there][near]]
         acts, once = np.unique(acts, return_index=True)
-        return filled(acts, self.swept["Targ"][first][once], time, self.period)
+        return filled(acts, _numbers(self.swept, "Targ")[first][once], time, self.period)
 
     def _returned(self, axis: str, time: Array) -> tuple[Array, Array] | None:
         """Return the mixer's command and the sum of its PID, (n_time,) each, of ticks with both."""
@@ -158,8 +158,8 @@ class CutRows(NamedTuple):
         if mine.size * self.period < 0.5 * (time[-1] - time[0]):
             return None
         stamps = self.rate.time[mine]
-        total = self.rate[OUTPUTS[axis]][mine]
-        back = np.sum([pid[one][theirs] for one in terms], axis=0)
+        total = _numbers(self.rate, OUTPUTS[axis])[mine]
+        back = np.sum([_numbers(pid, one)[theirs] for one in terms], axis=0)
         total, back = (filled(stamps, one, time, self.period) for one in (total, back))
         return total, back
 
@@ -186,7 +186,7 @@ class CutRows(NamedTuple):
     def _unwrapped(self, name: str, time: Array) -> Array:
         """Return an angle at times, (n_time,) deg, that goes on over 180 and 360 deg."""
         stamps, first = np.unique(self.aims.time, return_index=True)
-        whole = np.unwrap(self.aims[name][first], period=360.0)
+        whole = np.unwrap(_numbers(self.aims, name)[first], period=360.0)
         return filled(stamps, whole, time, self.period)
 
     def _by_stick(self, sweep: FlownSweep, time: Array) -> FlightRecord:
@@ -230,16 +230,20 @@ def _usual(steps: Array, tick: float) -> float:
     return float(np.mean(steps[steps < 1.75 * usual]))
 
 
+def _numbers(table: Table, field: str) -> Array:
+    return np.asarray(table[field], dtype=np.float64)
+
+
 def _steady(table: Table, field: str, sweep: FlownSweep) -> float:
     before = _within(table.time, sweep.start - _STEADY, sweep.start + _STEADY)
-    return float(np.median(table[field][before])) if np.any(before) else 0.0
+    return float(np.median(_numbers(table, field)[before])) if np.any(before) else 0.0
 
 
 def _within(time: Array, start: float, stop: float) -> NDArray[np.bool_]:
     return (time >= start) & (time <= stop)
 
 
-_UNITS = dict.fromkeys(("p", "q", "r", "PED"), "rad/s") | dict.fromkeys(("LAT", "LON"), "rad")
+_UNITS = {"p": "rad/s", "q": "rad/s", "r": "rad/s", "LAT": "rad", "LON": "rad", "PED": "rad/s"}
 
 
 def _record(
