@@ -65,7 +65,7 @@ class Dataset:
     def provenance(self) -> dict[str, Any]:
         """The plan and the versions that compute its numbers."""
         truth = {"truth": "mean over the air met"} if self.campaign.turbulent else {}
-        return plain(made_by("campaign", campaign=self.campaign.to_dict(), **truth))
+        return dict(plain(made_by("campaign", campaign=self.campaign.to_dict(), **truth)))
 
     def prepare(self) -> None:
         """Make the folder. Raises StorageError."""
