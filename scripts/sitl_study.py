@@ -8,11 +8,16 @@
   states (ArduPilot, libraries/SITL/SIM_Helicopter.cpp; those of its Blade 360 are Walker's and
   Tischler's, VFS Forum 77, 2021), in the same units.
 
+And `helisim margins LOG` on a flight of the JR700 whose sweeps go to 24 Hz: crossover, margins and
+disturbance rejection beside those of the exact loops, within 0.5 dB and 3 degrees: what
+`scripts/proof/flown_loops.py` prints.
+
 A bound is the Cramér-Rao bound that is printed beside a value. Delays are no derivatives, and are
 left out. The exit status is 1 if a bar is missed.
 
     python scripts/sitl_study.py --jr700 jr700.bin --heli heli.bin     what is left out isn't judged
-    python scripts/sitl_study.py --fly FOLDER                          both are flown, some minutes
+    python scripts/sitl_study.py --loops loops.bin
+    python scripts/sitl_study.py --fly FOLDER                          all are flown, some minutes
 
 What is flown needs ArduCopter-heli, which `HELISIM_ARDUPILOT` names; the logs stay in FOLDER.
 """
@@ -40,7 +45,11 @@ BARS = {JR700: 2.0, "heli": 3.0, "heli-blade360": 3.0}
 INSIDE = 95.0
 """Percent of the derivatives that are inside their bounds, at least."""
 AXES = ("lat", "lon", "ped", "col")
-_OWN_HELICOPTER = Path(__file__).parent / "proof" / "ardupilots_helicopter.py"
+LOOPS = "loops"
+"""The flight of the JR700 whose sweeps go beyond its gain margins."""
+_PROOF = Path(__file__).parent / "proof"
+_OWN_HELICOPTER = _PROOF / "ardupilots_helicopter.py"
+_FLOWN_LOOPS = _PROOF / "flown_loops.py"
 
 
 class Source(NamedTuple):
@@ -247,8 +256,9 @@ def flown(whose: str, log: Path) -> Path:
     Raises:
         SystemExit: it can't be flown; it says why.
     """
-    if whose == JR700:
-        sweeps = ["--script", "sysid", "--axes", "roll,pitch,yaw,thrust", "--log", str(log)]
+    if whose in (JR700, LOOPS):
+        axes = {JR700: ["roll,pitch,yaw,thrust"], LOOPS: ["roll,pitch,yaw", "--to", "24"]}
+        sweeps = ["--script", "sysid", "--axes", *axes[whose], "--log", str(log)]
         command = [sys.executable, "-m", "helisim", "sitl", JR700, *sweeps]
     else:
         command = [sys.executable, str(_OWN_HELICOPTER), str(log), whose]
@@ -263,16 +273,24 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     for whose in BARS:
         parser.add_argument(f"--{whose}", type=Path, nargs="+", default=[], metavar="LOG")
+    parser.add_argument(f"--{LOOPS}", type=Path, nargs="+", default=[], metavar="LOG")
     parser.add_argument("--fly", type=Path, metavar="FOLDER", help="fly them first, logs to here")
     options = vars(parser.parse_args(arguments))
-    logs: dict[str, list[Path]] = {whose: options[whose.replace("-", "_")] for whose in BARS}
+    logs: dict[str, list[Path]] = {
+        whose: options[whose.replace("-", "_")] for whose in (*BARS, LOOPS)
+    }
     if (folder := options["fly"]) is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        for whose in (JR700, "heli"):
+        for whose in (JR700, "heli", LOOPS):
             logs[whose].append(flown(whose, folder / f"{whose}.bin"))
     if not any(logs.values()):
         parser.error("no log is named, and nothing is to be flown")
     missed = [bar for whose in BARS for log in logs[whose] for bar in judged(whose, log)]
+    if logs[LOOPS]:
+        sys.stdout.flush()
+        command = [sys.executable, str(_FLOWN_LOOPS), *map(str, logs[LOOPS])]
+        if subprocess.run(command, check=False).returncode:
+            missed.append("figures of loops, above")
     print(*(f"missed: {one}" for one in missed), sep="\n")
     return int(bool(missed))
 

@@ -171,6 +171,7 @@ def test_the_command_needs_nothing_but_the_log(tmp_path, capsys):
     text = capsys.readouterr().out
     assert "lat: goes on = RATE.ROut" in text
     assert "DRB" in text
+    assert "SID_F_STOP_HZ" in text  # the gain margin of yaw lies above 8 Hz
     words = ["--axis", "yaw", "--band", "5", "40", "--draws", "20", "--quiet"]
     assert main(["margins", str(path), *words]) == 0
     text = capsys.readouterr().out

@@ -1,7 +1,16 @@
 """The study of logs that ArduPilot wrote: its truths, and that it judges by them."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
+from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.curve import Curve
+from helisim.records.channels import IN1
+from helisim.sitl.parameter_file import read_parameters
+from helisim.vehicle.folder import model_folder
 from script import loaded
 from sid_logs import TRUTH, four_axes
 
@@ -75,3 +84,56 @@ def test_logs_that_it_wrote_meet_the_bars(study, ardupilot, monkeypatch, tmp_pat
     """The JR700 and ArduPilot's own helicopter, flown by the program itself."""
     monkeypatch.setenv("HELISIM_ARDUPILOT", str(ardupilot))
     assert study.main(["--fly", str(tmp_path)]) == 0
+
+
+@pytest.fixture(scope="module")
+def proof():
+    return loaded("proof/flown_loops")
+
+
+@pytest.fixture(scope="module")
+def flown_jr700(proof):
+    """The vehicle as the autopilot moves it, and the law, by the shipped parameters."""
+    parameters = read_parameters(model_folder("jr700") / "jr700.parm")
+    return proof.exact_plant(parameters, 0.5, 0.0025), ArduCopterLaw.of(parameters)
+
+
+def test_the_exact_vehicle_is_that_of_python_control_at_ticks(flown_jr700, jr700):
+    """Held for a tick; a full roll is 0.675 of the vehicle's lat; the tail's pulses wait a tick."""
+    plant, _ = flown_jr700
+    frequency = np.array([1.0, 10.0, 60.0])
+    system = jr700.linearize().system
+    own = system.sample(0.0025)(np.exp(0.0025j * frequency))
+    found = plant.response(frequency)
+    late = {"ped": np.exp(-0.0025j * frequency)}
+    for axis, rate, scale in (("lat", "p", 0.675), ("lon", "q", 0.675), ("ped", "r", 0.75)):
+        row, column = system.output_labels.index(rate), system.input_labels.index(axis)
+        true = scale * own[row, column] * late.get(axis, 1.0)
+        here = found[plant.outputs.index(rate), COMMANDS.index(axis)]
+        # it flies with its motor, which the tail feels: 0.5 dB at 60 rad/s
+        near = {"rel": 1e-3} if axis != "ped" else {"rel": 0.07}
+        assert here == pytest.approx(true, **near)
+    assert set(plant.inputs) < set(IN1)
+
+
+@pytest.mark.parametrize(("factor", "misses"), [(1.0, False), (1.08, True)])
+def test_a_loop_that_is_another_by_more_than_half_a_decibel_misses(
+    proof, flown_jr700, factor, misses
+):
+    """8 % of gain are 0.67 dB."""
+    plant, law = flown_jr700
+    exact = ClosedLoop(plant, law, np.geomspace(2.0, 130.0, 300))
+
+    def measured(axis):
+        return Curve(exact.frequency, factor * exact.broken(axis).response)
+
+    loop = SimpleNamespace(axes=("lat",), broken=measured)
+    crossed = np.interp(0.0, -measured("lat").decibel, exact.frequency)
+    interval = SimpleNamespace(value=crossed, low=crossed, high=crossed)
+    figure = SimpleNamespace(axis="lat", name="crossover", interval=interval)
+    table = proof.rows(SimpleNamespace(loop=loop, figures=[figure]), plant, law)
+    by_name = {one.figure: one for one in table}
+    assert by_name["crossover"].met is not misses
+    assert by_name["|L|, worst at"].met is not misses
+    assert by_name["its phase"].met
+    assert not by_name["DRB"].met  # which wasn't measured

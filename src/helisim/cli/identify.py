@@ -76,7 +76,9 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     if infers(options):
-        return _run_inferred(options)
+        status = _run_inferred(options)
+        _print_loops(options)
+        return status
     structure, signals = _asked(options)
     search, units = search_options(options, structure), chosen_units(options)
     _check_destinations(options)
@@ -102,7 +104,6 @@ def _run_inferred(options: argparse.Namespace) -> int:
         search["band"] = fitted_bands(options, one.structure, one.fit.band)
         files = _Files.of(options, one.label if len(work) > 1 else "")
         status |= _fitted(options, one.structure, one.estimated, search, units, files, "")
-    _print_loops(options)
     return status
 
 

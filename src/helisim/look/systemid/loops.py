@@ -8,6 +8,7 @@ command, where the loop is cut. RATE's outputs are what goes on behind the cut.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,14 @@ from helisim.handling.axis import axis_of
 from helisim.handling.measured.cut import Cut
 from helisim.handling.measured.margins import MeasuredMargins, margins
 from helisim.look.systemid.cut_rows import OUTPUTS, PIDS, CutRows
+from helisim.look.systemid.reading import opened_log
 from helisim.look.systemid.sweeps import FlownSweep, sweeps
-from helisim.records.logs.dataflash import DataFlash
 from helisim.records.record import FlightRecord
 from helisim.records.value import Value
 
 _WIDE = 3.0
 """Ratio of a band's ends that is worth a band."""
+_FURTHER = "to see gain margins let the sweeps go on to a higher frequency: SID_F_STOP_HZ"
 _BY_HAND = "or name what was injected: --axis, --injected and --total, with --channel"
 
 
@@ -114,7 +116,9 @@ class FlownLoops(Value):
         if not self.records:
             raise LogError("; ".join(self.remarks) or "no sweep of the logs cuts a loop")
         options["band"] = options.get("band") or self.bands
-        return margins(self.records, cuts=self.cuts, **options)
+        found = margins(self.records, cuts=self.cuts, **options)
+        unseen = any(one.startswith("gain_margin") for one in found.remarks)
+        return replace(found, remarks=(*found.remarks, _FURTHER)) if unseen else found
 
 
 def _said(axis: str, flown: Sequence[FlownSweep]) -> str:
@@ -151,7 +155,7 @@ def flown_loops(
     remarks: list[str] = []
     flown = []
     for path in paths:
-        log = DataFlash(path)
+        log = opened_log(Path(path))[0].log
         first = min(log.first_stamps.values())
         every = sweeps(log, first, by_hand=_BY_HAND)
         mine = [one for one in every if limits[0] <= one.start and one.stop <= limits[1]]

@@ -1,0 +1,207 @@
+"""Loops that an unmodified ArduCopter-heli closed about our JR700: as measured, and exact.
+
+`helisim margins LOG`, with nothing else, beside the exact loops: ArduCopter's law from the
+parameters in the log (`helisim.handling.arducopter`, which repeats an ArduCopter's own terms tick
+by tick), and the exact linearisation of the vehicle that flew, motor and all, sampled at the
+autopilot's ticks. Its pulses act at once and are held for a tick; the tail's go out a tick later.
+
+Crossover and DRB are frequencies: judged is by how many dB the exact curve misses 0 dB, or -3 dB,
+where the measured one has them. The curves themselves are judged where 0.1 < |L| < 10. The exit
+status is 1 if a bar is missed, or a figure was not measured.
+
+    helisim sitl --script sysid --axes roll,pitch,yaw --to 24 --log jr700.bin
+    python scripts/proof/flown_loops.py jr700.bin
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
+from helisim.handling.axis import axis_of
+from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.figures.margins import margins
+from helisim.handling.figures.rejection import HALF_POWER, rejection
+from helisim.handling.measured.interval import Interval
+from helisim.handling.measured.margins import MeasuredMargins
+from helisim.look.systemid.loops import flown_loops
+from helisim.records.channels import ATTITUDES, IN1, RATES
+from helisim.records.logs.dataflash import DataFlash
+from helisim.sitl import Aircraft
+from helisim.sitl.mixing import Controls, Mixer
+
+DECIBEL, DEGREES = 0.5, 3.0
+"""The bars."""
+_JUDGED = 10.0
+"""Ratio of |L| to 1, or of 1 to it, up to which curves are judged."""
+_FINE = 2000
+
+Array = NDArray[np.float64]
+
+
+class Sampled:
+    """The vehicle at the autopilot's ticks, from its commands; it is `Linear`.
+
+    Args:
+        a: (n_state, n_state) of the vehicle, continuous.
+        b: (n_state, 3) by the autopilot's commands.
+        c: (6, n_state).
+        period: s, of a tick.
+    """
+
+    inputs, outputs = COMMANDS, (*RATES, *ATTITUDES)
+
+    def __init__(self, a: Array, b: Array, c: Array, period: float) -> None:
+        n, m = b.shape
+        whole = np.zeros((n + m, n + m))
+        whole[:n] = np.hstack([a, b])
+        held = expm(whole * period)
+        self._a, self._b, self._c, self._period = held[:n, :n], held[:n, n:], c, period
+
+    def response(self, frequency: Array) -> NDArray[np.complex128]:
+        """Return the response, (6, 3, n_freq), at frequencies, (n_freq,) rad/s."""
+        z = np.exp(1j * np.asarray(frequency) * self._period)
+        inner = z[:, None, None] * np.eye(len(self._a)) - self._a
+        whole = self._c @ np.linalg.solve(inner, np.broadcast_to(self._b, (z.size, *self._b.shape)))
+        whole[:, :, COMMANDS.index("ped")] /= z[:, None]
+        return np.asarray(np.moveaxis(whole, 0, -1), dtype=np.complex128)
+
+
+def exact_plant(parameters: Mapping[str, float], hover: float, period: float) -> Sampled:
+    """Return the JR700 that flew, by ArduPilot's commands.
+
+    Args:
+        parameters: of ArduPilot, by name.
+        hover: throttle of the hover, 0 to 1.
+        period: s, of a tick.
+    """
+    aircraft = Aircraft("jr700")
+    vehicle = aircraft.vehicle
+    system = vehicle.linearize().system
+    controls = Controls(Mixer.of(parameters), aircraft.outputs, vehicle.swashplate)
+    scale = controls.scale(hover)[:, [IN1.index(name) for name in COMMANDS]]
+    by = [system.input_labels.index(name) for name in IN1]
+    rows = [system.output_labels.index(name) for name in Sampled.outputs]
+    a, b, c = (np.asarray(one) for one in (system.A, system.B, system.C))
+    return Sampled(a, b[:, by] @ scale, c[rows], period)
+
+
+class Row(NamedTuple):
+    """A figure: measured, its 95 % interval, exact, by how much it is off, and the bar."""
+
+    axis: str
+    figure: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    exact: float
+    off: float
+    bar: float
+
+    @property
+    def met(self) -> bool:
+        """Whether it is within its bar; what wasn't measured isn't."""
+        return bool(abs(self.off) <= self.bar)
+
+    def __str__(self) -> str:
+        unit = "deg" if self.bar == DEGREES else "dB"
+        return (
+            f"{self.axis:<6}{self.figure:<14}{self.value:>9.3f}{self.low:>9.3f}{self.high:>9.3f}"
+            f"{self.exact:>9.3f} {self.unit:<6}{self.off:>+8.3f} {unit}"
+            + ("" if self.met else "  missed")
+        )
+
+
+def rows(found: MeasuredMargins, plant: Sampled, law: ArduCopterLaw) -> list[Row]:
+    """Return all figures beside the exact ones."""
+    table = []
+    for axis in found.loop.axes:
+        known = found.loop.broken(axis).frequency
+        fine = ClosedLoop(plant, law, np.geomspace(known[0], known[-1], _FINE))
+        loop, rejects = fine.broken(axis), fine.disturbance(axis)
+        exact, turned = margins(loop), rejection(rejects)
+        phase = np.degrees(min((abs(one) for _, one in exact.phase), default=np.nan))
+        gain = min((abs(one) for _, one in exact.gain), default=np.nan)
+        for name, unit, true, above in (
+            ("crossover", "rad/s", exact.crossover, loop.decibel),
+            ("phase_margin", "deg", phase, None),
+            ("gain_margin", "dB", gain, None),
+            ("DRB", "rad/s", turned.bandwidth, rejects.decibel - HALF_POWER),
+            ("DRP", "dB", turned.peak, None),
+        ):
+            one = next((f for f in found.figures if (f.axis, f.name) == (axis, name)), None)
+            own = one.interval if one else Interval(np.nan, np.nan, np.nan)
+            off = own.value - true
+            if above is not None:
+                off = np.interp(np.log(own.value), np.log(loop.frequency), above)
+            bar = DEGREES if unit == "deg" else DECIBEL
+            sides = own.value, own.low, own.high
+            table.append(Row(axis, name, unit, *sides, float(true), float(off), bar))
+        table += _curve(found, plant, law, axis)
+    return table
+
+
+def _curve(found: MeasuredMargins, plant: Sampled, law: ArduCopterLaw, axis: str) -> list[Row]:
+    """Return by how much the curve is off at most, where it is judged: gain and phase."""
+    curve = found.loop.broken(axis)
+    exact = ClosedLoop(plant, law, curve.frequency).broken(axis).response
+    near = np.abs(np.log(np.abs(exact))) < np.log(_JUDGED)
+    ratio = curve.response[near] / exact[near]
+    decibel, degrees = 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
+    at = curve.frequency[near]
+    worst_rows = []
+    for name, off, bar in (("|L|, worst at", decibel, DECIBEL), ("its phase", degrees, DEGREES)):
+        worst = int(np.argmax(np.abs(off)))
+        where = float(at[worst]), float(at[0]), float(at[-1])
+        worst_rows.append(Row(axis, name, "rad/s", *where, np.nan, float(off[worst]), bar))
+    return worst_rows
+
+
+def judged(log: Path) -> list[str]:
+    """Print the table of a log; return the bars that it misses."""
+    flown = flown_loops(log)
+    if flown.law is None:
+        sys.exit(f"{log}: its parameters are no helicopter's")
+    opened = DataFlash(log)
+    rate = opened.table("RATE", fields=("AOut",))
+    first = min(opened.first_stamps.values())
+    start, stop = (first + one for one in (flown.sweeps[0].start, flown.sweeps[-1].stop))
+    while_swept = (rate.time >= start) & (rate.time <= stop)
+    hover = float(np.median(np.asarray(rate["AOut"], float)[while_swept]))
+    law = replace(flown.law, period=1.0 / opened.parameters()["SCHED_LOOP_RATE"])
+    plant = exact_plant(opened.parameters(), hover, law.period)
+    table = rows(flown.margins(), plant, law)
+    print(f"\nloops as flown: {log}")
+    headings = f"{'measured':>9}{'95 % from':>9}{'to':>9}{'exact':>9}"
+    print(f"{'':<20}{headings} {'':<6}{'off':>8}")
+    print(*table, sep="\n")
+    figures = [one for one in table if np.isfinite(one.exact)]
+    inside = sum(one.low <= one.exact <= one.high for one in figures)
+    print(f"{inside} of {len(figures)} exact figures are inside their 95 % intervals")
+    words = {axis: axis_of(axis).word for axis in COMMANDS}
+    return [
+        f"loop of {words[one.axis]}: {one.figure} off by {one.off:+.2f}, bar {one.bar:g}"
+        for one in table
+        if not one.met
+    ]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the tables and return the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("logs", type=Path, nargs="+", metavar="LOG")
+    missed = [bar for log in parser.parse_args(arguments).logs for bar in judged(log)]
+    print(*(f"missed: {one}" for one in missed), sep="\n")
+    return int(bool(missed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
