@@ -153,6 +153,18 @@ def test_what_a_pilot_answers_is_no_part_of_the_law(tmp_path):
     assert np.std(answered) > 0.02 * np.std(record["lat"])
 
 
+def test_a_stick_that_moves_while_it_is_swept_is_told(tmp_path):
+    """RCIN's first channel, by 30 us."""
+    log = Flown()
+    log.define(11, "RCIN", "QHHHH", "TimeUS,C1,C2,C3,C4")
+    begun = log.us
+    log.fly(1)
+    for k, pulse in enumerate((1500, 1530)):
+        log.write(11, begun + 1_000_000 * (k + 5), pulse, 1500, 1500, 1500)
+    path = log.save(tmp_path)
+    assert any("the pilot moved that stick too" in one for one in flown_loops(path).remarks)
+
+
 def test_two_logs_give_the_figures_of_all_their_axes(tmp_path):
     """Crossover and phase margin in each."""
     logs = [Flown().fly(axis).save(tmp_path, f"{axis}.bin") for axis in (10, 12)]

@@ -25,6 +25,10 @@ _TERMS = ("P", "I", "D", "FF", "DFF")
 _AIMS = ("DesRoll", "DesPitch", "DesYaw")
 _ATTITUDES = ("Roll", "Pitch")
 _GYRO = ("Gx", "Gy", "Gz")
+_STICKS = {"lat": "C1", "lon": "C2", "ped": "C4"}
+"""Fields of RCIN, as RCMAP has them unless it is told otherwise."""
+_STILL = 10.0
+"""us, by which a stick that is left alone may move."""
 _STEADY = 1.0
 """s, from which the steady flight before a sweep is taken."""
 _LOST = 0.02
@@ -126,6 +130,15 @@ class CutRows(NamedTuple):
         if one.place == "input":
             found.append(self._by_stick(sweep, time))
         return found
+
+    def moved(self, sweep: FlownSweep) -> bool:
+        """Return whether the pilot moved the stick that a sweep was added to."""
+        if "RCIN" not in self.log:
+            return False
+        stick = self.log.table("RCIN", fields=(_STICKS[sweep.sid_axis.control],))
+        pulses = _numbers(stick, _STICKS[sweep.sid_axis.control])
+        here = pulses[_within(stick.time, sweep.start, sweep.stop)]
+        return bool(here.size and np.ptp(here) > _STILL)
 
     def _at(self, table: Table, field: str, time: Array) -> Array:
         """Return a field at times, (n_time,), of a table's own stamps."""

@@ -174,6 +174,11 @@ def flown_loops(
                 remarks.append(f"{sweep}: not measured, as {why}")
             else:
                 records += rows.records(sweep, law)
+            if sweep.sid_axis.place == "input" and rows.moved(sweep):
+                remarks.append(
+                    f"{sweep.sid_axis}: the pilot moved that stick too: his answer is part of "
+                    "bandwidth and phase delay"
+                )
     if laws and laws[0] is not None:
         remarks += laws[0].remarks
         if any(one is not None and one.rates != laws[0].rates for one in laws):
