@@ -62,6 +62,9 @@ def test_other_logs_need_a_structure(tmp_path, capsys):
     error = capsys.readouterr().err
     assert "--structure has to be said" in error
     assert error.count("\n") == 1
+    path.write_bytes(b"")
+    assert main(["identify", str(path), "--quiet"]) == 2
+    assert "the file is empty" in capsys.readouterr().err
 
 
 def test_what_belongs_to_one_structure_asks_for_it(tmp_path, capsys):

@@ -152,8 +152,9 @@ def test_axes_of_positions_are_told_and_not_used(tmp_path):
     found = infer(log.save(tmp_path))
     assert "disturbance right velocity" in str(found)
     assert [one.name for one in found.injected] == ["mixer_yaw"]
-    with pytest.raises(LogError, match=r"no sweep in it identifies the vehicle: SID_AXIS 16"):
-        infer(SidLog().sweep(16, **SHORT).save(tmp_path, "b.bin"))
+    with pytest.raises(LogError, match=r"identifies the vehicle: SID_AXIS 16 at .* s, 17 at") as no:
+        infer(SidLog().sweep(16, **SHORT).sweep(17, **SHORT).save(tmp_path, "b.bin"))
+    assert str(no.value).count("too slow for the vehicle") == 1
 
 
 @pytest.mark.parametrize("axis", [3, 6, 9])

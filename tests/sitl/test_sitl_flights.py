@@ -107,6 +107,22 @@ def test_program_that_ends_in_flight_ends_the_flight_at_once(tmp_path):
     assert time.monotonic() - begun < 20.0  # it waits 30 s for one that lives
 
 
+def test_program_that_is_killed_is_told_with_what_it_said_last(tmp_path):
+    """The signal is named, and a line that was printed many times is told once."""
+    killed = DIES.replace(
+        "sys.exit(7)", 'print("it hurts\\n" * 9, flush=True); os.kill(os.getpid(), 9)'
+    )
+    with pytest.raises(AutopilotError, match=r"by signal 9; its last words: it hurts$"):
+        fly_script(lambda pilot: pilot.wait(9.0), Still(), fake(tmp_path, killed), "")
+
+
+@pytest.mark.parametrize("words", [[], ["--script", "hover"]])
+def test_options_of_sweeps_are_refused_where_none_are_flown(capsys, words):
+    """An option that does nothing is not taken in silence, 0 neither."""
+    assert main(["sitl", *words, "--axes", "yaw", "--from", "0"]) == 2
+    assert "--axes, --from: of the sweeps that --script sysid flies" in capsys.readouterr().err
+
+
 def test_program_that_is_none_is_told(tmp_path):
     """The system's own reason is part of the message."""
     none = tmp_path / "program"

@@ -42,6 +42,7 @@ def infers(options: argparse.Namespace) -> bool:
         InputError: something is left open that the logs can't say.
     """
     from helisim.look.systemid.autopilots import says_itself
+    from helisim.records.files import first_bytes
 
     if options.structure is not None and not all(path.is_file() for path in options.logs):
         return False  # which is said where they are read; or they are p/lat=FILE
@@ -49,6 +50,8 @@ def infers(options: argparse.Namespace) -> bool:
     if options.structure is None:
         if len(logged) < len(options.logs):
             other = next(path for path in options.logs if path not in logged)
+            if not first_bytes(other, 1):
+                raise InputError(f"{other}: the file is empty")
             raise InputError(
                 f"{other}: not a log of an autopilot's system identification, so --structure has "
                 "to be said; helisim structures lists them, and helisim look LOG says what to run"

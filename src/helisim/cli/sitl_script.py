@@ -40,6 +40,8 @@ _CHANGED = {
     "fade-out": ("fade_out", "s (default: 2)"),
 }
 """Option of a sweep -> its field and help."""
+_USUAL = {"axes": "roll,pitch,yaw,thrust", "into": "mixer", "count": 1, "height": 50.0}
+"""Other option of sweeps -> what it is unless given."""
 _EACH = 10.0
 """s of the clock between two lines that say how far the flight is."""
 
@@ -72,21 +74,29 @@ def add_script(command: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--axes",
-        default="roll,pitch,yaw,thrust",
+        default=_USUAL["axes"],
         metavar="AXIS,...",
         help="of sysid (default: roll,pitch,yaw,thrust)",
     )
     group.add_argument(
         "--into",
-        default="mixer",
+        default=_USUAL["into"],
         metavar="WHERE,...",
         help="where sysid adds its signal (default: mixer)",
     )
     group.add_argument(
-        "--count", type=int, default=1, metavar="N", help="sweeps of each axis (default: 1)"
+        "--count",
+        type=int,
+        default=_USUAL["count"],
+        metavar="N",
+        help="sweeps of each axis (default: 1)",
     )
     group.add_argument(
-        "--height", type=float, default=50.0, metavar="M", help="of the sweeps (default: 50)"
+        "--height",
+        type=float,
+        default=_USUAL["height"],
+        metavar="M",
+        help="of the sweeps (default: 50)",
     )
     for option, (field, text) in _CHANGED.items():
         group.add_argument(f"--{option}", dest=f"sweep_{field}", type=float, metavar="X", help=text)
@@ -109,6 +119,7 @@ def script_of_options(options: argparse.Namespace) -> "Callable[[Pilot], Steps]"
 
 def check_no_script(options: argparse.Namespace) -> None:
     """Refuse what only a script has."""
+    _check_no_sweeps(options)
     for name in ("log", "ardupilot", "parm"):
         if getattr(options, name) is not None:
             raise InputError(
@@ -117,9 +128,19 @@ def check_no_script(options: argparse.Namespace) -> None:
             )
 
 
+def _check_no_sweeps(options: argparse.Namespace) -> None:
+    """Refuse what only the sweeps of sysid have."""
+    given = [f"--{name}" for name, usual in _USUAL.items() if getattr(options, name) != usual]
+    changed = {name: getattr(options, f"sweep_{field}") for name, (field, _) in _CHANGED.items()}
+    given += [f"--{name}" for name, value in changed.items() if value is not None]
+    if given:
+        raise InputError(f"{', '.join(given)}: of the sweeps that --script sysid flies")
+
+
 def check_script(options: argparse.Namespace) -> None:
     """Refuse a flight that can't be flown, or whose log can't be written, before it begins."""
     from helisim.records.files import check_destination
+    from helisim.sitl.flights.scripts import SYSID
     from helisim.sitl.flights.telemetry import mavlink
     from helisim.sitl.process import find_program
 
@@ -134,6 +155,8 @@ def check_script(options: argparse.Namespace) -> None:
             "--tail gyro needs parameters that leave the tail to it: give --parm FILE, with "
             "H_TAIL_TYPE 1 and no gains of ATC_RAT_YAW but FF"
         )
+    if options.script != SYSID:
+        _check_no_sweeps(options)
     script_of_options(options)
     find_program(options.ardupilot)
     mavlink()

@@ -143,7 +143,8 @@ class Autopilot:
         """Raise AutopilotError if the process has ended by itself."""
         code = self._process.poll()
         if code is not None:
-            raise AutopilotError(f"ArduPilot ended with status {code}{self._last_words()}")
+            how = f"with status {code}" if code >= 0 else f"by signal {-code}"
+            raise AutopilotError(f"ArduPilot ended {how}{self._last_words()}")
 
     @property
     def log(self) -> Path | None:
@@ -168,5 +169,6 @@ class Autopilot:
 
     def _last_words(self) -> str:
         printed = (self.folder / "printed.txt").read_text(encoding="utf-8", errors="replace")
-        lines = [line for line in printed.splitlines() if line.strip()][-_LAST_LINES:]
+        said = [line for line in printed.splitlines() if line.strip()]
+        lines = list(dict.fromkeys(reversed(said)))[_LAST_LINES - 1 :: -1]  # each once, the last
         return "; its last words: " + " | ".join(lines) if lines else ""

@@ -216,9 +216,10 @@ def infer(
     found = tuple(_inferred(Path(path), given, limits) for path in paths)
     used = [one for log in found for one in log.used]
     if not used:
-        reasons = "; ".join(
-            dict.fromkeys(f"{one}: {one.unused}" for log in found for one in log.sweeps)
-        )
+        why: dict[str, list[str]] = {}
+        for one in (sweep for log in found for sweep in log.sweeps):
+            why.setdefault(one.unused, []).append(f"{one.axis} at {one.start:.1f} s")
+        reasons = "; ".join(f"SID_AXIS {', '.join(at)}: {text}" for text, at in why.items())
         raise LogError(f"{paths[0]}: no sweep in it identifies the vehicle: {reasons}")
     rate = resample_hz or _rate(found, max(one.high for one in used))
     gap = _MAX_GAP if max_gap is None else max_gap
