@@ -1,9 +1,11 @@
-"""Loops that an unmodified ArduCopter-heli closed about our JR700: as measured, and exact.
+"""Loops that an unmodified ArduCopter-heli closed about a helicopter: as measured, and exact.
 
 `helisim margins LOG`, with nothing else, beside the exact loops: ArduCopter's law from the
 parameters in the log (`helisim.handling.arducopter`, which repeats an ArduCopter's own terms tick
 by tick), and the exact linearisation of the vehicle that flew, motor and all, sampled at the
 autopilot's ticks. Its pulses act at once and are held for a tick; the tail's go out a tick later.
+With --heli the log is of ArduPilot's own simulated helicopter, whose equations its public source
+states (libraries/SITL/SIM_Helicopter.cpp): no model of ours flew there.
 
 Crossover and DRB are frequencies: judged is by how many dB the exact curve misses 0 dB, or -3 dB,
 where the measured one has them. The curves themselves are judged where 0.1 < |L| < 10. The exit
@@ -11,6 +13,9 @@ status is 1 if a bar is missed, or a figure was not measured.
 
     helisim sitl --script sysid --axes roll,pitch,yaw --to 24 --log jr700.bin
     python scripts/proof/flown_loops.py jr700.bin
+
+    python scripts/proof/ardupilots_helicopter.py heli.bin
+    python scripts/proof/flown_loops.py --heli heli.bin
 """
 
 import argparse
@@ -18,7 +23,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +41,7 @@ from helisim.records.channels import ATTITUDES, IN1, RATES
 from helisim.records.logs.dataflash import DataFlash
 from helisim.sitl import Aircraft
 from helisim.sitl.mixing import Controls, Mixer
+from helisim.units import STANDARD_GRAVITY
 
 DECIBEL, DEGREES = 0.5, 3.0
 """The bars."""
@@ -44,6 +50,17 @@ _JUDGED = 10.0
 _FINE = 2000
 
 Array = NDArray[np.float64]
+
+
+class Plant(Protocol):
+    """From the autopilot's commands to rates and attitudes; `Linear`."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    def response(self, frequency: Array) -> NDArray[np.complex128]:
+        """Return the response, (6, 3, n_freq), at frequencies, (n_freq,) rad/s."""
+        ...
 
 
 class Sampled:
@@ -93,6 +110,90 @@ def exact_plant(parameters: Mapping[str, float], hover: float, period: float) ->
     return Sampled(a, b[:, by] @ scale, c[rows], period)
 
 
+_FRAME = 833e-6
+"""s, of ArduPilot's own helicopter's frames: 1200 a second, in whole microseconds."""
+_FRAMES, _WAIT = 3, 60
+"""Frames of a tick, and of its servos' 50 ms of delay."""
+_AGE = _FRAME / 6.0
+"""s: its gyro is sampled 1000 times a second, at five of six frames."""
+_LEAN = 3.2
+"""deg, with which it hovers."""
+_TAU = 0.068232
+
+
+class ArduPilotsHelicopter:
+    """ArduPilot's own simulated helicopter at the autopilot's ticks; it is `Linear`.
+
+    It is integrated by Euler's method, each frame: the rotor's tilts by the rates before, the rates
+    by the new tilts, speeds and attitudes by the new rates.
+
+    Args:
+        parameters: of ArduPilot, by name.
+    """
+
+    inputs, outputs = COMMANDS, (*RATES, *ATTITUDES)
+    _STATES = ("p", "q", "r", "b", "a", "u", "v", "phi", "theta", "psi")
+    _ORDER = (("b", "a"), ("p", "q", "r"), ("u", "v", "phi", "theta", "psi"))
+
+    def __init__(self, parameters: Mapping[str, float]) -> None:
+        a, b = self._continuous(parameters)
+        n, m = b.shape
+        frame = np.hstack([np.eye(n), np.zeros((n, m))])
+        for names in self._ORDER:
+            rows = [self._STATES.index(name) for name in names]
+            moved = a @ frame
+            moved[:, n:] += b
+            frame[rows] += _FRAME * moved[rows]
+        once, driven = frame[:, :n], frame[:, n:]
+        powers = [np.linalg.matrix_power(once, k) for k in range(_FRAMES + 1)]
+        self._a, self._b = powers[_FRAMES], sum(powers[:_FRAMES]) @ driven
+        self._rows = [self._STATES.index(name) for name in self.outputs]
+
+    def response(self, frequency: Array) -> NDArray[np.complex128]:
+        """Return the response, (6, 3, n_freq), at frequencies, (n_freq,) rad/s."""
+        own = np.asarray(frequency)
+        z = np.exp(1j * own * _FRAME * _FRAMES)[:, None, None]
+        inner = z * np.eye(len(self._a)) - self._a
+        states = np.linalg.solve(inner, np.broadcast_to(self._b, (own.size, *self._b.shape)))
+        whole = states[:, self._rows] * np.exp(-1j * own * _FRAME * _WAIT)[:, None, None]
+        whole[:, :, COMMANDS.index("ped")] /= z[:, :, 0]
+        whole[:, : len(RATES)] *= np.exp(-1j * own * _AGE)[:, None, None]
+        return np.asarray(np.moveaxis(whole, 0, -1), dtype=np.complex128)
+
+    def _continuous(self, parameters: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return A, (10, 10), and B, (10, 3), of its equations as its source states them."""
+        mixer = Mixer.of(parameters)
+        still, moved = mixer.exact({"col": 0.5}), []
+        for name in COMMANDS:
+            one = mixer.exact({"col": 0.5, name: 0.1})
+            moved.append([(one[servo] - still[servo]) / 100.0 for servo in (1, 2, 3, 4)])
+        s1, s2, s3, s4 = np.array(moved).T  # of 1000 us, by each full command
+        roll, pitch = 1.283 * (s1 - s2) / 7.2, 1.48 * ((s1 + s2) / 2.0 - s3) / 7.2
+        tail = 21.6 * 2.96 * 2.0 * s4
+        sine, cosine = np.sin(np.radians(_LEAN)), np.cos(np.radians(_LEAN))
+        side = 0.2 / 0.85 / 4.54  # inertia in yaw over the tail's arm and the mass
+        rates = {
+            "b": {"p": -1.0, "b": -1.0 / _TAU, "a": 1.2963 / _TAU},
+            "a": {"q": -1.0, "a": -1.0 / _TAU, "b": -1.3402 / _TAU},
+            "p": {"b": 3588.6, "v": -0.006},
+            "q": {"a": 617.5, "u": 0.003},
+            "r": {"r": -2.96},
+            "u": {"u": -0.125, "a": -STANDARD_GRAVITY, "theta": -STANDARD_GRAVITY},
+            "v": {"v": -0.375, "b": STANDARD_GRAVITY, "phi": STANDARD_GRAVITY, "r": 2.96 * side},
+            "phi": {"p": 1.0},
+            "theta": {"q": cosine, "r": -sine},
+            "psi": {"q": sine, "r": cosine},
+        }
+        a = np.array([[rates[to].get(by, 0.0) for by in self._STATES] for to in self._STATES])
+        driven = {
+            "b": (1.7635 * roll - 0.61171 * pitch) / _TAU,
+            "a": (0.52454 * roll + 1.9432 * pitch) / _TAU,
+            "r": tail,
+            "v": -tail * side,
+        }
+        return a, np.array([driven.get(to, np.zeros(3)) for to in self._STATES])
+
+
 class Row(NamedTuple):
     """A figure: measured, its 95 % interval, exact, by how much it is off, and the bar."""
 
@@ -120,7 +221,7 @@ class Row(NamedTuple):
         )
 
 
-def rows(found: MeasuredMargins, plant: Sampled, law: ArduCopterLaw) -> list[Row]:
+def rows(found: MeasuredMargins, plant: Plant, law: ArduCopterLaw) -> list[Row]:
     """Return all figures beside the exact ones."""
     table = []
     for axis in found.loop.axes:
@@ -149,7 +250,7 @@ def rows(found: MeasuredMargins, plant: Sampled, law: ArduCopterLaw) -> list[Row
     return table
 
 
-def _curve(found: MeasuredMargins, plant: Sampled, law: ArduCopterLaw, axis: str) -> list[Row]:
+def _curve(found: MeasuredMargins, plant: Plant, law: ArduCopterLaw, axis: str) -> list[Row]:
     """Return by how much the curve is off at most, where it is judged: gain and phase."""
     curve = found.loop.broken(axis)
     exact = ClosedLoop(plant, law, curve.frequency).broken(axis).response
@@ -165,8 +266,8 @@ def _curve(found: MeasuredMargins, plant: Sampled, law: ArduCopterLaw, axis: str
     return worst_rows
 
 
-def judged(log: Path) -> list[str]:
-    """Print the table of a log; return the bars that it misses."""
+def judged(log: Path, *, own: bool) -> list[str]:
+    """Print the table of a log, of ArduPilot's own helicopter or ours; return what it misses."""
     flown = flown_loops(log)
     if flown.law is None:
         sys.exit(f"{log}: its parameters are no helicopter's")
@@ -177,7 +278,8 @@ def judged(log: Path) -> list[str]:
     while_swept = (rate.time >= start) & (rate.time <= stop)
     hover = float(np.median(np.asarray(rate["AOut"], float)[while_swept]))
     law = replace(flown.law, period=1.0 / opened.parameters()["SCHED_LOOP_RATE"])
-    plant = exact_plant(opened.parameters(), hover, law.period)
+    parameters = opened.parameters()
+    plant = ArduPilotsHelicopter(parameters) if own else exact_plant(parameters, hover, law.period)
     table = rows(flown.margins(), plant, law)
     print(f"\nloops as flown: {log}")
     headings = f"{'measured':>9}{'95 % from':>9}{'to':>9}{'exact':>9}"
@@ -198,7 +300,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Print the tables and return the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("logs", type=Path, nargs="+", metavar="LOG")
-    missed = [bar for log in parser.parse_args(arguments).logs for bar in judged(log)]
+    parser.add_argument("--heli", action="store_true", help="ArduPilot's own helicopter flew")
+    options = parser.parse_args(arguments)
+    missed = [bar for log in options.logs for bar in judged(log, own=options.heli)]
     print(*(f"missed: {one}" for one in missed), sep="\n")
     return int(bool(missed))
 

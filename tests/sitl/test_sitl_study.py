@@ -116,6 +116,22 @@ def test_the_exact_vehicle_is_that_of_python_control_at_ticks(flown_jr700, jr700
     assert set(plant.inputs) < set(IN1)
 
 
+def test_ardupilots_own_helicopter_turns_as_its_source_states(proof):
+    """Yaw: 21.6 x 2.96 over s + 2.96, 80 % of the servo's way; 50 ms, and a tick, held for another.
+
+    Roll above the rotor's modes: 3588.6 / 0.068232 x 1.7635 of the cyclic over s squared.
+    """
+    plant, frequency = proof.ArduPilotsHelicopter({}), np.array([2.0, 20.0, 300.0])
+    found = plant.response(frequency)
+    s = 1j * frequency
+    yaw = 21.6 * 2.96 * 0.8 / (s + 2.96) * np.exp(-s * (0.05 + 0.0025 + 0.00125))
+    # half a frame early by Euler's method, and the gyro's age
+    assert found[2, 2, :2] == pytest.approx(yaw[:2], rel=0.02)
+    cyclic = 1.283 * 0.9 * 3**0.5 / 2.0 / 7.2
+    high = 3588.6 * 1.7635 * cyclic / 0.068232 / s[2] ** 2
+    assert abs(found[0, 0, 2]) == pytest.approx(abs(high), rel=0.05)  # 3588.6 / 300^2
+
+
 @pytest.mark.parametrize(("factor", "misses"), [(1.0, False), (1.08, True)])
 def test_a_loop_that_is_another_by_more_than_half_a_decibel_misses(
     proof, flown_jr700, factor, misses
