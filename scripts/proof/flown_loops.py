@@ -23,7 +23,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from scipy.linalg import expm
 
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.handling.axis import axis_of
-from helisim.handling.closed_loop import ClosedLoop
+from helisim.handling.closed_loop import ClosedLoop, Linear
 from helisim.handling.figures.margins import margins
 from helisim.handling.figures.rejection import HALF_POWER, rejection
 from helisim.handling.measured.interval import Interval
@@ -50,17 +50,6 @@ _JUDGED = 10.0
 _FINE = 2000
 
 Array = NDArray[np.float64]
-
-
-class Plant(Protocol):
-    """From the autopilot's commands to rates and attitudes; `Linear`."""
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-    def response(self, frequency: Array) -> NDArray[np.complex128]:
-        """Return the response, (6, 3, n_freq), at frequencies, (n_freq,) rad/s."""
-        ...
 
 
 class Sampled:
@@ -221,7 +210,7 @@ class Row(NamedTuple):
         )
 
 
-def rows(found: MeasuredMargins, plant: Plant, law: ArduCopterLaw) -> list[Row]:
+def rows(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Row]:
     """Return all figures beside the exact ones."""
     table = []
     for axis in found.loop.axes:
@@ -250,7 +239,7 @@ def rows(found: MeasuredMargins, plant: Plant, law: ArduCopterLaw) -> list[Row]:
     return table
 
 
-def _curve(found: MeasuredMargins, plant: Plant, law: ArduCopterLaw, axis: str) -> list[Row]:
+def _curve(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw, axis: str) -> list[Row]:
     """Return by how much the curve is off at most, where it is judged: gain and phase."""
     curve = found.loop.broken(axis)
     exact = ClosedLoop(plant, law, curve.frequency).broken(axis).response
