@@ -56,7 +56,7 @@ def test_columns_of_ones_own_are_named(record, tmp_path, capsys):
     assert main(["margins", str(path), *words, *given, *json_, "--quiet"]) == 0
     figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
     assert figures["phase_margin"]["value"] == pytest.approx(51.4, abs=3.0)  # three deviations
-    assert "gain_margin of lat at actuators isn't within" in capsys.readouterr().out
+    assert "gain margin of lat at actuators isn't within" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from helisim.records.logs.dataflash import DataFlash
 from helisim.records.storage import read_record
 from helisim.sitl import isolated
 from helisim.sitl.flights.pilot import Sticks
-from helisim.sitl.flights.scripts import script_of
+from helisim.sitl.flights.scripts import script_of, told
 from helisim.sitl.flights.session import fly_script
 from helisim.sitl.flights.sweeps import INTO, Sweep, sweeps
 from helisim.sitl.mixing import Mixer
@@ -213,6 +213,16 @@ def test_own_script_is_a_generator_called_fly(tmp_path):
         script_of("hovr")
     with pytest.raises(InputError, match="no such file"):
         script_of(str(tmp_path / "other.py"))
+
+
+def test_what_an_own_script_does_wrong_is_told_with_its_line(tmp_path):
+    """In one line; a traceback would end in the user's line after twenty of ours."""
+    path = tmp_path / "wrong.py"
+    path.write_text("def fly(pilot):\n    yield\n    pilot.climb(3)\n")
+    steps = told(script_of(str(path)), object())
+    next(steps)
+    with pytest.raises(InputError, match=r"wrong\.py, line 3: AttributeError: .*climb"):
+        next(steps)
 
 
 def test_a_sweep_is_told_with_its_units():

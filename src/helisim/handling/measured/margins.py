@@ -299,7 +299,9 @@ def _figures(
     loop: MeasuredLoop, cuts: Sequence[Cut], axes: Sequence[str], *, sticks: bool
 ) -> tuple[tuple[MeasuredFigure, ...], list[str]]:
     """Return all figures that the loop has, and which it doesn't have."""
-    found, missing = [], []
+    found: list[MeasuredFigure] = []
+    missing: list[str] = []
+    beyond: dict[tuple[str, str, str], list[str]] = {}
     drives = {one.drive for one in loop.curves.driven}
     asked = [one for cut in cuts if cut.injected in drives for one in asked_of(cut)]
     if not asked:
@@ -320,18 +322,21 @@ def _figures(
             if math.isfinite(value.value):
                 found.append(MeasuredFigure(name, one.axis, one.at, UNITS[name], value))
             else:
-                missing.append(_missing(loop, one, name))
+                key = name.replace("_", " "), one.at, _known(loop, one)
+                beyond.setdefault(key, []).append(one.axis)
+    missing += [
+        f"{name} of {', '.join(on)} at {at} isn't within {band}, where the response is known"
+        for (name, at, band), on in beyond.items()
+    ]
     return tuple(found), missing
 
 
-def _missing(loop: MeasuredLoop, asked: Asked, name: str) -> str:
+def _known(loop: MeasuredLoop, asked: Asked) -> str:
+    """Return the band in which what is asked for is known, in words."""
     curve = {
         "broken": lambda: loop.broken(asked.axis, asked.at),
         "disturbance": lambda: loop.disturbance(asked.axis),
         "command": lambda: loop.command(asked.axis),
     }[asked.kind]()
     low, high = curve.frequency[0], curve.frequency[-1]
-    return (
-        f"{name} of {asked.axis} at {asked.at} isn't within {low:.3g} to {high:.3g} rad/s, where "
-        "the response is known"
-    )
+    return f"{low:.3g} to {high:.3g} rad/s"

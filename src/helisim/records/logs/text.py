@@ -176,8 +176,9 @@ class TextLog:
         if "\0" in text:
             line = text.count("\n", 0, text.index("\0")) + 1
             raise StorageError(
-                f"{self.path}, line {line}: holds a zero byte: a binary file, or UTF-16 without a "
-                "mark (say encoding = 'utf-16-le' in the map's [file])"
+                f"{self.path}, line {line}: holds a zero byte: a binary file that is no ULog, "
+                "DataFlash or Parquet, whose first bytes would say so, or UTF-16 without a mark "
+                "(say encoding = 'utf-16-le' in the map's [file])"
             )
         return text
 

@@ -2,10 +2,11 @@
 
 import inspect
 import runpy
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.errors import HelisimError, InputError, UnknownNameError
 from helisim.sitl.flights.pilot import Pilot, Steps
 
 _FUNCTION = "fly"
@@ -64,3 +65,19 @@ def script_of(name: str) -> Callable[[Pilot], Steps]:
             "`yield from pilot.take_off(5.0)`"
         )
     return found
+
+
+def told(script: Callable[[Pilot], Steps], pilot: Pilot) -> Steps:
+    """Go through a script, and tell in a line what it does wrong, and where.
+
+    Raises:
+        InputError: it raised what is no error of helisim's.
+    """
+    try:
+        yield from script(pilot)
+    except HelisimError:
+        raise
+    except Exception as error:
+        frames = [one for one in traceback.extract_tb(error.__traceback__) if one.name == _FUNCTION]
+        where = f"{frames[-1].filename}, line {frames[-1].lineno}" if frames else "the script"
+        raise InputError(f"{where}: {type(error).__name__}: {error}") from error

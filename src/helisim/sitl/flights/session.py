@@ -10,6 +10,7 @@ from helisim.records.logs.dataflash import DataFlash
 from helisim.sitl.aircraft import Aircraft
 from helisim.sitl.backend import OnFrame, OnWait, serve
 from helisim.sitl.flights.pilot import Pilot, Steps
+from helisim.sitl.flights.scripts import told
 from helisim.sitl.flights.telemetry import Telemetry, mavlink
 from helisim.sitl.link import Link
 from helisim.sitl.packet import Frame, Sensed
@@ -89,7 +90,7 @@ def fly_script(
     Raises:
         AutopilotError: it refused something, something did not come in time, the aircraft
             crashed, or the program ended.
-        InputError: the program can't be started, or pymavlink is missing.
+        InputError: the program can't be started, pymavlink is missing, or the script raised.
         StorageError: the log can't be written.
     """
     mavlink()
@@ -186,7 +187,7 @@ class _Flown:
             self._telemetry.beat()
 
     def _whole(self, script: Script) -> Steps:
-        yield from script(self._pilot)
+        yield from told(script, self._pilot)
         yield from self._log_written()
 
     def _log_written(self) -> Steps:
