@@ -39,6 +39,7 @@ _SHARED = {
     "ground",
     "inferred",
     "logs",
+    "looked",
     "manoeuvres",
     "missions",
     "progress",

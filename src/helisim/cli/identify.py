@@ -11,6 +11,7 @@ from helisim.cli.fitting import adapted, add_fitting, fitted_bands, search_optio
 from helisim.cli.given import add_given, given_response
 from helisim.cli.inferred import inferred_work, infers, print_inferred, with_followed_bands
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, reports
+from helisim.cli.looked import looked
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Estimated, Signals, add_responses, estimate
 from helisim.cli.structures import find_structure
@@ -59,7 +60,8 @@ def add(commands: Any) -> None:
         "--structure",
         metavar="NAME|FILE",
         help="built-in name, tf:ZEROS/POLES, or a TOML file; `helisim structures` lists them "
-        "(default, with logs of ArduPilot's mode SystemID: as its sweeps allow, one or several)",
+        "(default: with logs of ArduPilot's mode SystemID as its sweeps allow, one or several; "
+        "with those of PX4 as a look at them says)",
     )
     add_responses(command, required=False)
     add_given(command)
@@ -75,6 +77,7 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    options = looked(options) or options
     if infers(options):
         status = _run_inferred(options)
         _print_loops(options)

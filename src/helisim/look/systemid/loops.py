@@ -117,7 +117,7 @@ class FlownLoops(Value):
             raise LogError("; ".join(self.remarks) or "no sweep of the logs cuts a loop")
         options["band"] = options.get("band") or self.bands
         found = margins(self.records, cuts=self.cuts, **options)
-        unseen = any(one.startswith("gain_margin") for one in found.remarks)
+        unseen = any(one.startswith("gain margin") for one in found.remarks)
         return replace(found, remarks=(*found.remarks, _FURTHER)) if unseen else found
 
 
