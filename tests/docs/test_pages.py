@@ -67,8 +67,16 @@ def test_what_is_not_run_has_a_reason(page):
         )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("page", [one for one in PAGES if "```sh" in one.read_text()], ids=name)
+LONG = ("design.md", "plant.md")
+"""Pages that design from the flights of a whole experiment."""
+RUNNING = [
+    pytest.param(one, marks=pytest.mark.study if one.name in LONG else pytest.mark.slow)
+    for one in PAGES
+    if "```sh" in one.read_text()
+]
+
+
+@pytest.mark.parametrize("page", RUNNING, ids=name)
 def test_every_command_and_snippet_of_a_page_runs(page, tmp_path):
     """From top to bottom in one empty folder, as a reader would; any failure ends it."""
     environment = {**os.environ, "PATH": f"{HERE}{os.pathsep}{os.environ['PATH']}"}

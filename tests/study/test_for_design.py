@@ -92,7 +92,7 @@ def plant(flown):
     return identify_for_design(flown)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("faster", [1.0, 1.5, 2.0])
 @pytest.mark.parametrize("axis", ["lat", "lon", "ped"])
 def test_loops_are_predicted_from_records_alone(jr700, plant, axis, faster):
@@ -106,7 +106,7 @@ def test_loops_are_predicted_from_records_alone(jr700, plant, axis, faster):
         assert abs(off) < 0.5 * bar, (name, predicted[name], exact[name])
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_draws_scatter_less_than_the_bars(jr700, plant):
     """So an interval from them says something: of crossover, the widest standard deviation."""
     law = shipped_law(jr700)
@@ -115,7 +115,7 @@ def test_draws_scatter_less_than_the_bars(jr700, plant):
         assert 0.0 < np.std(drawn) / np.mean(drawn) < BARS["crossover"]
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_poles_and_steps_are_those_of_the_vehicle(jr700, plant):
     """Of the exact loop, which closes itself another way: its poles to 1.5 %, its steps to 2 %."""
     law, exact = shipped_law(jr700), exact_loop(jr700)
@@ -130,7 +130,7 @@ def test_poles_and_steps_are_those_of_the_vehicle(jr700, plant):
         assert np.max(off) < 0.02 * np.max(np.abs(true.signals[rate]))
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_rotor_with_dynamic_inflow_gets_a_structure_with_inflow():
     """Within a bar; the structure without inflow misses phase margins by 9 degrees."""
     vehicle = load("jr700", parameters={"main_rotor.inflow": "pitt-peters"})
@@ -145,7 +145,7 @@ def test_a_rotor_with_dynamic_inflow_gets_a_structure_with_inflow():
         assert abs(found.least_gain - cut.least_gain) < BARS["gain margin"]
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_two_axes_are_identified_without_the_others(jr700, flown):
     """Without conditioning on pedals that the gyro moves: q/lat is then 3 % off."""
     two = identify_for_design({axis: flown[axis] for axis in ("lat", "lon")}, axes=("lat", "lon"))
@@ -192,7 +192,7 @@ def test_servos_are_known_by_all_four_numbers():
         identify_for_design(flights, servos={"swash_omega": 200.0})
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_yaw_needs_no_sweeps_of_other_axes(flown):
     """It is identified from its own sweeps alone, the collective in them taken out."""
     whole, part = (

@@ -121,7 +121,7 @@ def worst(proof):
     return max(found)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_without_noise_what_is_flown_is_exact(jr700, tmp_path):
     """Of a law that holds attitude: every figure to a third of its bar, records on disk."""
     plan = ProofPlan(weather=Weather(), recorder=TRUE, repeats=1)
@@ -145,7 +145,7 @@ def test_without_noise_what_is_flown_is_exact(jr700, tmp_path):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_in_light_turbulence_figures_keep_their_bars(jr700):
     """With sensor noise and turbulence, four flights of each sweep; nothing at its stops."""
     proof = prove(jr700, HOLDS)

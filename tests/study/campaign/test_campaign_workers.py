@@ -15,7 +15,7 @@ from mortal import always_die, die_once, fail, square
 from helisim.errors import InputError, WorkerError
 from helisim.study.campaign import campaign_from, local, on_dask, run_campaign
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.study
 
 PLAN = """
 [campaign]
