@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import helisim as hs
-from helisim.output.design_page import write_design_page
+from helisim.show.design_page import write_design_page
 from helisim.study.design_chain import DesignRun, run_design, write_design
 from helisim.study.proof.air import exact_over
 from helisim.study.proof.flights import ProofPlan

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import helisim as hs
-from helisim.output.terminal import render_check
+from helisim.show.terminal import render_check
 from helisim.study.calibrate import calibrated_text
 from helisim.study.tune import tune
 from helisim.vehicle.build import write_numbers

@@ -33,11 +33,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident import load_fit
-from helisim.records.logs.dataflash import DataFlash
+from helisim.logs.dataflash import DataFlash
 from helisim.sitl import Aircraft
 from helisim.sitl.mixing import Controls, Mixer
-from helisim.units import STANDARD_GRAVITY
 
 JR700 = "jr700"
 BARS = {JR700: 2.0, "heli": 3.0, "heli-blade360": 3.0}

@@ -8,15 +8,15 @@ import numpy as np
 from helisim import ident
 from helisim.ident.model.evaluate import response
 from helisim.ident.verifying.verification import Trace
-from helisim.paper import jr700
-from helisim.paper.eq8 import Coefficient, OverallCheck
-from helisim.paper.gyro_effect import Change, GyroEffect, Statement
 from helisim.records.channels import CHANNELS, POSITIONS
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from helisim.sim.rigs import Finding, RigTest
 from helisim.study.comparison import ComparisonTable, ParameterRow
 from helisim.study.identified import IdentifiedModel, write_models
+from helisim.study.paper import jr700
+from helisim.study.paper.eq8 import Coefficient, OverallCheck
+from helisim.study.paper.gyro_effect import Change, GyroEffect, Statement
 from helisim.study.results import Exclusion, Results
 
 MODELS = {

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.errors import DivergedError, ModelError, UnknownNameError
+from helisim.base.errors import DivergedError, ModelError, UnknownNameError
 from helisim.physics import native
 from helisim.physics.params import PARAM
 from helisim.vehicle.folder import model_folder

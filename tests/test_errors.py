@@ -5,8 +5,8 @@ import pickle
 
 import pytest
 
+from helisim.base.errors import UnknownNameError, similar
 from helisim.cli import main
-from helisim.errors import UnknownNameError, similar
 
 AXES = ("col", "lon", "lat", "ped")
 MANY = tuple(f"rotor.part_{k:02d}" for k in range(40))

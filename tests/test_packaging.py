@@ -60,7 +60,7 @@ def test_the_wheel_holds_what_it_needs(wheel):
     assert "helisim/models/jr700/jr700.xml" in names
     assert "helisim/models/jr700/scene.xml" in names
     assert {"helisim/py.typed", "helisim/__init__.pyi"} <= set(names)
-    assert "helisim/output/report.css" in names
+    assert "helisim/show/report.css" in names
     assert any(name.endswith("licenses/LICENSE") for name in names)
     sources = {path.relative_to(ROOT / "src") for path in (ROOT / "src").rglob("*.py")}
     assert {path.as_posix() for path in sources} <= set(names)

@@ -14,20 +14,20 @@ import numpy as np
 import pytest
 
 import helisim as hs
+from helisim.base.errors import DivergedError, HelisimError, RecordError, UnknownNameError
+from helisim.base.value import FrozenMap, Value, same
 from helisim.design.phases import Step
 from helisim.design.result import Judged
 from helisim.design.tradeoff import TradeOff
-from helisim.errors import DivergedError, HelisimError, RecordError, UnknownNameError
 from helisim.handling.measured.driven import Driven
 from helisim.handling.measured.interval import Interval
 from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
 from helisim.handling.measured.margins import MeasuredFigure
 from helisim.ident import Reduction
 from helisim.ident.verifying.verification import Trace
+from helisim.logs import Column
 from helisim.look.systemid import FlownSweep, Inferred, InferredFit, InferredLog, TakenChannel
 from helisim.look.systemid.reading import Sampling
-from helisim.records.logs import Column
-from helisim.records.value import FrozenMap, Value, same
 from helisim.sitl.parameter_file import Setting
 from helisim.study.run import Run
 from made_run import make_flight, make_model, make_verification, write_run

@@ -71,9 +71,9 @@ def main(flights: int = 10) -> None:
     clock = Clock()
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/compiled"
-        from helisim.output.report import write_report
-        from helisim.output.rerun.recording import write_recording
         from helisim.physics import native
+        from helisim.show.report import write_report
+        from helisim.show.rerun.recording import write_recording
         from helisim.study.flights import named_records
         from helisim.study.identification import identify_model
         from helisim.study.models import MODELS

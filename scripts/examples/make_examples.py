@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import helisim as hs
+from helisim.base.files import atomic_write
+from helisim.logs.examples import FOLDER
 from helisim.records.channels import (
     ACCELERATIONS,
     ATTITUDES,
@@ -25,8 +27,6 @@ from helisim.records.channels import (
     SERVOS,
     VELOCITIES,
 )
-from helisim.records.examples import FOLDER
-from helisim.records.files import atomic_write
 
 RATE = 50.0
 """Hz: seven samples to the period of 42 rad/s, the highest frequency of the roll-pitch fit."""

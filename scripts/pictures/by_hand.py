@@ -8,10 +8,10 @@ from pathlib import Path
 from matplotlib.image import imsave
 
 import helisim as hs
-from helisim.output.hand.cockpit import Cockpit
-from helisim.output.hand.window import GlfwWindow
-from helisim.output.viewer import Rotors
-from helisim.sim.hand import Deflection, HandFlight, KeyboardSticks, Logbook
+from helisim.hand import Deflection, HandFlight, KeyboardSticks, Logbook
+from helisim.hand.cockpit import Cockpit
+from helisim.hand.window import GlfwWindow
+from helisim.show.viewer import Rotors
 
 _HERE = Path(__file__).parent
 

@@ -23,9 +23,9 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 
 import helisim as hs
-from helisim.output.canvas import to_png
-from helisim.output.drawings import bode_drawings
-from helisim.output.rerun.recording import write_recording
+from helisim.show.canvas import to_png
+from helisim.show.drawings import bode_drawings
+from helisim.show.rerun.recording import write_recording
 from helisim.study.run import Run, read_run
 from helisim.vehicle.folder import model_folder, vehicle_names
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from helisim.errors import AutopilotError, HelisimError, InputError, UnknownNameError
+from helisim.base.errors import AutopilotError, HelisimError, InputError, UnknownNameError
 from helisim.sitl import Sensed
 from helisim.sitl.flights.pilot import Pilot, Steps
 from helisim.sitl.flights.sweeps import fly_sweep, sweeps

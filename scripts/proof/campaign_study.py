@@ -17,11 +17,11 @@ import numpy as np
 import pyarrow as pa
 
 from helisim.ident import identify
-from helisim.paper import jr700
 from helisim.sim import Recorder
 from helisim.study.campaign import read_dataset
 from helisim.study.campaign.summary import Summary, errors, render, summarise
 from helisim.study.models import MODELS
+from helisim.study.paper import jr700
 from helisim.study.truth import exact_response
 from helisim.vehicle import load
 

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 import helisim as hs
-from helisim.errors import DivergedError, HelisimError
+from helisim.base.errors import DivergedError, HelisimError
 from helisim.sim import parse_fault
 from helisim.study.identification import identify_model
 from helisim.study.models import YAW_BASE

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.handling.axis import axis_of
 from helisim.handling.closed_loop import ClosedLoop, Linear
@@ -36,12 +37,11 @@ from helisim.handling.figures.margins import margins
 from helisim.handling.figures.rejection import HALF_POWER, rejection
 from helisim.handling.measured.interval import Interval
 from helisim.handling.measured.margins import MeasuredMargins
+from helisim.logs.dataflash import DataFlash
 from helisim.look.systemid.loops import flown_loops
 from helisim.records.channels import ATTITUDES, IN1, RATES
-from helisim.records.logs.dataflash import DataFlash
 from helisim.sitl import Aircraft
 from helisim.sitl.mixing import Controls, Mixer
-from helisim.units import STANDARD_GRAVITY
 
 DECIBEL, DEGREES = 0.5, 3.0
 """The bars."""

@@ -25,10 +25,10 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from helisim.output.canvas import to_figure
-from helisim.output.figure import Mark, Panel
-from helisim.output.svg import Drawing
-from helisim.paper import lynx
+from helisim.show.canvas import to_figure
+from helisim.show.figure import Mark, Panel
+from helisim.show.svg import Drawing
+from helisim.study.paper import lynx
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.blade import lock_reduction
 from helisim.vehicle.known import flapping_of

@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from helisim.errors import HelisimError
-from helisim.records.files import read_json
+from helisim.base.errors import HelisimError
+from helisim.base.files import read_json
 from helisim.records.parquet import read_table
 from helisim.sim import Sweep, fly_to
 from helisim.study.campaign import campaign_from, run_campaign

@@ -34,7 +34,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from helisim.registration import register as _register
+from helisim.base.registration import register as _register
 
 __version__ = "0.1.0"
 
@@ -50,8 +50,8 @@ _HOMES = {
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]  (it reads the stub)
 
 
-SHOWN_BY = "helisim.output.notebook"
-"""The module that shows a value, by `plot` or in a notebook; see `helisim.records.display`."""
+SHOWN_BY = "helisim.show.notebook"
+"""The module that shows a value, by `plot` or in a notebook; see `helisim.base.display`."""
 
 
 def __getattr__(name: str) -> object:

@@ -11,7 +11,7 @@ import pytest
 from command import fails
 from helisim.cli import main
 from helisim.ident import Structure, load_fit, structures
-from helisim.records.logs import read_log
+from helisim.logs import read_log
 from helisim.records.storage import write_record
 from swept_logs import HEAVE, csv_writer, flown, write_foreign
 

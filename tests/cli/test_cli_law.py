@@ -8,7 +8,7 @@ import pytest
 import helisim as hs
 from command import fails
 from helisim.cli import main
-from helisim.laws import read_law
+from helisim.design.laws import read_law
 from helisim.sim import Recorder
 from helisim.study.flights import fly_sweeps
 

@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
+from helisim.base.errors import InputError
 from helisim.cli import main
 from helisim.cli.trim import speeds_of
-from helisim.errors import InputError
 
 
 def printed(capsys, *arguments):

@@ -8,10 +8,10 @@ import pytest
 from small_design import SmallLaw, SmallLoop, SmallPlant
 from small_specs import small_specs
 
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.design.design import design
 from helisim.design.nearest import InfeasibleError
 from helisim.design.phases import UnstableError
-from helisim.errors import InputError, UnknownNameError
 
 PLANT = SmallPlant()
 

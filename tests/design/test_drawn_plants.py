@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from helisim import ident
+from helisim.base.errors import InputError
 from helisim.design.drawn import draw
-from helisim.errors import InputError
 
 OMEGA = np.geomspace(1.0, 40.0, 60)
 

@@ -4,9 +4,9 @@ import control
 import numpy as np
 import pytest
 
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.design.lqg import LqgWeights, Tracked, lqg, regulator
 from helisim.design.stabilisable import UnstabilisableError
-from helisim.errors import InputError, UnknownNameError
 from helisim.vehicle.sampled import sample
 
 PERIOD = 0.01

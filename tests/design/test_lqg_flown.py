@@ -7,8 +7,8 @@ import pytest
 import helisim as hs
 from exact_fits import OMEGA, found
 from helisim import ident
+from helisim.base.errors import UnknownNameError
 from helisim.design.lqg_model import lqg_model
-from helisim.errors import UnknownNameError
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures.margins import margins
 from helisim.sim import Recorder

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from helisim import ident
+from helisim.base.errors import InputError
 from helisim.design.plant import Plant, turned
-from helisim.errors import InputError
 
 OMEGA = np.geomspace(1.0, 40.0, 60)
 TRUE = {"N_r": -1.2, "N_ped": 40.0, "tau_r_base": 0.05}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from small_design import SmallPlant
 
+from helisim.base.errors import InputError
 from helisim.design.start import attitude_start
-from helisim.errors import InputError
 
 
 class Helicopter:

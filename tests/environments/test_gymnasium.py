@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import helisim.gym
-from helisim.errors import DisplayError, InputError, UnknownNameError
+from helisim.base.errors import DisplayError, InputError, UnknownNameError
 from helisim.gym.picture import render_modes
 
 ROUGH = {

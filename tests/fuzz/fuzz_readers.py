@@ -29,12 +29,12 @@ READING = ("logs", "storage", "record", "ident", "output", "repeat", "comparison
 with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING]):
     import numpy as np
 
-    from helisim.errors import HelisimError, InputError
+    from helisim.base.errors import HelisimError, InputError
     from helisim.ident import Structure, frequency_response, load_fit, load_response, structures
     from helisim.ident.model.expression import Expression
+    from helisim.logs import REPAIRS, Clock, Column, Map, read_log
+    from helisim.logs.terms import MAP_EXAMPLE
     from helisim.records.channels import channel
-    from helisim.records.log_terms import MAP_EXAMPLE
-    from helisim.records.logs import REPAIRS, Clock, Column, Map, read_log
     from helisim.records.record import FlightRecord
     from helisim.records.storage import read_record, write_record
     from helisim.study.identified import read_models

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Terms
 
 # ArduCopter-heli 4.7.0-dev (90700977c5) flying its own built-in helicopter under SystemID's axes

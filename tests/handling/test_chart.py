@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.handling.chart import Chart, ChartAxis, ChartLine, Region
 
 INF = math.inf

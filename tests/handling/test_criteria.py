@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from attitude_loop import AttitudeLoop
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.handling import criteria
 from helisim.handling.criteria import Border, Criterion, Limit
 from helisim.handling.criteria.criterion import MOST

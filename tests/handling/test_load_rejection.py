@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from attitude_loop import AttitudeLoop
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.handling.criteria import Limit, LoadRejection
 from helisim.handling.loop import NoResponse
 

@@ -6,7 +6,7 @@ import pytest
 
 import helisim as hs
 from closed_loops import PERIOD, chirp, flown, known_loop
-from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.handling.curve import Curve
 from helisim.handling.loop import NoResponse
 from helisim.handling.measured.cut import cuts_by_name

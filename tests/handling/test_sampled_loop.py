@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import NoResponse
 from helisim.vehicle.linearize import OUTPUTS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from attitude_loop import AttitudeLoop
 
-from helisim.errors import HelisimError, InputError
+from helisim.base.errors import HelisimError, InputError
 from helisim.handling import criteria
 from helisim.handling.criteria import Border, Limit
 from helisim.handling.froude import Froude

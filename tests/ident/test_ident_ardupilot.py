@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, StorageError, UnknownNameError
+from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.ident import blocks, in_series, structures
 from helisim.ident.fitting.ardupilot import ArduPilotModel
 from helisim.ident.fitting.ardupilot_fit import numbers_of
 from helisim.ident.model.evaluate import response, state_space
 from helisim.ident.model.simulation import delayed
-from helisim.paper import blade360
+from helisim.study.paper import blade360
 
 AS_IT_IS = dict.fromkeys(("col", "lon", "lat", "ped"), 1.0)
 SETTINGS = {"nominal_rpm": 2100.0, "coll_min": -2.0, "coll_max": 12.0, "coll_hover": 5.0}

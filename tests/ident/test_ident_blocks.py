@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqs
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Structure, identify, in_series
 from helisim.ident.model import blocks
 from helisim.ident.model.evaluate import response

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
 from helisim.ident.fitting.bounds import gauss_newton_hessian
 from helisim.ident.fitting.cost import Cost

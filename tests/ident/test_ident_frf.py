@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import (
     CrossControlWarning,
     FrequencyResponse,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident import FrequencyResponse, identify, structures
 from helisim.ident.model.evaluate import response, state_space
-from helisim.units import STANDARD_GRAVITY
 
 G = STANDARD_GRAVITY
 HOVER = {

@@ -8,13 +8,13 @@ import control
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.user_units import UserUnits, parts, unit_text
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
 from helisim.ident.in_units import fit_in, response_in
 from helisim.ident.model.dimensions import dimensions
 from helisim.ident.model.evaluate import response
 from helisim.records.channels import CHANNELS
-from helisim.records.user_units import UserUnits, parts, unit_text
 
 DEG, FT = 57.29577951308232, 1.0 / 0.3048
 ALL = UserUnits.of("deg,ft,percent")

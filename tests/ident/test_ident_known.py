@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify
 from helisim.ident.fitting.bounds import accuracy
 from helisim.ident.fitting.cost import Cost

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import freqz, lfilter
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident import frequency_response
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord

@@ -8,7 +8,7 @@ import control
 import numpy as np
 import pytest
 
-from helisim.errors import IdentificationError, UnknownNameError
+from helisim.base.errors import IdentificationError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, Parameter, Structure, identify, structures
 from helisim.ident.fitting.modes import Mode, modes
 from helisim.ident.model.evaluate import matrices, response, state_space

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, Structure, identify, reduce, verify
 from helisim.ident.model.evaluate import response, response_and_slope, state_space
 from helisim.ident.model.simulation import delayed

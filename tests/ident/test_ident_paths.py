@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify
 from helisim.ident.model.evaluate import response
 from helisim.ident.model.paths import connected

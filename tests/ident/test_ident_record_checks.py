@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from helisim.errors import IdentificationError
+from helisim.base.errors import IdentificationError
 from helisim.ident import RecordQualityWarning, frequency_response
+from helisim.logs import screen
 from helisim.records.channels import channel
-from helisim.records.logs import screen
 from helisim.records.record import FlightRecord
 
 TIME = np.arange(6001) / 100.0

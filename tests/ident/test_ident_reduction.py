@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Structure, reduce, structures
 from helisim.ident.model.evaluate import response
 

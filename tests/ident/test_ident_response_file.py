@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import helisim as hs
-from helisim.errors import InputError, StorageError
+from helisim.base.errors import InputError, StorageError
 from helisim.ident import FrequencyResponse, frequency_response, identify, load_response, structures
 from helisim.ident.responses.response_file import is_response
 from helisim.records.channels import channel

@@ -15,7 +15,7 @@ import pytest
 from scipy.signal import butter, detrend
 
 import helisim.ident
-from helisim.errors import IdentificationError, InputError
+from helisim.base.errors import IdentificationError, InputError
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures, verify
 from helisim.ident.fitting.bounds import accuracy
 from helisim.ident.fitting.cost import Cost

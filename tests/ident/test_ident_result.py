@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import loadmat
 
-from helisim.errors import InputError, StorageError, UnknownNameError
+from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, Structure, identify, load_fit, structures
 from helisim.ident.fitting.export import rounded
 from helisim.ident.model.evaluate import response

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter
 
-from helisim.errors import IdentificationError, InputError
+from helisim.base.errors import IdentificationError, InputError
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures
 from helisim.ident.fitting.cost import Cost
 from helisim.ident.fitting.points import select

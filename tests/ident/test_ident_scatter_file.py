@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident.responses.local_scatter import LineWeights, LocalScatter
 from helisim.ident.responses.scatter_file import _digest, scatter_from_plain, scatter_to_plain
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident import Fit, FrequencyResponse, frequency_response, identify, verify
 from helisim.ident.model.transfer import first_order_delay
 from helisim.ident.responses.seen import FlightSpan, flight_span, record_digest, share_seen
+from helisim.logs import read_log, screen
 from helisim.records.channels import channel
-from helisim.records.logs import read_log, screen
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import StateSpace, freqresp
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
 from helisim.ident import Parameter, Structure, structures
 from helisim.ident.model import sensitivity as module
 from helisim.ident.model.evaluate import matrices, response, response_and_slope

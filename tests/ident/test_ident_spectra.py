@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import ZoomFFT, lfilter
 
-from helisim.errors import IdentificationError, InputError
+from helisim.base.errors import IdentificationError, InputError
 from helisim.ident import frequency_response
 from helisim.ident.responses.conditioning import random_error
 from helisim.ident.responses.spectra import _kernel, cross_spectra, segment_starts

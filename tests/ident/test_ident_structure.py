@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import Parameter, Structure, structures
 from helisim.ident.model.evaluate import response, response_and_slope, state_space
 from helisim.ident.model.expression import Expression

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.errors import InputError, StorageError, UnknownNameError
+from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
 from helisim.ident.model.evaluate import response
 from late import LATE

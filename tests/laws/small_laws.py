@@ -2,7 +2,15 @@
 
 from dataclasses import replace
 
-from helisim.laws import AttitudeAxis, AttitudeCommand, HeaveAxis, Lead, Lowpass, Notch, YawAxis
+from helisim.design.laws import (
+    AttitudeAxis,
+    AttitudeCommand,
+    HeaveAxis,
+    Lead,
+    Lowpass,
+    Notch,
+    YawAxis,
+)
 
 HOLDS = AttitudeCommand(
     lat=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=0.6, k_rate=0.05, k_integral=0.3),

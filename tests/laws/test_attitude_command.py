@@ -7,8 +7,8 @@ import pytest
 from small_laws import FULL, HOLDS, LAT
 
 import helisim as hs
-from helisim.errors import InputError, UnknownNameError
-from helisim.laws.law import law_of, read_law
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.design.laws.law import law_of, read_law
 from helisim.vehicle.law import linearize_law
 
 OMEGA = np.geomspace(0.2, 150.0, 60)

@@ -8,10 +8,10 @@ import pytest
 from scipy.signal import bilinear_zpk, freqz_zpk, tf2zpk
 from small_laws import HOLDS
 
+from helisim.design.laws import AttitudeCommand, HeaveAxis, Lead, Lowpass, Notch
+from helisim.design.laws.attitude_kernel import ATTITUDE, COMPILED, INTEGRAL, LAT, LON, PED
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import NoResponse
-from helisim.laws import AttitudeCommand, HeaveAxis, Lead, Lowpass, Notch
-from helisim.laws.attitude_kernel import ATTITUDE, COMPILED, INTEGRAL, LAT, LON, PED
 from helisim.physics.gyro import Seen
 
 PERIOD = 0.002

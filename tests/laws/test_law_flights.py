@@ -7,8 +7,8 @@ import pytest
 from small_laws import FULL, HOLDS
 
 import helisim as hs
+from helisim.base.errors import InputError
 from helisim.cli import main
-from helisim.errors import InputError
 
 FLY = ["fly", "--excitation", "doublet", "--axis", "ped", "--quiet", "--out", "flown.parquet"]
 

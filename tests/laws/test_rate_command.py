@@ -5,8 +5,8 @@ import pytest
 from small_laws import HOLDS
 
 import helisim as hs
-from helisim.errors import InputError
-from helisim.laws.law import law_of
+from helisim.base.errors import InputError
+from helisim.design.laws.law import law_of
 from helisim.physics.own_laws import Called
 
 OMEGA = np.geomspace(0.2, 150.0, 60)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import helisim as hs
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.design.laws.law import law_of, read_law
+from helisim.design.laws.state_space import StateSpaceLaw
 from helisim.design.lqg import LqgWeights, Tracked, lqg
-from helisim.errors import InputError, UnknownNameError
-from helisim.laws.law import law_of, read_law
-from helisim.laws.state_space import StateSpaceLaw
 from helisim.vehicle.law import linearize_law
 from helisim.vehicle.sampled import sample
 

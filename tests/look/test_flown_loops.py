@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from helisim.base.errors import LogError
 from helisim.cli import main
-from helisim.errors import LogError
 from helisim.handling.arducopter import ADDED, COMMANDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures.margins import margins

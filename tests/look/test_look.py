@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import autopilot_logs
+from helisim.base.errors import InputError, StorageError
+from helisim.base.units import RAD_PER_DEG
 from helisim.cli import main
-from helisim.errors import InputError, StorageError
 from helisim.ident import load_fit
+from helisim.logs import Clock, Column
+from helisim.logs.examples import copy_examples, examples
 from helisim.look import look
-from helisim.records.examples import copy_examples, examples
-from helisim.records.logs import Clock, Column
-from helisim.units import RAD_PER_DEG
 
 DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04
 """Of the roll that is flown: p/lat = 90 e^(-0.04 s) / (s + 6)."""

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helisim.base.errors import HelisimError
 from helisim.cli import parser
-from helisim.errors import HelisimError
 from helisim.look import look
 
 HEADS = st.sampled_from(

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.errors import HelisimError, InputError, LogError
+from helisim.base.errors import HelisimError, InputError, LogError
+from helisim.logs import Column
 from helisim.look.systemid import SID_AXES, infer
 from helisim.look.systemid.bands import followed_band
 from helisim.look.systemid.channels import usual_step
 from helisim.look.systemid.estimate import estimate_fits
 from helisim.look.systemid.sent import sent_yaw, tail_servo
-from helisim.records.logs import Column
 from sid_logs import TRUTH, SidLog, flown, four_axes
 
 HZ = 2.0 * np.pi

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import ModelError
-from helisim.paper import blade360, published
+from helisim.base.errors import ModelError
 from helisim.physics.frames import flip
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
+from helisim.study.paper import blade360, published
 from helisim.study.tune import margins
 from helisim.vehicle import load, read_parameters
 from helisim.vehicle.assembly import check_interface, mass_and_gravity, total_inertia

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from helisim.paper import jr700
-from helisim.paper.eq8 import check_overall, overall_from_parts
+from helisim.study.paper import jr700
+from helisim.study.paper.eq8 import check_overall, overall_from_parts
 
 TAU_PED = 0.0215  # s: with tau_r_base of 50.5 ms, tau_r_all of 72 ms
 

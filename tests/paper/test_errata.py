@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from helisim.cli import main
-from helisim.output.terminal import render_errata
-from helisim.paper import jr700
-from helisim.paper.errata import errata
+from helisim.show.terminal import render_errata
+from helisim.study.paper import jr700
+from helisim.study.paper.errata import errata
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from helisim.paper import jr700
-from helisim.paper.gyro_effect import gyro_effect
+from helisim.study.paper import jr700
+from helisim.study.paper.gyro_effect import gyro_effect
 
 
 def identified(reference, scale=1.0, *, without=()):

@@ -7,8 +7,8 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from helisim.errors import UnknownNameError
-from helisim.paper import jr700
+from helisim.base.errors import UnknownNameError
+from helisim.study.paper import jr700
 
 RPM = 2.0 * math.pi / 60.0
 

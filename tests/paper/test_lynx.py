@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from helisim.paper import lynx
+from helisim.study.paper import lynx
 
 KNOTS = tuple(lynx.PADFIELD)
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import interpreted
-from helisim.errors import CallbackError
+from helisim.base.errors import CallbackError
 from helisim.physics import fields, native
 from helisim.physics.layout import MAGIC
 from helisim.physics.native import installed

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helisim.base.units import RAD_S_PER_RPM
 from helisim.physics import drive
 from helisim.physics.body import Velocities
 from helisim.physics.layout import STATE
@@ -16,7 +17,6 @@ from helisim.physics.main_rotor import main_rotor, turning
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
 from helisim.physics.tail_rotor import tail_rotor
-from helisim.units import RAD_S_PER_RPM
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place

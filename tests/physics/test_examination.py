@@ -8,7 +8,7 @@ import pytest
 from mujoco import rollout
 
 import helisim as hs
-from helisim.errors import CallbackError, InputError
+from helisim.base.errors import CallbackError, InputError
 from helisim.physics.layout import ACTUATORS, LAYOUT
 from helisim.physics.params import PARAM
 from helisim.vehicle.assembly import model_folder

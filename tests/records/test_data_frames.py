@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from helisim.errors import InputError, RecordError, UnknownNameError
+from helisim.base.errors import InputError, RecordError, UnknownNameError
 from helisim.records.channels import CHANNELS, Channel
 from helisim.records.record import FlightRecord
 from made_run import make_flight

@@ -8,8 +8,8 @@ import pytest
 
 import helisim as hs
 from helisim import cli
-from helisim.errors import UnknownNameError
-from helisim.records.examples import FOLDER
+from helisim.base.errors import UnknownNameError
+from helisim.logs.examples import FOLDER
 from script import loaded
 
 maker = loaded("examples/make_examples")

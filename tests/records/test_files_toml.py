@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from helisim.records.files import toml_key, toml_value
+from helisim.base.files import toml_key, toml_value
 
 
 @pytest.mark.parametrize(

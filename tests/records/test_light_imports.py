@@ -14,7 +14,7 @@ HEAVY = ("scipy", "pyarrow", "matplotlib", "control", "numba", "mujoco", "pyulog
         "helisim.records.channels",
         "helisim.records.record",
         "helisim.records.storage",
-        "helisim.records.logs",
+        "helisim.logs",
     ],
 )
 def test_records_load_no_heavy_library(module):
@@ -29,7 +29,7 @@ def test_a_csv_is_read_without_scipy_and_pyarrow(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t [s],p [rad/s]\n" + "".join(f"{0.01 * k:.2f},{k % 7}\n" for k in range(300)))
     code = (
-        "import sys; from helisim.records.logs import read_log\n"
+        "import sys; from helisim.logs import read_log\n"
         f"first = read_log({str(path)!r})\n"
         "print('scipy' in sys.modules, 'pyarrow' in sys.modules)\n"
         f"read_log({str(path)!r}, resample_hz=50.0)\n"

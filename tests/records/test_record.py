@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from helisim.errors import RecordError, UnknownNameError
+from helisim.base.errors import RecordError, UnknownNameError
 from helisim.records.channels import CHANNELS, IN1, IN2, OUT, SERVOS, Channel, channel
 from helisim.records.record import FlightRecord
 

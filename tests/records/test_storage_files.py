@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from helisim.errors import HelisimError, StorageError
+from helisim.base import files
+from helisim.base.errors import HelisimError, StorageError
+from helisim.base.files import atomic_write, check_destination, read_json, read_toml, write_json
 from helisim.ident import load_fit, structures
-from helisim.records import files
-from helisim.records.files import atomic_write, check_destination, read_json, read_toml, write_json
-from helisim.records.logs import Map
+from helisim.logs import Map
 from helisim.vehicle import read_parameters
 
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.errors import RecordError, StorageError
+from helisim.base.errors import RecordError, StorageError
 from helisim.records import parquet
 from helisim.records.channels import Channel, channel
 from helisim.records.record import FlightRecord
@@ -201,7 +201,7 @@ def test_a_flipped_bit_in_parquet_is_found(tmp_path):
 READ_AND_END = """
 import ctypes, os, sys
 import pyarrow.parquet  # first: on import its allocator starts a thread, which knows no Python
-from helisim.errors import StorageError
+from helisim.base.errors import StorageError
 from helisim.records.storage import read_record
 
 def threads():

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.ident import Structure
-from helisim.paper import blade360
+from helisim.study.paper import blade360
 
 FOOT = 0.3048
 """m (exact)."""

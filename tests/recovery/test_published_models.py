@@ -15,7 +15,7 @@ import pytest
 from closed_loop import Rig
 from fleet import FLEET
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident import Fit, Structure, frequency_response, identify, load_fit, verify
 from helisim.ident.model.evaluate import state_space
 from helisim.records.record import FlightRecord

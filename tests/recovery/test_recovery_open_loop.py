@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from plants import ROLLPITCH_IN1, fly
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident import frequency_response, identify, structures, verify
 from helisim.ident.model.evaluate import response, state_space
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from helisim.paper import published
+from helisim.study.paper import published
 from helisim.study.recover import base_models, recover
 from helisim.study.results import Results
 from helisim.vehicle import load

@@ -15,12 +15,12 @@ from aircraft import Aircraft
 from fleet import FLEET
 from held import held
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident import Structure, verify
 from helisim.ident.verifying.verification import ACCEPTABLE_TIC, theil
-from helisim.output.plots import draw_verification
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
+from helisim.show.plots import draw_verification
 from helisim.study.identified import IdentifiedModel
 
 UNSTABLE = ("blade_360", "lynx", "hummingbird")

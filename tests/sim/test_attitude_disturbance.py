@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident import frequency_response
 from helisim.sim import (
     Chirp,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.sim import simulate
 from helisim.sim.missions.lift import Lift
 from helisim.sim.missions.reached import Reached

@@ -15,7 +15,7 @@ from numba import types
 
 import helisim as hs
 import own_laws
-from helisim.errors import CallbackError, InputError, ModelError, UnknownNameError
+from helisim.base.errors import CallbackError, InputError, ModelError, UnknownNameError
 from helisim.physics import laws
 from helisim.physics.layout import STATE
 from helisim.physics.params import NO_LAW, PARAM

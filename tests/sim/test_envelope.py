@@ -9,8 +9,8 @@ import pytest
 from mujoco import rollout
 from scipy.spatial.transform import Rotation
 
+from helisim.base.errors import DivergedError, IdentificationError, InputError
 from helisim.cli import main
-from helisim.errors import DivergedError, IdentificationError, InputError
 from helisim.ident import RecordQualityWarning, frequency_response
 from helisim.physics.native import installed
 from helisim.records.channels import ATTITUDES, POSITIONS

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.params import DOUBLET, PARAM, SWEEP
 from helisim.sim import Doublet, Sweep
 from helisim.sim.pilot import Pilot

@@ -7,7 +7,7 @@ import pytest
 
 import helisim as hs
 import own_laws
-from helisim.errors import CallbackError, DivergedError, InputError
+from helisim.base.errors import CallbackError, DivergedError, InputError
 from helisim.vehicle import Controller
 from helisim.vehicle.trim import place
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim import FlightPlan, Sweep
 from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak
 from helisim.sim.faults.notation import parse_fault

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM

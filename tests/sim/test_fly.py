@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import DivergedError, InputError
+from helisim.base.errors import DivergedError, InputError
 from helisim.physics import pilot as pilot_laws
 from helisim.records.channels import CHANNELS, IN1, IN2, OUT, SERVOS
 from helisim.sim import Doublet, Sweep

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from helisim.base.errors import InputError
 from helisim.cli import main
-from helisim.errors import InputError
 from helisim.records.storage import read_record
 from helisim.sim import FlightEnvelope, FlightPlan, Pilot, Recorder, Sweep, fly, fly_to, simulate
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim.missions.glide import Glide, Ramp
 
 

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from test_ground import SWAYING
 
 import helisim as hs
-from helisim.errors import InputError
-from helisim.output.viewer import prepare_live
+from helisim.base.errors import InputError
 from helisim.physics.native import installed
+from helisim.show.viewer import prepare_live
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.missions import TakeOffHoverLand
 from helisim.sim.simulation import simulate

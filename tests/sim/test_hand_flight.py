@@ -7,11 +7,11 @@ import pickle
 import numpy as np
 import pytest
 
-from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError, InputError, UnknownNameError
+from helisim.hand import HandFlight, StickFeel
 from helisim.ident import frequency_response
 from helisim.records.storage import read_record, write_record
 from helisim.sim import Weather
-from helisim.sim.hand import HandFlight, StickFeel
 from helisim.vehicle import Controller, load
 
 VEHICLES = ("jr700", "blade360")

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.errors import InputError, StorageError, UnknownNameError
-from helisim.sim.hand import (
+from helisim.base.errors import InputError, StorageError, UnknownNameError
+from helisim.hand import (
     MODES,
     Axis,
     Deflection,
@@ -18,7 +18,7 @@ from helisim.sim.hand import (
     StickFeel,
     calibrated,
 )
-from helisim.sim.hand.sticks import gimbals_of, sticks_of
+from helisim.hand.sticks import gimbals_of, sticks_of
 
 UNIT = st.floats(-1.0, 1.0)
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident import frequency_response
 from helisim.physics.layout import INJECTION
 from helisim.records.storage import read_record, write_record

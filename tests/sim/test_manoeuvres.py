@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import chirp
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim import (
     Chirp,
     Doublet,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.errors import DivergedError, InputError
+from helisim.base.errors import DivergedError, InputError
 from helisim.sim import simulate
 from helisim.sim.clearance import outline
 from helisim.sim.missions import MISSIONS, Autopilot, Mission, missions_by_name

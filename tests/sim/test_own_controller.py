@@ -12,7 +12,7 @@ from numba import types
 
 import helisim as hs
 import own_laws
-from helisim.errors import InputError, ModelError
+from helisim.base.errors import InputError, ModelError
 from helisim.physics import gyro
 from helisim.physics.gyro import Seen, cyclic_law, gyro_law
 from helisim.physics.layout import STATE

@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from helisim.base.errors import InputError
 from helisim.cli import main
-from helisim.errors import InputError
-from helisim.output.viewer import prepare_live
 from helisim.physics.native import installed
 from helisim.physics.params import HISTORY, PARAM
 from helisim.records.storage import read_record, write_record
+from helisim.show.viewer import prepare_live
 from helisim.sim import (
     Doublet,
     Excitation,

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from helisim.base.errors import InputError, StorageError
 from helisim.cli import main
-from helisim.errors import InputError, StorageError
 from helisim.ident import frequency_response
 from helisim.records.storage import read_record, write_record
 from helisim.sim import (

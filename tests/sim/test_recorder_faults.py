@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 from helisim.sim import Doublet

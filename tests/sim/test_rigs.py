@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from helisim.base.errors import InputError, RecordError, UnknownNameError
 from helisim.cli import main
-from helisim.errors import InputError, RecordError, UnknownNameError
 from helisim.physics.layout import ACTUATORS
 from helisim.records.channels import CHANNELS
 from helisim.records.record import FlightRecord

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics import air as law
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed

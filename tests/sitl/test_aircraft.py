@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import helisim as hs
-from helisim.errors import DivergedError, InputError, UnknownNameError
+from helisim.base.errors import DivergedError, InputError, UnknownNameError
 from helisim.physics.layout import STATE
 from helisim.physics.params import PARAM
 from helisim.sim import Deck, Ground, Swing, Weather

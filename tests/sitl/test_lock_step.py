@@ -13,7 +13,7 @@ import pytest
 
 import helisim.sitl.backend as backend_module
 import helisim.sitl.link as link_module
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.sitl import Backend, Link, Sensed
 from helisim.sitl.packet import answer, read_frame
 from script import SCRIPTS

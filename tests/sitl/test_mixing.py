@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sitl.mixing import Controls, Mixer
 from helisim.sitl.outputs import Output, Outputs
 from helisim.vehicle.swashplate import Swashplate

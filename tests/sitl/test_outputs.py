@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 import helisim as hs
-from helisim.errors import InputError, ModelError
+from helisim.base.errors import InputError, ModelError
 from helisim.sitl.outputs import Output, Outputs
 from helisim.vehicle.folder import model_folder
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sitl.gains import LEAST_GAIN, LEAST_PHASE, MOST_PEAK, Commanded, tune
 from helisim.sitl.mixing import Controls, Mixer
 from helisim.sitl.outputs import Outputs

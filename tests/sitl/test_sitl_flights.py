@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from command import fails
+from helisim.base.errors import AutopilotError, InputError, UnknownNameError
 from helisim.cli import main
-from helisim.errors import AutopilotError, InputError, UnknownNameError
-from helisim.records.logs.dataflash import DataFlash
+from helisim.logs.dataflash import DataFlash
 from helisim.records.storage import read_record
 from helisim.sitl import isolated
 from helisim.sitl.flights.pilot import Sticks

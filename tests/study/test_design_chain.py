@@ -7,13 +7,13 @@ import pytest
 
 import helisim as hs
 from command import fails
+from helisim.base.units import RAD_PER_DEG
 from helisim.cli import main
 from helisim.handling.criteria import StabilityMargins
 from helisim.handling.figures.rejection import rejection
 from helisim.handling.spec import read_specs
 from helisim.study.proof.exact import exact_loop
 from helisim.study.reproduce import reproduce
-from helisim.units import RAD_PER_DEG
 
 
 @pytest.fixture(scope="module")

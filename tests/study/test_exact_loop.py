@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.handling.figures.margins import margins
 from helisim.handling.figures.rejection import rejection
 from helisim.sim import FlightPlan, Pilot, Step, simulate

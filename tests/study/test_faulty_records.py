@@ -7,7 +7,7 @@ import pytest
 
 from helisim import ident
 from helisim.cli import main
-from helisim.records.logs import screen
+from helisim.logs import screen
 from helisim.sim import (
     ClockDrift,
     FlightPlan,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from helisim.errors import DivergedError
+from helisim.base.errors import DivergedError
 from helisim.records.channels import AXES
 from helisim.records.storage import read_record
 from helisim.sim import Flight, Recorder, Sweep

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from helisim.base.errors import InputError, StorageError
 from helisim.design.sampled_plant import SampledPlant
-from helisim.errors import InputError, StorageError
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures.bandwidth import bandwidth
 from helisim.handling.figures.margins import margins

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, StorageError
+from helisim.base.errors import InputError, StorageError
 from helisim.study.identified import read_models, write_models
 from made_run import make_model
 

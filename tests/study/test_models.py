@@ -2,7 +2,6 @@
 
 import pytest
 
-from helisim.paper import jr700
 from helisim.study.models import (
     HEAVE,
     MODELS,
@@ -11,6 +10,7 @@ from helisim.study.models import (
     YAW_GYRO,
     YAW_OVERALL,
 )
+from helisim.study.paper import jr700
 
 
 def test_the_tolerance_against_the_paper_is_its_own_bound_where_it_gives_one():

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from command import fails
+from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.cli import main
-from helisim.errors import InputError, StorageError, UnknownNameError
 from helisim.records.storage import read_record
 from helisim.study.new_vehicle import new_vehicle
 from helisim.vehicle import load, standard_parameters

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.design.laws import AttitudeAxis, AttitudeCommand, YawAxis
 from helisim.handling.criteria import Damping, DisturbanceRejection, StabilityMargins
 from helisim.handling.spec import Spec
-from helisim.laws import AttitudeAxis, AttitudeCommand, YawAxis
 from helisim.records.storage import read_record
 from helisim.sim import FlightPlan, Pilot, Pulse, Recorder, Weather, simulate
 from helisim.study.proof.comparison import compare, with_usual

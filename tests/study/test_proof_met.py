@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 import helisim as hs
-from helisim.errors import TrimError
+from helisim.base.errors import TrimError
 from helisim.sim import Weather
 from helisim.study.proof import prove
 from helisim.study.proof.prove import Proof

@@ -6,8 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
+from helisim.base.errors import InputError, StorageError
 from helisim.cli import main
-from helisim.errors import InputError, StorageError
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
 from helisim.study.differences import changes, leaves

@@ -5,7 +5,7 @@ import json
 import pytest
 
 import helisim as hs
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.study.models import MODELS
 from helisim.study.run import read_run
 

@@ -4,7 +4,7 @@ import math
 import pytest
 
 from helisim import ident
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.results import Exclusion, Results
 from made_run import EQ_8, GROUND, GYRO_EFFECT, make_verification

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim.rigs import StickSweep
 from helisim.study.servos import servo_test
 from helisim.vehicle import load

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from helisim.cli import main
-from helisim.paper import jr700
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL
+from helisim.study.paper import jr700
 from helisim.study.truth import true_values
 from helisim.study.tune import EXTRA_DELAYS, LOOPS, margin_table, margins
 from helisim.vehicle import load

@@ -5,8 +5,8 @@ import shutil
 
 import pytest
 
+from helisim.base.errors import ModelError, UnknownNameError
 from helisim.cli import main
-from helisim.errors import ModelError, UnknownNameError
 from helisim.study.check import Problem, check_vehicle
 from helisim.study.new_vehicle import new_vehicle
 from helisim.vehicle import load

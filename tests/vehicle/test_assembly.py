@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import ModelError
-from helisim.paper.jr700 import table
+from helisim.base.errors import ModelError
 from helisim.physics.layout import (
     ACTUATORS,
     CONTROL,
@@ -21,6 +20,7 @@ from helisim.physics.layout import (
 )
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
+from helisim.study.paper.jr700 import table
 from helisim.vehicle import load
 from helisim.vehicle.assembly import assemble, check_interface, total_inertia
 from helisim.vehicle.motion import addresses

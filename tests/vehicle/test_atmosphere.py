@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.vehicle import isa_density, load
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.errors import InputError, ModelError
+from helisim.base.errors import InputError, ModelError
 from helisim.vehicle.blade import Flapping, TipPathPlane, flapping_from_blade, lock_reduction
 from one_blade import OneBlade
 

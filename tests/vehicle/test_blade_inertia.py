@@ -9,9 +9,9 @@ import pytest
 import helisim as hs
 import heron
 from command import fails
+from helisim.base.errors import ModelError
 from helisim.cli import main
-from helisim.errors import ModelError
-from helisim.paper import jr700 as paper
+from helisim.study.paper import jr700 as paper
 from helisim.vehicle.blade import FLAPPING, Flapping, TipPathPlane
 
 INERTIA = "main_rotor.blade_inertia"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import helisim as hs
+from helisim.base.errors import CallbackError, ModelError, UnknownNameError
 from helisim.cli import main
-from helisim.errors import CallbackError, ModelError, UnknownNameError
 from helisim.study.new_vehicle import new_vehicle
 from helisim.vehicle import build
 from helisim.vehicle.build import unwritten, write_numbers

@@ -2,8 +2,8 @@
 
 import pytest
 
-from helisim.errors import InputError, ModelError
-from helisim.paper.jr700 import table
+from helisim.base.errors import InputError, ModelError
+from helisim.study.paper.jr700 import table
 from helisim.vehicle import calibrate, read_parameters
 from helisim.vehicle.calibrate import DIRECT, SOLVED
 from helisim.vehicle.folder import model_folder

@@ -3,7 +3,7 @@
 import pytest
 
 from command import fails
-from helisim.errors import InputError, ModelError
+from helisim.base.errors import InputError, ModelError
 from helisim.study.campaign.plan import read_campaign
 from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.choices import CHOICES, number_of, word_of

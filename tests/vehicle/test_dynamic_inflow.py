@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.layout import CONTROL, STATE
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM

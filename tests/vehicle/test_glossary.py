@@ -3,7 +3,7 @@
 import pytest
 
 from command import fails
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.calibrate import DIRECT, SOLVED
 from helisim.vehicle.folder import vehicle_names

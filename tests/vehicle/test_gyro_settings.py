@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.native import installed
 from helisim.sim import Doublet
 from helisim.sim.fly import fly

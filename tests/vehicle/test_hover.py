@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import TrimError
+from helisim.base.errors import TrimError
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
 from helisim.vehicle import find_trim, load

@@ -5,10 +5,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
-from helisim.paper.jr700 import table
+from helisim.base.errors import InputError
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
+from helisim.study.paper.jr700 import table
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 from plates import H3_120

@@ -3,7 +3,7 @@
 import mujoco
 import pytest
 
-from helisim.errors import ModelError, StorageError
+from helisim.base.errors import ModelError, StorageError
 from helisim.vehicle.mjcf import Mjcf
 
 MAIN = """\

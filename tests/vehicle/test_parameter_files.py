@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from helisim.errors import InputError, ModelError, UnknownNameError
+from helisim.base.errors import InputError, ModelError, UnknownNameError
 from helisim.vehicle import load, read_parameters
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.parameters import to_toml

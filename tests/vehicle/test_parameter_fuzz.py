@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helisim.base.errors import HelisimError, ModelError, TrimError
 from helisim.cli import main
-from helisim.errors import HelisimError, ModelError, TrimError
 from helisim.vehicle import load
 
 NAMES = sorted(load().parameters)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from command import fails
-from helisim.errors import ModelError, TrimError
+from helisim.base.errors import ModelError, TrimError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.sim import Doublet, fly

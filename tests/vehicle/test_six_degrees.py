@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.vehicle.rigid_body import RIGID_BODY, residualised
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.records.channels import IN1, SERVOS
 from helisim.sim import FlightPlan, Recorder, Sweep, fly
 from helisim.vehicle import load

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import InputError, TrimError
+from helisim.base.errors import InputError, TrimError
 from helisim.physics.native import installed
 from helisim.vehicle import find_trim
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import script
-from helisim.paper import lynx
+from helisim.study.paper import lynx
 
 proof = script.loaded("proof/full_scale")
 

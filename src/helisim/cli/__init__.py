@@ -16,9 +16,9 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from helisim import __version__
+from helisim.base.errors import DivergedError, HelisimError, LogError, UnknownNameError
 from helisim.cli.bands import joined
 from helisim.cli.common import Parser, single_line
-from helisim.errors import DivergedError, HelisimError, LogError, UnknownNameError
 
 _EXAMPLES = """\
 examples:

@@ -5,9 +5,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.errors import InputError
+from helisim.base.units import RAD_S_PER_RPM
 from helisim.cli.common import add_quiet, named_numbers, names, print_written, wrapped
-from helisim.errors import InputError
-from helisim.units import RAD_S_PER_RPM
 
 if TYPE_CHECKING:
     from helisim.ident import ArduPilotModel, Fit
@@ -77,8 +77,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.base.files import check_destination
     from helisim.ident import ArduPilotModel
-    from helisim.records.files import check_destination
 
     if options.out is None:
         if len(options.models) > 1 or options.models[0].is_dir():

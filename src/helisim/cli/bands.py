@@ -4,8 +4,8 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli.common import names
-from helisim.errors import InputError, UnknownNameError
 
 Band = tuple[float, float]
 

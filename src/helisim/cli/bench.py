@@ -28,8 +28,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.terminal import render_rigs
     from helisim.records.provenance import made_by
+    from helisim.show.terminal import render_rigs
     from helisim.sim.rigs import run_rigs
     from helisim.vehicle import load
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from helisim.base.errors import InputError
 from helisim.cli.common import controlled, parameters
 from helisim.cli.ground import ground
 from helisim.cli.weather import add_weather, weather
-from helisim.errors import InputError
 
 if TYPE_CHECKING:
-    from helisim.sim.hand import StickFeel
+    from helisim.hand import StickFeel
 
 EPILOG = """\
 by hand:
@@ -97,13 +97,13 @@ def is_by_hand(options: argparse.Namespace) -> bool:
 def fly_by_hand(options: argparse.Namespace) -> int:
     """Fly, or calibrate a joystick, and say what was written. Raises HelisimError."""
     _check(options)
-    from helisim.output.hand.fly import fly_by_hand
-    from helisim.output.viewer import check_display
-    from helisim.records.files import check_destination
+    from helisim.base.files import check_destination
+    from helisim.hand import KEY_FEEL, JoystickMap, StickFeel
+    from helisim.hand.assist import check_assist
+    from helisim.hand.fly import fly_by_hand
+    from helisim.hand.sticks import check_mode
+    from helisim.show.viewer import check_display
     from helisim.sim import Weather
-    from helisim.sim.hand import KEY_FEEL, JoystickMap, StickFeel
-    from helisim.sim.hand.assist import check_assist
-    from helisim.sim.hand.sticks import check_mode
     from helisim.vehicle import load
 
     mode = check_mode(2 if options.mode is None else options.mode)
@@ -155,9 +155,9 @@ def _check(options: argparse.Namespace) -> None:
 
 def _calibrate(wanted: str, path: Path) -> int:
     """Ask for one stick after the other on the terminal, and write the map."""
-    from helisim.output.hand.joysticks import calibrate, choose, joysticks, read_axes
-    from helisim.output.hand.window import start_glfw
-    from helisim.records.files import check_destination
+    from helisim.base.files import check_destination
+    from helisim.hand.joysticks import calibrate, choose, joysticks, read_axes
+    from helisim.hand.window import start_glfw
 
     check_destination(path, (".toml",))
     glfw = start_glfw()

@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from helisim.base.errors import InputError
 from helisim.cli.common import add_quiet, names
 from helisim.cli.progress import Progress
-from helisim.errors import InputError
 
 _EPILOG = """\
 examples:

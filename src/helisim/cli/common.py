@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from helisim.errors import InputError, UnknownNameError, similar
+from helisim.base.errors import InputError, UnknownNameError, similar
 
 if TYPE_CHECKING:
     from helisim.vehicle import Vehicle
@@ -191,7 +191,7 @@ def controlled(vehicle: "Vehicle", options: argparse.Namespace) -> "Vehicle":
     if asked is None:
         return vehicle
     if asked.lower().endswith(".toml"):
-        from helisim.laws.law import read_law
+        from helisim.design.laws.law import read_law
 
         law: Any = read_law(asked)
     else:
@@ -240,7 +240,7 @@ def add_write(command: argparse.ArgumentParser, name: str) -> None:
 
 def replace_parameter_file(options: argparse.Namespace, name: str, text: str) -> None:
     """Write a vehicle's parameter file of that name anew, its MJCF too, and print where."""
-    from helisim.records.files import atomic_write
+    from helisim.base.files import atomic_write
     from helisim.vehicle.build import write_numbers
     from helisim.vehicle.folder import model_folder
 
@@ -263,7 +263,7 @@ def write_recording(
 ) -> None:
     """Write a Rerun recording of flights, and of what a run found from them, and print where."""
     from helisim.cli.progress import Progress
-    from helisim.output.rerun.recording import write_recording
+    from helisim.show.rerun.recording import write_recording
     from helisim.vehicle import load
 
     with Progress(len(records), quiet, unit="flight") as advance:

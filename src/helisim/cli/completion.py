@@ -22,8 +22,8 @@ def add(commands: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     import shtab
 
+    from helisim.base.errors import UnknownNameError
     from helisim.cli import parser
-    from helisim.errors import UnknownNameError
 
     if options.shell not in shtab.SUPPORTED_SHELLS:
         raise UnknownNameError("shell", options.shell, shtab.SUPPORTED_SHELLS)

@@ -82,7 +82,7 @@ def add(commands: Any) -> None:
 
 def record_gust(run: Any, path: Path) -> None:
     """Write how the vehicle's own gyro and the designed law reject one gust, side by side."""
-    from helisim.output.rerun.recording import write_recording
+    from helisim.show.rerun.recording import write_recording
 
     flights = {"shipped gyro": run.proof.before["gust"], "designed law": run.proof.flights.gust}
     model, roles = run.vehicle.visual_model(), run.vehicle.roles
@@ -99,13 +99,13 @@ def _source(paths: Sequence[Path]) -> Any:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.base.files import make_folder
+    from helisim.design.laws import read_law
     from helisim.handling.spec import read_specs
-    from helisim.laws import read_law
-    from helisim.output.design_page import REPORT, write_design_page
-    from helisim.output.design_table import design_table
-    from helisim.output.table import as_text
-    from helisim.output.terminal import wants_color
-    from helisim.records.files import make_folder
+    from helisim.show.design_page import REPORT, write_design_page
+    from helisim.show.design_table import design_table
+    from helisim.show.table import as_text
+    from helisim.show.terminal import wants_color
     from helisim.study.design_chain import (
         LAW,
         PROOF,

@@ -18,8 +18,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.terminal import render_errata
-    from helisim.paper.errata import errata
+    from helisim.show.terminal import render_errata
+    from helisim.study.paper.errata import errata
 
     found = errata()
     if options.json:

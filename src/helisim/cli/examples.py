@@ -32,7 +32,7 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.records.examples import copy_examples, examples
+    from helisim.logs.examples import copy_examples, examples
 
     if options.to is not None:
         copied = copy_examples(options.to)

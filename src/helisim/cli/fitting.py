@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.errors import InputError
 from helisim.cli.bands import Band, Bands
 from helisim.cli.common import named_numbers, names
-from helisim.errors import InputError
 
 if TYPE_CHECKING:
     from helisim.ident import Parameter, Structure

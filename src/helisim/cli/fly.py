@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.errors import DivergedError, InputError, UnknownNameError
 from helisim.cli.common import (
     add_common,
     add_controller,
@@ -26,7 +27,6 @@ from helisim.cli.missions import EPILOG as MISSIONS
 from helisim.cli.missions import add_mission, mission
 from helisim.cli.progress import Progress
 from helisim.cli.weather import add_weather, weather
-from helisim.errors import DivergedError, InputError, UnknownNameError
 from helisim.records.channels import AXES
 
 if TYPE_CHECKING:
@@ -208,7 +208,7 @@ def _envelope(items: Sequence[str], envelope: "FlightEnvelope") -> "FlightEnvelo
 
 def _check(options: argparse.Namespace) -> None:
     """Refuse what can't be written, before any time is spent."""
-    from helisim.records.files import SUFFIXES, check_destination
+    from helisim.base.files import SUFFIXES, check_destination
 
     if options.out is None:
         raise InputError("say where to write: --out FILE, or --out DIR with --count")

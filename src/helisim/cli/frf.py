@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from helisim.base.errors import InputError
 from helisim.cli.bands import Bands
 from helisim.cli.common import add_quiet, print_written
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, reports
 from helisim.cli.progress import Progress
 from helisim.cli.responses import Signals, add_responses, estimate
 from helisim.cli.units import add_units, chosen_units
-from helisim.errors import InputError
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse
@@ -44,9 +44,9 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.base.files import check_destination
     from helisim.ident.in_units import response_in
     from helisim.ident.responses.response_file import save_response
-    from helisim.records.files import check_destination
 
     for path, suffix in ((options.json, ".json"), (options.csv, ".csv")):
         if path is not None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse

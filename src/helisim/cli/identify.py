@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from helisim.base.errors import IdentificationError, InputError, LogError
 from helisim.cli.common import add_quiet, print_written, wrapped
 from helisim.cli.fitting import adapted, add_fitting, fitted_bands, search_options
 from helisim.cli.given import add_given, given_response
@@ -17,7 +18,6 @@ from helisim.cli.responses import Estimated, Signals, add_responses, estimate
 from helisim.cli.structures import find_structure
 from helisim.cli.suspicions import print_suspicions
 from helisim.cli.units import add_units, chosen_units
-from helisim.errors import IdentificationError, InputError, LogError
 
 if TYPE_CHECKING:
     from helisim.ident import Fit, FittedParameter, FrequencyResponse, Reduction, Structure
@@ -221,7 +221,7 @@ def _asked(options: argparse.Namespace) -> "tuple[Structure, Signals]":
 
 
 def _check_destinations(options: argparse.Namespace) -> None:
-    from helisim.records.files import check_destination
+    from helisim.base.files import check_destination
 
     for path, suffix in (
         (options.json, ".json"),
@@ -242,8 +242,8 @@ def _write(
     files: _Files,
 ) -> None:
     """Write what was asked for, the parameters in tables as they are shown, and say so."""
+    from helisim.base.files import atomic_write, write_json
     from helisim.ident.fitting.export import latex_table
-    from helisim.records.files import atomic_write, write_json
 
     if files.json is not None:
         log = {} if reduction is None else {"reduction": reduction.log()}
@@ -255,7 +255,7 @@ def _write(
     if files.matlab is not None:
         fit.to_matlab(files.matlab)
     if files.report is not None:
-        from helisim.output.report_fit import write_fit_report
+        from helisim.show.report_fit import write_fit_report
 
         records = {f"record {k + 1}": record for k, record in enumerate(estimated.records)}
         with Progress(len(records), options.quiet, unit="record") as advance:

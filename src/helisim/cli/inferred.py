@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from helisim.base.errors import InputError
 from helisim.cli.bands import Bands
 from helisim.cli.common import names, wrapped
 from helisim.cli.logs import Read, given_columns, located
 from helisim.cli.responses import Estimated, Signals, estimator_options, resolved_band
 from helisim.cli.structures import find_structure
-from helisim.errors import InputError
 
 if TYPE_CHECKING:
     from helisim.ident import Structure
@@ -41,8 +41,8 @@ def infers(options: argparse.Namespace) -> bool:
     Raises:
         InputError: something is left open that the logs can't say.
     """
+    from helisim.base.files import first_bytes
     from helisim.look.systemid.autopilots import says_itself
-    from helisim.records.files import first_bytes
 
     if options.structure is not None and not all(path.is_file() for path in options.logs):
         return False  # which is said where they are read; or they are p/lat=FILE

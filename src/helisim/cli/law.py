@@ -5,8 +5,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.errors import InputError
 from helisim.cli.common import add_quiet, named_numbers, names, print_written
-from helisim.errors import InputError
 
 if TYPE_CHECKING:
     from helisim.design.lqg import LqgWeights, Tracked
@@ -86,8 +86,8 @@ def _add_lqg(parts: Any) -> None:
 
 
 def _show(options: argparse.Namespace) -> int:
-    from helisim.laws import StateSpaceLaw, read_law
-    from helisim.output.laws import law_text
+    from helisim.design.laws import StateSpaceLaw, read_law
+    from helisim.show.laws import law_text
 
     law = read_law(options.law)
     period = options.period
@@ -106,11 +106,11 @@ def _show(options: argparse.Namespace) -> int:
 
 
 def _lqg(options: argparse.Namespace) -> int:
+    from helisim.base.files import check_destination
     from helisim.design.lqg import lqg
     from helisim.handling.closed_loop import ClosedLoop
-    from helisim.output.laws import margins_table
-    from helisim.output.table import as_text
-    from helisim.records.files import check_destination
+    from helisim.show.laws import margins_table
+    from helisim.show.table import as_text
     from helisim.study.for_design import identify_for_design
 
     check_destination(options.out, (".toml",))
@@ -147,7 +147,7 @@ def _asked(options: argparse.Namespace) -> "tuple[tuple[Tracked, ...], LqgWeight
 
 
 def _sizes(options: argparse.Namespace, option: str, usual: dict[str, float]) -> dict[str, float]:
-    from helisim.errors import UnknownNameError
+    from helisim.base.errors import UnknownNameError
 
     given = named_numbers(f"--{option}", names(getattr(options, option)))
     for name in given:

@@ -29,8 +29,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.terminal import render_derivatives
     from helisim.records.provenance import made_by
+    from helisim.show.terminal import render_derivatives
     from helisim.vehicle import load
 
     vehicle = controlled(load(options.vehicle, parameters=parameters(options)), options)

@@ -8,12 +8,12 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from helisim.base.errors import HelisimError, IdentificationError, InputError
 from helisim.cli.common import names, wrapped
-from helisim.errors import HelisimError, IdentificationError, InputError
-from helisim.records.log_terms import MAP_EXAMPLE, REPAIRS
+from helisim.logs.terms import MAP_EXAMPLE, REPAIRS
 
 if TYPE_CHECKING:
-    from helisim.records.logs import Clock, Column, Log, Map
+    from helisim.logs import Clock, Column, Log, Map
     from helisim.records.record import FlightRecord
 
 MAP_HELP = "a map is a TOML file, such as\n" + indent(MAP_EXAMPLE, "  ")
@@ -111,7 +111,7 @@ def read_logs(
     Raises:
         LogError: all that is wrong with them; the message names files, columns and rows.
     """
-    from helisim.records.logs import read_logs
+    from helisim.logs import read_logs
 
     channels, time = _columns(options, wanted)
     logs = read_logs(
@@ -164,7 +164,7 @@ def _columns(
     options: argparse.Namespace, wanted: Sequence[str] | None
 ) -> "tuple[Map | tuple[str, ...] | None, Clock | None]":
     """Return the map, or the wanted names where none is given, and the clock."""
-    from helisim.records.logs import Column
+    from helisim.logs import Column
 
     given, time = given_columns(options)
     if wanted is None:
@@ -179,7 +179,7 @@ def _columns(
 
 def given_columns(options: argparse.Namespace) -> "tuple[Map, Clock | None]":
     """Return the map that the options say, empty if they say none, and the clock."""
-    from helisim.records.logs import Clock, Map
+    from helisim.logs import Clock, Map
 
     if options.time is not None and options.rate is not None:
         raise InputError("--time and --rate exclude each other: give one")
@@ -193,7 +193,7 @@ def given_columns(options: argparse.Namespace) -> "tuple[Map, Clock | None]":
 
 def _channel(item: str) -> "tuple[str, Column]":
     """Return NAME=COLUMN[:UNIT][:sign=-1][:trim=X][:range=X] as a channel and its column."""
-    from helisim.records.logs import Column
+    from helisim.logs import Column
 
     name, equals, rest = item.partition("=")
     column, *further = rest.split(":")

@@ -37,8 +37,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.base.files import check_destination, write_json
     from helisim.look import look
-    from helisim.records.files import check_destination, write_json
 
     if options.json is not None:
         check_destination(options.json, (".json",))

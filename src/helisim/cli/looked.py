@@ -3,9 +3,9 @@
 import argparse
 import shlex
 
+from helisim.base.errors import InputError
 from helisim.cli.common import names, wrapped
 from helisim.cli.logs import given_columns
-from helisim.errors import InputError
 
 _OF_THE_LOOK = {"logs", "channel", "map", "time", "rate", "resample", "repair", "max_gap"}
 _OF_THE_LOOK |= {"from_time", "to_time"}
@@ -32,9 +32,9 @@ def looked(options: argparse.Namespace) -> argparse.Namespace | None:
     Raises:
         InputError: nothing that can be identified is seen.
     """
+    from helisim.base.files import first_bytes
+    from helisim.logs.ulog import ULOG_MAGIC
     from helisim.look import look
-    from helisim.records.files import first_bytes
-    from helisim.records.logs.ulog import ULOG_MAGIC
 
     size = len(ULOG_MAGIC)
     if options.structure is not None or not all(path.is_file() for path in options.logs):

@@ -6,8 +6,8 @@ from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli.common import imported
-from helisim.errors import InputError, UnknownNameError
 from helisim.records.channels import AXES
 
 if TYPE_CHECKING:

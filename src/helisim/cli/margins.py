@@ -4,11 +4,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.errors import InputError
 from helisim.cli.bands import Bands
 from helisim.cli.common import add_quiet, named_numbers, names, print_written, wrapped
 from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, read_logs, reports
 from helisim.cli.progress import Progress
-from helisim.errors import InputError
 
 if TYPE_CHECKING:
     from helisim.handling.measured.cut import Cut
@@ -91,11 +91,11 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.base.files import check_destination, write_json
     from helisim.handling.measured.loop import DRAWS
     from helisim.handling.measured.margins import margins
-    from helisim.output.measured import measured_table
-    from helisim.output.table import as_text, filled
-    from helisim.records.files import check_destination, write_json
+    from helisim.show.measured import measured_table
+    from helisim.show.table import as_text, filled
 
     if _says_itself(options):
         return _run_inferred(options)
@@ -140,8 +140,8 @@ def _says_itself(options: argparse.Namespace) -> bool:
 
 def _run_inferred(options: argparse.Namespace) -> int:
     """Measure the loops that logs of SystemID cut. Return the exit status."""
+    from helisim.base.files import check_destination, write_json
     from helisim.look.systemid.loops import flown_loops
-    from helisim.records.files import check_destination, write_json
 
     bands = Bands.of(options)
     if bands.own:
@@ -179,8 +179,8 @@ def _run_inferred(options: argparse.Namespace) -> int:
 
 def print_loops(found: "FlownLoops", measured: "MeasuredMargins") -> None:
     """Print the figures of loops as flown, and what is to be known of them."""
-    from helisim.output.measured import measured_table
-    from helisim.output.table import as_text, filled
+    from helisim.show.measured import measured_table
+    from helisim.show.table import as_text, filled
 
     if measured.figures:
         print(as_text(measured_table(measured)))

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import MISSING, fields, replace
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli.common import imported, wrapped
 from helisim.cli.manoeuvres import stated
-from helisim.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from helisim.sim.missions import Mission

@@ -52,8 +52,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.errors import UnknownNameError
-    from helisim.records.files import check_destination
+    from helisim.base.errors import UnknownNameError
+    from helisim.base.files import check_destination
     from helisim.sitl.aircraft import TAILS
     from helisim.study.autopilot import autopilot_parameters
 

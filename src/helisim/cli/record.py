@@ -39,11 +39,11 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.errors import InputError
-    from helisim.output.rerun.recording import write_recording
-    from helisim.output.rerun.scene import knows_rotor
-    from helisim.records.files import check_destination
+    from helisim.base.errors import InputError
+    from helisim.base.files import check_destination
     from helisim.records.storage import read_record
+    from helisim.show.rerun.recording import write_recording
+    from helisim.show.rerun.scene import knows_rotor
     from helisim.study.run import FLIGHTS, read_run
     from helisim.vehicle import load
 
@@ -89,7 +89,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _vehicle(flights: "Mapping[str, FlightRecord]") -> str:
     """Return the vehicle to draw: the one that flew, and the JR700 for other people's logs."""
-    from helisim.errors import InputError
+    from helisim.base.errors import InputError
     from helisim.vehicle.folder import vehicle_names
 
     named = {record.provenance.get("vehicle") for record in flights.values()}

@@ -33,7 +33,7 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.terminal import render_results, wants_color
+    from helisim.show.terminal import render_results, wants_color
     from helisim.study.flights import flights_in_all
     from helisim.study.recover import recover
 

@@ -22,7 +22,7 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.report import write_report
+    from helisim.show.report import write_report
 
     path = write_report(options.folder)
     print_written(options, f"{path}, figures in {path.parent / 'figures'}")

@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from helisim.base.errors import InputError
 from helisim.cli.common import add_common, parameters, print_written, write_recording
 from helisim.cli.progress import Progress
-from helisim.errors import InputError
 
 _FLIGHTS = 10
 """Kept on each axis, as in the paper."""
@@ -58,7 +58,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _repeat(options: argparse.Namespace) -> int:
-    from helisim.output.report import write_report
+    from helisim.show.report import write_report
     from helisim.study.flights import flights_in_all
     from helisim.study.models import MODELS
     from helisim.study.replay import arguments_of, repeat
@@ -88,9 +88,9 @@ def _repeat(options: argparse.Namespace) -> int:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    from helisim.output.report import write_report
-    from helisim.output.terminal import render_results, wants_color
-    from helisim.records.files import check_destination
+    from helisim.base.files import check_destination
+    from helisim.show.report import write_report
+    from helisim.show.terminal import render_results, wants_color
     from helisim.study.flights import flights_in_all, named_records
     from helisim.study.models import MODELS
     from helisim.study.reproduce import reproduce

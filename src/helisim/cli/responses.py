@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 from math import pi
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from helisim.base.errors import IdentificationError, InputError
 from helisim.cli.bands import Band, Bands
 from helisim.cli.common import names, numbers
 from helisim.cli.logs import located, read_logs
-from helisim.errors import IdentificationError, InputError
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse
-    from helisim.records.logs import Log
+    from helisim.logs import Log
     from helisim.records.record import FlightRecord
 
 _SAMPLES_A_PERIOD = 10.0

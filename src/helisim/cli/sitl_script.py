@@ -8,9 +8,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from helisim.base.errors import InputError
 from helisim.cli.common import names
 from helisim.cli.sitl_serving import Kept, window
-from helisim.errors import InputError
 
 if TYPE_CHECKING:
     from helisim.sitl import Aircraft, Frame, Sensed
@@ -139,7 +139,7 @@ def _check_no_sweeps(options: argparse.Namespace) -> None:
 
 def check_script(options: argparse.Namespace) -> None:
     """Refuse a flight that can't be flown, or whose log can't be written, before it begins."""
-    from helisim.records.files import check_destination
+    from helisim.base.files import check_destination
     from helisim.sitl.flights.scripts import SYSID
     from helisim.sitl.flights.telemetry import mavlink
     from helisim.sitl.process import find_program

@@ -9,11 +9,11 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from helisim.base.errors import DivergedError, InputError
 from helisim.cli.common import print_written, write_recording
-from helisim.errors import DivergedError, InputError
 
 if TYPE_CHECKING:
-    from helisim.output.live_sitl import Watched
+    from helisim.show.live_sitl import Watched
     from helisim.sitl import Aircraft, Frame, Link, Sensed
 
 _EACH = 10.0
@@ -39,8 +39,8 @@ def add_kept(command: argparse.ArgumentParser) -> None:
 
 def check(options: argparse.Namespace) -> None:
     """Refuse what can't be written or shown, before any time is spent."""
-    from helisim.output.viewer import check_display
-    from helisim.records.files import check_destination
+    from helisim.base.files import check_destination
+    from helisim.show.viewer import check_display
 
     if not options.wait > 0.0:
         raise InputError(f"--wait must be above 0 s, got {options.wait:g}")
@@ -195,8 +195,8 @@ class Kept:
 @contextmanager
 def window(aircraft: "Aircraft") -> "Iterator[Watched]":
     """Show an aircraft in MuJoCo's viewer as long as the block lasts."""
-    from helisim.output.live_sitl import Watched, seen
-    from helisim.output.viewer import shown
+    from helisim.show.live_sitl import Watched, seen
+    from helisim.show.viewer import shown
 
     flight = seen(aircraft)
     with shown(flight) as window:

@@ -5,8 +5,8 @@ import os
 import re
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli.common import wrapped
-from helisim.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from helisim.ident import Structure

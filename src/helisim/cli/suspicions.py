@@ -4,13 +4,13 @@ import argparse
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from helisim.base.errors import HelisimError
 from helisim.cli.common import names, wrapped
 from helisim.cli.logs import given_columns
-from helisim.errors import HelisimError
 
 if TYPE_CHECKING:
     from helisim.ident import Fit
-    from helisim.records.logs import Log
+    from helisim.logs import Log
 
 _IMPLAUSIBLE = ("unit", "sign", "axes", "scale", "unit of time")
 

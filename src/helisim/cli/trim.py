@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.errors import InputError
 from helisim.cli.common import add_parameters, add_quiet, add_vehicle, parameters, print_written
 from helisim.cli.progress import Progress
-from helisim.errors import InputError
 
 if TYPE_CHECKING:
     from helisim.vehicle import Vehicle
@@ -64,8 +64,8 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.terminal import render_trims
-    from helisim.records.files import check_destination
+    from helisim.base.files import check_destination
+    from helisim.show.terminal import render_trims
     from helisim.vehicle import load
     from helisim.vehicle.trim import HEIGHT
 
@@ -118,7 +118,7 @@ def speeds_of(text: str) -> list[float]:
 
 
 def _write_json(flights: Sequence["Vehicle"], options: argparse.Namespace) -> None:
-    from helisim.records.files import write_json
+    from helisim.base.files import write_json
     from helisim.records.provenance import made_by
 
     found = [
@@ -135,9 +135,9 @@ def _write_json(flights: Sequence["Vehicle"], options: argparse.Namespace) -> No
 
 
 def _draw(flights: Sequence["Vehicle"], path: Path) -> None:
-    from helisim.output.canvas import to_png
-    from helisim.output.plots import draw_trims
-    from helisim.records.files import atomic_write
+    from helisim.base.files import atomic_write
+    from helisim.show.canvas import to_png
+    from helisim.show.plots import draw_trims
 
     drawing = draw_trims(flights)
     with atomic_write(path) as temporary:

@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from helisim.records.user_units import UserUnits
+    from helisim.base.user_units import UserUnits
 
 
 def add_units(command: argparse.ArgumentParser, what: str) -> None:
@@ -21,6 +21,6 @@ def chosen_units(options: argparse.Namespace) -> "UserUnits | None":
     """Return the units that are asked for, None for SI. Raises InputError."""
     if options.units is None:
         return None
-    from helisim.records.user_units import UserUnits
+    from helisim.base.user_units import UserUnits
 
     return UserUnits.of(options.units)

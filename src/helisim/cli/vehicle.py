@@ -82,7 +82,7 @@ def _add_check(parts: Any) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from helisim.output.terminal import render_check
+    from helisim.show.terminal import render_check
     from helisim.study.check import check_vehicle
 
     found = check_vehicle(options.vehicle)

@@ -56,10 +56,10 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from helisim.base.files import check_destination, write_json
     from helisim.ident import load_fit, verify
     from helisim.ident.in_units import verification_in
     from helisim.ident.verifying.verify import refuse_seen
-    from helisim.records.files import check_destination, write_json
     from helisim.records.provenance import made_by
 
     units = chosen_units(options)

@@ -3,12 +3,12 @@
 import argparse
 from typing import Any
 
+from helisim.base.errors import InputError
 from helisim.cli import by_hand
 from helisim.cli.common import add_controller, add_parameters, add_vehicle, controlled, parameters
 from helisim.cli.ground import EPILOG as GROUND
 from helisim.cli.ground import add_ground, ground
 from helisim.cli.manoeuvres import EPILOG, add_manoeuvre, is_asked, manoeuvre
-from helisim.errors import InputError
 
 _WEATHER = ("turbulence", "wind", "wind_from_deg")
 
@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from helisim.output.viewer import check_display, view
+    from helisim.show.viewer import check_display, view
     from helisim.vehicle import load
 
     duration = options.duration

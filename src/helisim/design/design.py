@@ -5,21 +5,21 @@ from typing import Any
 
 import numpy as np
 
+from helisim.base.errors import InputError
 from helisim.design.descent import Vector
 from helisim.design.free import free_parameters
+from helisim.design.laws.law import Law
 from helisim.design.nearest import infeasible
 from helisim.design.phases import Phases, Step
 from helisim.design.plant import Plant
 from helisim.design.problem import Close, Problem, closed, slowest
 from helisim.design.result import DesignResult, Judged
 from helisim.design.tradeoff import TradeOff, trade_off
-from helisim.errors import InputError
 from helisim.handling.closed_loop import Linear
 from helisim.handling.loop import GRID, Loop, NoResponse
 from helisim.handling.spec import Spec
 from helisim.ident.fitting.result import Fit
 from helisim.ident.responses.threads import one_blas_thread
-from helisim.laws.law import Law
 from helisim.records.channels import IN2
 from helisim.records.provenance import made_by
 

@@ -7,7 +7,7 @@ B. Francis, "The linear multivariable regulator problem", SIAM Journal on Contro
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 Matrix = NDArray[np.float64]
 _FOLLOWED = 1e-6

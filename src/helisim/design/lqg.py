@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgWarning, block_diag, expm
 
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.value import FrozenMap
 from helisim.design.following import followed
+from helisim.design.laws.state_space import LIMIT, StateSpaceLaw
 from helisim.design.lqg_model import lqg_model
 from helisim.design.plant import Plant
 from helisim.design.stabilisable import check_moved, check_shown
-from helisim.errors import InputError, UnknownNameError
-from helisim.laws.state_space import LIMIT, StateSpaceLaw
 from helisim.records.channels import IN1, IN2
 from helisim.records.provenance import made_by
-from helisim.records.value import FrozenMap
 
 if TYPE_CHECKING:
     import control

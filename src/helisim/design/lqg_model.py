@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.errors import UnknownNameError
 from helisim.design.plant import Plant
-from helisim.errors import UnknownNameError
 from helisim.ident.fitting.result import Fit
 from helisim.ident.model.structure import Entries, Structure
 from helisim.records.channels import RATES

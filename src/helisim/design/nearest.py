@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from helisim.base.errors import HelisimError
+from helisim.base.units import RAD_PER_DEG
 from helisim.design.descent import Goal, Point, Trial, Vector, descend
 from helisim.design.problem import Problem
-from helisim.errors import HelisimError
 from helisim.handling.criteria import Limit, Rating
-from helisim.units import RAD_PER_DEG
 
 _CLOSE = 0.05
 """Distance below which a specification is in the way: it misses Level 1, or holds others off."""

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
+from helisim.base.errors import HelisimError
 from helisim.design.descent import Goal, Point, Trial, descend
 from helisim.design.problem import Problem, slowest
-from helisim.errors import HelisimError
 
 Vector = NDArray[np.float64]
 

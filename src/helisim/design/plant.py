@@ -13,9 +13,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.errors import InputError
+from helisim.base.value import FrozenMap, Value
 from helisim.design.drawn import draw
 from helisim.design.sampled_plant import Part, SampledPlant, Ticks, sampled_plant
-from helisim.errors import InputError
 from helisim.handling.axis import BY_NAME
 from helisim.handling.loop import NoResponse
 from helisim.ident.fitting.result import Fit
@@ -23,7 +24,6 @@ from helisim.ident.model import evaluate
 from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import ATTITUDES as ANGLES
 from helisim.records.channels import IN1, RATES
-from helisim.records.value import FrozenMap, Value
 
 Array = NDArray[np.float64]
 Response = NDArray[np.complex128]

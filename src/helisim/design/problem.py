@@ -11,11 +11,11 @@ from helisim.design.descent import Trial
 from helisim.design.free import Free, box, coordinates, values
 from helisim.design.guarded import distance
 from helisim.design.kept import Kept
+from helisim.design.laws.law import Law
 from helisim.handling.closed_loop import ClosedLoop, Linear
 from helisim.handling.criteria import PoleLimits, Rating
 from helisim.handling.loop import Loop
 from helisim.handling.spec import Spec
-from helisim.laws.law import Law
 
 Vector = NDArray[np.float64]
 Ratings = tuple[Rating, ...]

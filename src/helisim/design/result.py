@@ -5,17 +5,17 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from helisim.base.display import Displayed, shower
+from helisim.base.files import write_json
+from helisim.base.value import FrozenMap, Value
+from helisim.design.laws.law import Law
 from helisim.design.phases import Step
 from helisim.design.tradeoff import TradeOff
 from helisim.handling.criteria import Rating
 from helisim.handling.spec import Spec
-from helisim.laws.law import Law
-from helisim.records.display import Displayed, shower
-from helisim.records.files import write_json
-from helisim.records.value import FrozenMap, Value
 
 if TYPE_CHECKING:
-    from helisim.records.display import Figure
+    from helisim.base.display import Figure
 
 FORMAT = "helisim design, version 1"
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import matrix_balance
 
-from helisim.errors import HelisimError
+from helisim.base.errors import HelisimError
 
 Matrix = NDArray[np.float64]
 _ON_CIRCLE = 1e-9

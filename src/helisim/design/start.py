@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.value import FrozenMap
+from helisim.design.laws.attitude_command import AttitudeAxis, AttitudeCommand, HeaveAxis, YawAxis
+from helisim.design.laws.filters import Lead
 from helisim.handling.closed_loop import Linear
-from helisim.laws.attitude_command import AttitudeAxis, AttitudeCommand, HeaveAxis, YawAxis
-from helisim.laws.filters import Lead
-from helisim.records.value import FrozenMap
 
 Response = NDArray[np.complex128]
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.units import RAD_PER_DEG
+from helisim.base.value import Value
 from helisim.design.descent import Goal, Point, Trial, Vector, descend
 from helisim.design.guarded import distance
 from helisim.design.problem import Problem, slowest
@@ -16,8 +18,6 @@ from helisim.handling.figures.margins import margins
 from helisim.handling.figures.rejection import rejection
 from helisim.handling.loop import Loop, NoResponse
 from helisim.handling.spec import Spec
-from helisim.records.value import Value
-from helisim.units import RAD_PER_DEG
 
 _POINTS = 6
 _LOWEST, _BEYOND = 30.0, 25.0

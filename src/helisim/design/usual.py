@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from helisim.design.laws.law import Law
 from helisim.design.problem import closed
 from helisim.handling.closed_loop import Linear
 from helisim.handling.criteria import (
@@ -18,7 +19,6 @@ from helisim.handling.froude import Froude
 from helisim.handling.loop import GRID, Loop
 from helisim.handling.spec import Spec
 from helisim.handling.standards import ATTITUDES, standard
-from helisim.laws.law import Law
 
 BETTER = {"lat": 1.3, "lon": 1.3, "ped": 1.0}
 """Disturbance rejection bandwidth over that of the law before."""

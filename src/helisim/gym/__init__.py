@@ -7,10 +7,11 @@ module before the colon:
 """
 
 try:
-    import gymnasium.envs.registration  # noqa: F401  (helisim.registration looks for it)
+    import gymnasium.envs.registration  # noqa: F401  (helisim.base.registration looks for it)
 except ImportError as error:
     raise ImportError(f"helisim.gym needs gymnasium ({error}): pip install helisim[gym]") from None
 
+from helisim.base.registration import register
 from helisim.gym.agent import Action
 from helisim.gym.settings import Setup, Start
 from helisim.gym.single import HelicopterEnv
@@ -18,7 +19,6 @@ from helisim.gym.spread import USUAL, Spread
 from helisim.gym.task import Hover, Observation, Situation, Task, Track
 from helisim.gym.vector import HelicopterVectorEnv
 from helisim.gym.weather import WeatherRange
-from helisim.registration import register
 
 __all__ = [
     "USUAL",

@@ -13,7 +13,7 @@ from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.gym.agent import Agent
 from helisim.gym.limits import Limits
 from helisim.gym.motions import StateReader

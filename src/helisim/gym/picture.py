@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import DisplayError, InputError, UnknownNameError
-from helisim.output.viewer import LiveFlight, Rotors, aim, check_display, open_window
+from helisim.base.errors import DisplayError, InputError, UnknownNameError
+from helisim.show.viewer import LiveFlight, Rotors, aim, check_display, open_window
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import root_body
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 from os import PathLike
 from typing import Any, Literal, get_args
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.gym.task import Hover, Task, Track
 from helisim.gym.weather import WeatherRange
 from helisim.physics.timing import TICK_TOLERANCE

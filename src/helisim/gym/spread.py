@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.errors import HelisimError, InputError, UnknownNameError
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.blade_inertia import changed

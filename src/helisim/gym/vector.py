@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.gym.flights import Flights
 from helisim.gym.picture import HEIGHT, WIDTH, Picture
 from helisim.gym.settings import Setup

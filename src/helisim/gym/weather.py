@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim import Gust, Weather
 from helisim.sim.plain import is_number
 

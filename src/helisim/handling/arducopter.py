@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import butter, freqz
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.value import FrozenMap, Value
 from helisim.handling.axis import axis_of
-from helisim.laws.sampled_law import SampledLaw
+from helisim.handling.sampled_law import SampledLaw
 from helisim.records.channels import ATTITUDES, RATES
-from helisim.records.value import FrozenMap, Value
 
 Array = NDArray[np.float64]
 

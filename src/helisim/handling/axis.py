@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
 
 
 @dataclass(frozen=True)

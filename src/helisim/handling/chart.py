@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
-from helisim.records.value import Value
+from helisim.base.errors import InputError
+from helisim.base.value import Value
 
 Level = Literal[1, 2, 3]
 _FAR = 1e6

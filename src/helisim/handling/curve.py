@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.errors import InputError
-from helisim.records.value import Value
-from helisim.units import DB_PER_NEPER
+from helisim.base.errors import InputError
+from helisim.base.units import DB_PER_NEPER
+from helisim.base.value import Value
 
 _LEAST = np.finfo(np.float64).tiny
 """Of a response whose logarithm is taken: none at all has none."""

@@ -10,7 +10,7 @@ Flying Qualities", VFS 80th Annual Forum, 2024, from MIL-DTL-32742, which supers
 import math
 from dataclasses import dataclass
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 UH60_ROTOR = 16.36
 """m, rotor diameter of the UH-60A, 53 ft 8 in: the helicopter that criteria of rotorcraft are

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import HelisimError
+from helisim.base.errors import HelisimError
 from helisim.handling.curve import Curve
 
 GRID = np.geomspace(0.2, 150.0, 400)

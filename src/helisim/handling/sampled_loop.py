@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.handling.axis import axis_of
 from helisim.handling.loop import History, NoResponse
 

@@ -18,10 +18,10 @@ from dataclasses import MISSING, dataclass, fields, replace
 from os import PathLike
 from typing import Any, get_args
 
-from helisim.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.files import atomic_write, read_toml, toml_value
+from helisim.base.units import RAD_PER_DEG
 from helisim.handling.criteria import Border, Criterion, Limit
-from helisim.records.files import atomic_write, read_toml, toml_value
-from helisim.units import RAD_PER_DEG
 
 KINDS = ("hard", "soft", "objective", "check")
 """What a criterion is in a design: kept whatever it costs; brought to Level 1; made as good as

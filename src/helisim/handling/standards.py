@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
 from helisim.handling.axis import axis_of
 from helisim.handling.criteria import (
     AttitudeBandwidth,

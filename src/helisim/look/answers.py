@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.trend import without_trend
 from helisim.ident.responses.response import USABLE_COHERENCE
+from helisim.logs.report import LogFinding
 from helisim.look.excitation import FoundExcitation
 from helisim.look.order import simplest
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
-from helisim.records.logs.report import LogFinding
 from helisim.records.record import FlightRecord
-from helisim.records.trend import without_trend
 
 _WINDOWS = 5.0
 """Of an excitation's length, windows that don't overlap; nine that do."""

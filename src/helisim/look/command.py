@@ -7,13 +7,13 @@ from pathlib import Path
 from shlex import join, quote
 from typing import NamedTuple
 
+from helisim.logs.mapping import Column
+from helisim.logs.report import OURS, LogFinding
 from helisim.look.answers import FoundAnswer
 from helisim.look.excitation import FoundExcitation
 from helisim.look.opened import Opened
 from helisim.look.systemid.sweeps import FlownSweep
 from helisim.records.channels import IN1, IN2
-from helisim.records.logs.mapping import Column
-from helisim.records.logs.report import OURS, LogFinding
 
 _STRUCTURES = (
     ("rollpitch", ("lat", "lon"), ("p", "q")),

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import HelisimError
+from helisim.base.errors import HelisimError
+from helisim.base.unit_names import PULSE, UNITS
+from helisim.logs.mapping import Column, find_column, split_heading
+from helisim.logs.source import Source
 from helisim.look.names import Named, named
 from helisim.records.channels import CHANNELS, IN1, IN2
-from helisim.records.logs.mapping import Column, find_column, split_heading
-from helisim.records.logs.source import Source
-from helisim.records.logs.units import PULSE, UNITS
 
 CONTROLS = (*IN1, *IN2)
 _PULSES = (700.0, 2300.0)

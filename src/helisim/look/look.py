@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.logs.mapping import Clock, Column, Map
+from helisim.logs.report import LogFinding
 from helisim.look.answers import FoundAnswer, answers, loops
 from helisim.look.command import Looked, by_axis, command, main_excitations
 from helisim.look.excitation import FoundExcitation, excitation
@@ -15,8 +17,6 @@ from helisim.look.opened import AS_RECORDED, Asked, Opened, SeenClock, opened
 from helisim.look.systemid.autopilots import own_sweeps
 from helisim.look.systemid.sweeps import FlownSweep
 from helisim.records.channels import CHANNELS
-from helisim.records.logs.mapping import Clock, Column, Map
-from helisim.records.logs.report import LogFinding
 
 _SHOWN = 8
 """Unused columns that are printed."""

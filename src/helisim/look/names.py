@@ -3,9 +3,9 @@
 import re
 from typing import NamedTuple
 
+from helisim.base.unit_names import is_unit, unit
+from helisim.logs.mapping import split_heading
 from helisim.records.channels import CHANNELS
-from helisim.records.logs.mapping import split_heading
-from helisim.records.logs.units import is_unit, unit
 
 
 class Named(NamedTuple):

@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from helisim.errors import HelisimError, LogError
+from helisim.base.errors import HelisimError, LogError
+from helisim.base.unit_names import is_unit
+from helisim.logs.clock import Steadiness, steadiness
+from helisim.logs.log import Log
+from helisim.logs.mapping import Clock, Column, Map, split_heading
+from helisim.logs.read import is_ours, open_source, read_log
+from helisim.logs.report import OURS, Findings, LogFinding
+from helisim.logs.source import Source
+from helisim.logs.terms import REPAIRS
 from helisim.look.guess import SeenChannel, guess
-from helisim.records.log_terms import REPAIRS
-from helisim.records.logs.clock import Steadiness, steadiness
-from helisim.records.logs.log import Log
-from helisim.records.logs.mapping import Clock, Column, Map, split_heading
-from helisim.records.logs.read import is_ours, open_source, read_log
-from helisim.records.logs.report import OURS, Findings, LogFinding
-from helisim.records.logs.source import Source
-from helisim.records.logs.units import is_unit
 from helisim.records.record import FlightRecord
 
 AS_RECORDED = "as recorded"

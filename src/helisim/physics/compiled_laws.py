@@ -12,7 +12,7 @@ from numba.core.ccallback import CFunc
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.gyro import Seen
 
 Place = Literal["all", "swash", "tail"]

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from mujoco.introspect import ast_nodes, structs
 
-from helisim.errors import CallbackError
+from helisim.base.errors import CallbackError
 from helisim.physics.kernel import known
 
 _SCALARS: dict[str, Any] = {

@@ -19,7 +19,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.gyro import Seen
 from helisim.physics.kernel import kernel
 from helisim.physics.memory import address_of, doubles_at, longs_at

@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numba import cfunc, types
 
-from helisim.errors import CallbackError, InputError
+from helisim.base.errors import CallbackError, InputError
 from helisim.physics import callbacks, notes
 from helisim.physics.examination import sentence
 from helisim.physics.fields import Offsets, offsets

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.compiled_laws import (
     PLACES,
     Place,

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
 
 Kind = Literal["IN1", "IN2", "OUT", "SERVO", "OTHER"]
 

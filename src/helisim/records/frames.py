@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, RecordError, UnknownNameError
+from helisim.base.errors import InputError, RecordError, UnknownNameError
+from helisim.base.unit_names import check_same
+from helisim.base.unit_names import unit as unit_of
 from helisim.records.channels import CHANNELS, Channel
-from helisim.records.logs.units import check_same
-from helisim.records.logs.units import unit as unit_of
 from helisim.records.record import FlightRecord
 
 _KEYS = ("units", "kinds", "meanings", "provenance")

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import StorageError
+from helisim.base.errors import StorageError
 from helisim.records.channels import Channel, Kind
 
 FORMAT = "flight record"

@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from helisim.errors import StorageError
+from helisim.base.errors import StorageError
+from helisim.base.files import parse_object, read_bytes
 from helisim.records.channels import Channel
-from helisim.records.files import parse_object, read_bytes
 from helisim.records.header import (
     FORMAT,
     MAX_NUMBERS,

@@ -7,8 +7,8 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from helisim.errors import RecordError
-from helisim.records.value import FrozenMap
+from helisim.base.errors import RecordError
+from helisim.base.value import FrozenMap
 
 _PROGRAMS = ("helisim", "mujoco", "numpy", "scipy", "numba", "control", "pyarrow")
 

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.errors import RecordError, UnknownNameError
+from helisim.base.display import Displayed, shower
+from helisim.base.errors import RecordError, UnknownNameError
+from helisim.base.value import Value
 from helisim.records.channels import Channel, some_names
-from helisim.records.display import Displayed, shower
 from helisim.records.provenance import plain
-from helisim.records.value import Value
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from helisim.records.display import Axes, Figure
+    from helisim.base.display import Axes, Figure
 
 UNIFORM = 1e-6
 """A time step may differ from the mean by this fraction and still count as uniform:

@@ -7,8 +7,8 @@ writes goes through `atomic_write`.
 
 from pathlib import Path
 
-from helisim.errors import RecordError
-from helisim.records.files import SUFFIXES, atomic_write, check_suffix
+from helisim.base.errors import RecordError
+from helisim.base.files import SUFFIXES, atomic_write, check_suffix
 from helisim.records.header import TIME
 from helisim.records.record import FlightRecord
 from helisim.records.text import read_csv, write_csv

@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import RecordError, StorageError
+from helisim.base.errors import RecordError, StorageError
+from helisim.base.files import parse_object, read_text
 from helisim.records import header
 from helisim.records.channels import Channel
-from helisim.records.files import parse_object, read_text
 from helisim.records.record import FlightRecord
 
 _TITLE = f"# helisim {header.FORMAT}, version "

@@ -9,7 +9,7 @@ import numpy as np
 from mujoco import rollout
 from numpy.typing import NDArray
 
-from helisim.errors import DivergedError
+from helisim.base.errors import DivergedError
 from helisim.physics.native import installed
 from helisim.physics.own_laws import Failure
 from helisim.sim.envelope import FlightEnvelope, terminated_early

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import DivergedError, InputError
+from helisim.base.errors import DivergedError, InputError
 from helisim.records.channels import IN2, SERVOS
 from helisim.sim.clearance import Outline, outline
 from helisim.sim.ground import Ground

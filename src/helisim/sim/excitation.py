@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Self, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.params import HISTORY, PARAM
 from helisim.records.channels import AXES
 from helisim.sim.places import ENOUGH, PLACES, limit, reach, unit

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from helisim.errors import InputError, RecordError, StorageError
-from helisim.records.files import make_folder
+from helisim.base.errors import InputError, RecordError, StorageError
+from helisim.base.files import make_folder
+from helisim.base.value import FrozenMap
 from helisim.records.provenance import difference, plain
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
-from helisim.records.value import FrozenMap
 from helisim.sim.fly import Flight, flight_provenance, fly_all
 from helisim.sim.plan import Flyable, as_plan
 from helisim.sim.simulation import flight_numbers

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.layout import CONTROL, STATE
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.layout import INJECTION
 from helisim.records.channels import AXES, RATES
 from helisim.sim.excitation import Excitation, is_compiled

@@ -2,13 +2,26 @@
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.params import PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.trim import collective_stick
+
+_ROOM = 0.9
+"""m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m."""
+
+
+def hover_height(model: mujoco.MjModel) -> float:
+    """Return how high a helicopter hovers to be seen with its pad, m; half its extent hangs below.
+
+    Args:
+        model: with every part to be seen.
+    """
+    return _ROOM + 0.5 * model.stat.extent
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,8 +9,8 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 import numpy as np
 
-from helisim.errors import InputError, UnknownNameError
-from helisim.records.files import toml_key, toml_value
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import toml_key, toml_value
 
 T = TypeVar("T")
 

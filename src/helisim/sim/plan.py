@@ -35,9 +35,9 @@ from functools import cached_property
 from os import PathLike
 from typing import Any
 
-from helisim.errors import InputError, UnknownNameError
-from helisim.records.display import Displayed
-from helisim.records.files import atomic_write, read_toml
+from helisim.base.display import Displayed
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import atomic_write, read_toml
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.excitation import EXCITATIONS, Excitation, check_excitation

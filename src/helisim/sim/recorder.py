@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.value import FrozenMap
 from helisim.records.channels import (
     ACCELERATIONS,
     AIR,
@@ -42,7 +43,6 @@ from helisim.records.channels import (
     channel,
 )
 from helisim.records.record import FlightRecord
-from helisim.records.value import FrozenMap
 from helisim.sim.plain import UNSAID, in_brief, to_plain
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle

@@ -13,7 +13,7 @@ import numpy as np
 from mujoco import rollout
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.drive import MOTOR
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed

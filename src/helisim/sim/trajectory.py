@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from helisim.errors import DivergedError
+from helisim.base.errors import DivergedError
 from helisim.physics.frames import flip
 from helisim.physics.layout import INJECTION, SENSOR
 from helisim.physics.params import PARAM

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import DivergedError, InputError, UnknownNameError
+from helisim.base.errors import DivergedError, InputError, UnknownNameError
 from helisim.physics.layout import CONTROL, SENSOR, STATE
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sitl.link import Link
 from helisim.sitl.packet import Frame, Sensed, answer, check_fields
 from helisim.sitl.served import Served

@@ -2,7 +2,7 @@
 
 import copy
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.physics.drive import IDEAL, MOTOR
 from helisim.physics.params import PARAM
 from helisim.vehicle import Vehicle

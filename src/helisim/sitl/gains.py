@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Rates
 from helisim.handling.axis import BY_NAME, axis_of
 from helisim.handling.closed_loop import ClosedLoop, Linear

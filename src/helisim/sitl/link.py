@@ -5,7 +5,7 @@ import select
 import socket
 import time
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sitl.packet import Frame, read_frame
 
 PORT = 9002

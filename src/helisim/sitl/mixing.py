@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.records.channels import IN1
 from helisim.sitl.outputs import Outputs
 from helisim.vehicle.swashplate import Swashplate

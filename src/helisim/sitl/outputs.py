@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from helisim.errors import InputError, ModelError
+from helisim.base.errors import InputError, ModelError
 
 _CHANNELS = 32
 """Of ArduPilot, at most."""

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 
 _LAYOUTS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}
 """Magic number -> layout of the packet: magic number, frame rate, frame count, pulses."""

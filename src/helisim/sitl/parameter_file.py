@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from os import PathLike
 from textwrap import wrap
 
-from helisim.errors import InputError
-from helisim.records.files import atomic_write, read_text
-from helisim.records.value import FrozenMap
+from helisim.base.errors import InputError
+from helisim.base.files import atomic_write, read_text
+from helisim.base.value import FrozenMap
 
 _LONGEST_NAME = 16
 _WIDTH = 90

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS
 from helisim.handling.axis import axis_of
 from helisim.handling.closed_loop import Linear
@@ -14,7 +15,6 @@ from helisim.sitl.mixing import Controls, Mixer
 from helisim.sitl.outputs import Outputs
 from helisim.sitl.parameter_file import AutopilotParameters, Setting
 from helisim.sitl.settings import Group, hover, rotor, simulated, swashplate, tail, unused
-from helisim.units import STANDARD_GRAVITY
 from helisim.vehicle import Linearization, Vehicle, load
 
 _WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
-from helisim.errors import AutopilotError, InputError
-from helisim.records.files import atomic_write
+from helisim.base.errors import AutopilotError, InputError
+from helisim.base.files import atomic_write
 from helisim.sitl import isolated
 
 PROGRAM = "HELISIM_ARDUPILOT"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.ground import Ground

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sitl.mixing import CYCLIC, FULL_CYCLIC, H3_140, MIXED_1_TO_1, ROTOR_FUNCTION
 from helisim.sitl.outputs import Output, Outputs
 from helisim.sitl.parameter_file import Setting

@@ -3,8 +3,8 @@
 from os import PathLike
 from pathlib import Path
 
+from helisim.base.errors import InputError
 from helisim.design.plant import Plant
-from helisim.errors import InputError
 from helisim.ident import identify, load_fit, structures
 from helisim.look.systemid import infer
 from helisim.look.systemid.autopilots import says_itself

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 
-from helisim.errors import ModelError
-from helisim.paper import published
+from helisim.base.errors import ModelError
+from helisim.study.paper import published
 from helisim.vehicle import calibrate, read_parameters
 from helisim.vehicle.assembly import mass_and_gravity
 from helisim.vehicle.blade_inertia import INERTIA, REDUCTION, lock_number, with_both

@@ -5,22 +5,22 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
+from helisim.base.errors import InputError, StorageError
+from helisim.base.files import make_folder
+from helisim.base.value import Value
 from helisim.design.design import DRAWN, MARGIN, MODELS, design
 from helisim.design.free import free_parameters
+from helisim.design.laws import AttitudeCommand, Law, RateCommand
 from helisim.design.plant import Plant
 from helisim.design.result import DesignResult
 from helisim.design.start import attitude_start
 from helisim.design.usual import usual_specs
-from helisim.errors import InputError, StorageError
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import Criterion
 from helisim.handling.loop import Loop
 from helisim.handling.spec import Spec, write_specs
 from helisim.handling.standards import ATTITUDES
-from helisim.laws import AttitudeCommand, Law, RateCommand
 from helisim.records.channels import AXES
-from helisim.records.files import make_folder
-from helisim.records.value import Value
 from helisim.study.flights import Flights
 from helisim.study.for_design import flown_vehicle, identify_for_design
 from helisim.study.proof.prove import GRID, Proof, prove

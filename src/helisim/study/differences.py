@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from helisim.errors import HelisimError
+from helisim.base.errors import HelisimError
 from helisim.records.provenance import difference
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record

@@ -4,7 +4,7 @@ import re
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from helisim import ident
-from helisim.errors import DivergedError, InputError
+from helisim.base.errors import DivergedError, InputError
 from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import AXES
 from helisim.records.record import FlightRecord

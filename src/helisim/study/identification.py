@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from helisim import ident
-from helisim.paper import ReferenceTable
 from helisim.records.record import FlightRecord
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest
 from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
 from helisim.study.identified import IdentifiedModel
 from helisim.study.models import Given, ModelSpec
+from helisim.study.paper import ReferenceTable
 from helisim.study.published import paper_table
 from helisim.study.truth import Air, exact_response, true_values
 from helisim.vehicle import Vehicle

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from helisim import ident
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.files import read_json, write_json
+from helisim.base.value import Value
 from helisim.ident.verifying.verification import Approach, Trace
-from helisim.records.files import read_json, write_json
 from helisim.records.provenance import made_by
-from helisim.records.value import Value
 
 FORMAT = "helisim fits, version 1"
 

@@ -8,8 +8,8 @@ import textwrap
 from dataclasses import replace
 from pathlib import Path
 
-from helisim.errors import InputError, StorageError
-from helisim.records.files import make_folder, toml_key, toml_value
+from helisim.base.errors import InputError, StorageError
+from helisim.base.files import make_folder, toml_key, toml_value
 from helisim.study.published import published_of
 from helisim.vehicle import (
     Parameters,

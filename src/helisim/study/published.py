@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from helisim.errors import ModelError
-from helisim.paper import Published, ReferenceTable, published
+from helisim.base.errors import ModelError
+from helisim.study.paper import Published, ReferenceTable, published
 from helisim.vehicle import Vehicle
 from helisim.vehicle.folder import is_shipped
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from importlib.metadata import version
 from os import PathLike
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim import Recorder
 from helisim.study.flights import flown_each_axis, fly_sweeps
 from helisim.study.identification import comparison_table, identify_model

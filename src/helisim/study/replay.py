@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from helisim.errors import InputError
-from helisim.records.files import read_json
+from helisim.base.errors import InputError
+from helisim.base.files import read_json
 from helisim.sim.plain import from_plain
 from helisim.study.differences import changes, leaves, listed, record_difference
 from helisim.study.flights import RESULTS

@@ -5,11 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.files import make_folder, write_json
 from helisim.ident.responses.threads import one_blas_thread
-from helisim.paper.eq8 import OverallCheck, check_overall
-from helisim.paper.gyro_effect import GyroEffect, gyro_effect
-from helisim.records.files import make_folder, write_json
 from helisim.records.provenance import versions
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest, run_rigs
@@ -31,6 +29,8 @@ from helisim.study.identification import (
 )
 from helisim.study.identified import IdentifiedModel, write_models
 from helisim.study.models import MODELS
+from helisim.study.paper.eq8 import OverallCheck, check_overall
+from helisim.study.paper.gyro_effect import GyroEffect, gyro_effect
 from helisim.study.results import Results
 from helisim.study.run import FITS, Run
 from helisim.vehicle import load

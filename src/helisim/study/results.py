@@ -5,17 +5,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.display import Displayed
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import read_json
+from helisim.base.value import FrozenMap
 from helisim.ident.verifying.verification import VerificationFigures
-from helisim.paper.eq8 import OverallCheck
-from helisim.paper.gyro_effect import GyroEffect
-from helisim.records.display import Displayed
-from helisim.records.files import read_json
-from helisim.records.value import FrozenMap
 from helisim.sim.plain import from_plain
 from helisim.sim.rigs import RigTest
 from helisim.study.comparison import ComparisonTable
 from helisim.study.exclusion import Exclusion
+from helisim.study.paper.eq8 import OverallCheck
+from helisim.study.paper.gyro_effect import GyroEffect
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from helisim.errors import StorageError
-from helisim.records.display import Displayed
+from helisim.base.display import Displayed
+from helisim.base.errors import StorageError
+from helisim.base.value import FrozenMap, Value
 from helisim.records.record import FlightRecord
-from helisim.records.value import FrozenMap, Value
 from helisim.sim.plain import from_plain
 from helisim.study.flights import FOLDER, RESULTS, read_kept_sweeps
 from helisim.study.identified import IdentifiedModel, read_models

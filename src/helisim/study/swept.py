@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
-from helisim.errors import InputError, StorageError
+from helisim.base.errors import InputError, StorageError
 from helisim.handling.axis import axis_of
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record

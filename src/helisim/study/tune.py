@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
+from helisim.base.units import DB_PER_NEPER
 from helisim.ident.model.evaluate import response
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
 from helisim.study.published import published_of
 from helisim.study.truth import exact_response, true_values
-from helisim.units import DB_PER_NEPER
 from helisim.vehicle import Parameters, PhysicalParameter, Vehicle
 from helisim.vehicle.rate_command import tune_rate_command
 

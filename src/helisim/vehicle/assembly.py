@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, ModelError, UnknownNameError
+from helisim.base.errors import InputError, ModelError, UnknownNameError
 from helisim.physics.layout import (
     ACTUATORS,
     INJECTION,

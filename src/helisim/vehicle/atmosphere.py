@@ -2,8 +2,8 @@
 
 import math
 
-from helisim.errors import InputError
-from helisim.units import STANDARD_GRAVITY
+from helisim.base.errors import InputError
+from helisim.base.units import STANDARD_GRAVITY
 
 _SEA_LEVEL_K = 288.15
 _SEA_LEVEL_PA = 101325.0

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, ModelError
-from helisim.records.value import Value
+from helisim.base.errors import InputError, ModelError
+from helisim.base.value import Value
 
 FLAPPING = ("tau_f", "a_b", "b_a", "a_lat", "a_lon", "b_lat", "b_lon")
 """The numbers of eq. (8), in the order of the section [flapping]."""

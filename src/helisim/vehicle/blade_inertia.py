@@ -8,7 +8,7 @@ numbers, and the blade, its springs and the swashplate stay.
 import math
 from collections.abc import Mapping
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.vehicle.blade import FLAPPING, TipPathPlane, lock_reduction
 from helisim.vehicle.parameters import Parameters, PhysicalParameter
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from helisim.errors import InputError, ModelError
+from helisim.base.errors import InputError, ModelError
 from helisim.vehicle.assembly import assemble, mass_and_gravity
 from helisim.vehicle.blade_inertia import INERTIA
 from helisim.vehicle.linearize import linearize, plain_rotor, stability_derivatives

@@ -6,7 +6,7 @@ from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

@@ -12,7 +12,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.errors import InputError, ModelError
+from helisim.base.errors import InputError, ModelError
+from helisim.base.value import Value
 from helisim.physics import laws
 from helisim.physics.compiled_laws import Place, arity, is_compiled, is_native
 from helisim.physics.known_laws import KnownLaw
@@ -20,7 +21,6 @@ from helisim.physics.layout import FIRST_LAW_STATE, STATE, SWASH_STATES, TAIL_ST
 from helisim.physics.native import check_is_model
 from helisim.physics.own_laws import Failure, OwnLaw, Registered
 from helisim.physics.params import NO_LAW, PARAM, SHIPPED_LAW
-from helisim.records.value import Value
 from helisim.vehicle.law_checks import (
     check_law,
     check_passes,

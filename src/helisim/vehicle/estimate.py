@@ -10,7 +10,7 @@ tau_f and in A_b and B_a. A start, not a truth.
 import math
 from collections.abc import Mapping
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.vehicle.blade import flapping_from_blade, lock_reduction
 from helisim.vehicle.calibrate import Disc, hover_torque
 from helisim.vehicle.glossary import glossary

@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
-from helisim.errors import ModelError, StorageError, UnknownNameError
-from helisim.records.files import read_toml
+from helisim.base.errors import ModelError, StorageError, UnknownNameError
+from helisim.base.files import read_toml
 from helisim.vehicle.roles import Roles
 
 PARAMETER_FILES = ("parameters.toml", "calibrated.toml", "tuned.toml")

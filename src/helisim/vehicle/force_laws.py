@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.physics.gyro import filter_mean, filter_share, filter_through, held_lag
 from helisim.physics.layout import LAYOUT, MAGIC, ROTOR, SWASH_STATES, TAIL_STATES
 from helisim.physics.params import NEVER, PARAM, SHIPPED_LAW

@@ -6,7 +6,7 @@ from functools import cache
 from importlib.resources import files
 from types import MappingProxyType
 
-from helisim.records.files import read_toml
+from helisim.base.files import read_toml
 
 OPTIONAL = (
     "fin",

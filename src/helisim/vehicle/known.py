@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from os import PathLike
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.vehicle.assembly import assemble, mass_and_gravity
 from helisim.vehicle.blade import Flapping, flapping_from_blade
 from helisim.vehicle.calibrate import UNKNOWNS, Disc, hover_torque

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.physics.gyro import CYCLIC, YAW, Seen, cyclic_law, yaw_law
 from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, ROTOR
 from helisim.physics.own_laws import Called

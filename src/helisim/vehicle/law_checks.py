@@ -5,7 +5,7 @@ import inspect
 from functools import partial
 from typing import Any
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.compiled_laws import arity, is_compiled, is_native
 from helisim.physics.known_laws import KnownLaw
 

@@ -9,13 +9,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import ModelError
+from helisim.base.display import Displayed, shower
+from helisim.base.errors import ModelError
+from helisim.base.value import FrozenMap, Value
 from helisim.physics.layout import CONTROL, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
-from helisim.records.display import Displayed, shower
-from helisim.records.value import FrozenMap, Value
 from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
 from helisim.vehicle.rigid_body import PLACE, RIGID_BODY, residualised
 from helisim.vehicle.swashplate import Swashplate
@@ -24,7 +24,7 @@ from helisim.vehicle.trim import Trim, place
 if TYPE_CHECKING:
     import control
 
-    from helisim.records.display import Axes, Figure
+    from helisim.base.display import Axes, Figure
 
 MOTION = tuple(field.name for field in fields(Motion))
 OUTPUTS = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from os import PathLike
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.vehicle.assembly import Integrator, assemble
 from helisim.vehicle.blade_inertia import INSTEAD, changed, with_both
 from helisim.vehicle.folder import PARAMETER_FILES, model_folder

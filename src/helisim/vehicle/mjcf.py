@@ -14,8 +14,8 @@ from typing import Any
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
-from helisim.errors import ModelError, StorageError
-from helisim.records.files import atomic_write, read_bytes
+from helisim.base.errors import ModelError, StorageError
+from helisim.base.files import atomic_write, read_bytes
 
 _MAX_BYTES = 1 << 26
 """A larger MJCF is refused: people write them."""

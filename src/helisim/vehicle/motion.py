@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from helisim.errors import ModelError, UnknownNameError
+from helisim.base.errors import ModelError, UnknownNameError
 from helisim.physics.frames import flip
 from helisim.physics.layout import MAGIC, ROTOR, STATE
 from helisim.physics.params import PARAM

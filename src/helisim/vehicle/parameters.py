@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from helisim.errors import InputError, ModelError, StorageError, UnknownNameError
-from helisim.records.files import read_toml
+from helisim.base.errors import InputError, ModelError, StorageError, UnknownNameError
+from helisim.base.files import read_toml
 from helisim.vehicle.choices import CHOICES, number_of, word_of
 from helisim.vehicle.glossary import glossary, sections, term
 from helisim.vehicle.written_unit import unit_fault

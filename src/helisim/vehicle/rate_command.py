@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.vehicle.parameters import Parameters, PhysicalParameter
 from helisim.vehicle.vehicle import Vehicle
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 if TYPE_CHECKING:
     import control

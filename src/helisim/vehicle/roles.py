@@ -10,7 +10,7 @@ from typing import Any
 
 import mujoco
 
-from helisim.errors import ModelError, UnknownNameError
+from helisim.base.errors import ModelError, UnknownNameError
 from helisim.physics.layout import ACTUATORS, SENSORS
 
 ROLES: dict[str, tuple[str, ...]] = {

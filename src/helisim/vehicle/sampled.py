@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.physics.timing import TIME_TOLERANCE
 from helisim.records.channels import ACCELERATIONS, IN1, IN2, RATES
 from helisim.vehicle.linearize import OUTPUTS, Linearization

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.physics import servo
 from helisim.physics.params import PARAM
 

@@ -9,7 +9,7 @@ identification of one's own flights finds them and `Vehicle.derivatives` has the
 
 from collections.abc import Container, Mapping
 
-from helisim.errors import ModelError
+from helisim.base.errors import ModelError
 from helisim.vehicle.calibrate import DIRECT, SOLVED, spared
 from helisim.vehicle.glossary import glossary
 from helisim.vehicle.parameters import Parameters, PhysicalParameter

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from helisim.errors import TrimError
+from helisim.base.errors import TrimError
 from helisim.physics import drive, gyro
 from helisim.physics.drive import IDEAL
 from helisim.physics.frames import flip

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import mujoco
 import numpy as np
 
-from helisim.errors import InputError
+from helisim.base.display import Displayed
+from helisim.base.errors import InputError
+from helisim.base.value import Value
 from helisim.physics.frames import flip
 from helisim.physics.layout import SENSOR
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import IN1
-from helisim.records.display import Displayed
-from helisim.records.value import Value
 from helisim.vehicle.assembly import Around, assemble, with_room
 from helisim.vehicle.controller import (
     DIRECT,

@@ -1,4 +1,4 @@
-"""What a vehicle asks of a control law as data; `helisim.laws` has them."""
+"""What a vehicle asks of a control law as data; `helisim.design.laws` has them."""
 
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 

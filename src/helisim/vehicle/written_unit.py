@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
-from helisim.units import METRE_PER_FOOT, RAD_PER_DEG, RAD_S_PER_RPM
+from helisim.base.units import METRE_PER_FOOT, RAD_PER_DEG, RAD_S_PER_RPM
 
 _WATT = {"kg": 1, "m": 2, "s": -3}
 _BASE: dict[str, tuple[float, dict[str, int]]] = {

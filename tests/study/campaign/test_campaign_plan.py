@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.errors import HelisimError, InputError, StorageError
+from helisim.base.errors import HelisimError, InputError, StorageError
 from helisim.sim import Gust, Weather
 from helisim.study.campaign import campaign_from, read_campaign
 from helisim.vehicle import load

@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import helisim as hs
+from helisim.base.errors import InputError, StorageError, WorkerError
 from helisim.cli import main
-from helisim.errors import InputError, StorageError, WorkerError
 from helisim.records.provenance import versions
 from helisim.sim import Recorder
 from helisim.study.campaign import campaign_from, read_dataset, run_campaign

@@ -4,7 +4,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
 from helisim.study.campaign.summary import render, summarise
 
 TRUTH = -2.0

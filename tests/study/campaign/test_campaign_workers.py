@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from mortal import always_die, die_once, fail, square
 
-from helisim.errors import InputError, WorkerError
+from helisim.base.errors import InputError, WorkerError
 from helisim.study.campaign import campaign_from, local, on_dask, run_campaign
 
 pytestmark = pytest.mark.study

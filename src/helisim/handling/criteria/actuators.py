@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from helisim.base.units import RAD_PER_DEG
 from helisim.handling.chart import Chart, ChartAxis, ChartLine, Level, Region
 from helisim.handling.criteria.criterion import Criterion, Rating
 from helisim.handling.criteria.limit import Limit
 from helisim.handling.criteria.regions import corner, everywhere
 from helisim.handling.figures.actuators import coloured, limited, motion, onset
 from helisim.handling.loop import Loop
-from helisim.units import RAD_PER_DEG
 
 MARGIN = Limit(0.0, -6.0)
 """dB, below the border."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.handling.axis import axis_of
 from helisim.handling.chart import Chart, ChartAxis
 from helisim.handling.criteria.criterion import Criterion, Rating

@@ -6,16 +6,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from helisim.errors import InputError
+from helisim.base.display import shower
+from helisim.base.errors import InputError
+from helisim.base.value import FrozenMap
 from helisim.handling.axis import axis_of
 from helisim.handling.chart import Chart, Level
 from helisim.handling.criteria.limit import Border, Limit
 from helisim.handling.loop import Loop
-from helisim.records.display import shower
-from helisim.records.value import FrozenMap
 
 if TYPE_CHECKING:
-    from helisim.records.display import Axes, Figure
+    from helisim.base.display import Axes, Figure
 
 MOST = 10.0
 """Distances end here to either side: an optimiser needs no more, and none may be infinite."""

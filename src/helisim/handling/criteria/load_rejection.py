@@ -7,14 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.units import DB_PER_NEPER
 from helisim.handling.axis import axis_of
 from helisim.handling.chart import Chart, ChartAxis
 from helisim.handling.criteria.criterion import Criterion, Rating
 from helisim.handling.criteria.limit import Limit
 from helisim.handling.criteria.regions import strip
 from helisim.handling.loop import Loop, NoResponse
-from helisim.units import DB_PER_NEPER
 
 _LEAST = 1e-12
 """rad a unit of command: less turns nothing, and figures are finite."""

@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
+from helisim.base.units import RAD_PER_DEG
 from helisim.handling.chart import Chart, ChartAxis, Region
 from helisim.handling.criteria.criterion import Criterion, Rating
 from helisim.handling.criteria.limit import Limit
@@ -15,7 +16,6 @@ from helisim.handling.criteria.regions import everywhere, strip
 from helisim.handling.figures.margins import disk_margin
 from helisim.handling.figures.nichols import Gauge, approach, ellipse, hexagon
 from helisim.handling.loop import Loop
-from helisim.units import RAD_PER_DEG
 
 Real = NDArray[np.float64]
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.units import RAD_PER_DEG
 from helisim.handling.axis import axis_of
 from helisim.handling.chart import Chart, ChartAxis
 from helisim.handling.criteria.criterion import Criterion, Rating
@@ -12,7 +13,6 @@ from helisim.handling.criteria.limit import Border
 from helisim.handling.criteria.regions import above
 from helisim.handling.figures.history import changed
 from helisim.handling.loop import Loop, NoResponse
-from helisim.units import RAD_PER_DEG
 
 
 def _border(

@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from helisim.base.units import RAD_PER_DEG
 from helisim.handling.chart import Chart, ChartAxis
 from helisim.handling.criteria.criterion import Criterion, Rating
 from helisim.handling.criteria.limit import Limit
 from helisim.handling.criteria.regions import corner
 from helisim.handling.figures.margins import margins
 from helisim.handling.loop import Loop
-from helisim.units import RAD_PER_DEG
 
 GAIN = Limit(6.0, 3.0)
 """dB."""

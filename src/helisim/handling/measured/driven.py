@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.value import Value
 from helisim.handling.measured.cut import Cut
 from helisim.handling.measured.errors import error_root
 from helisim.ident.responses.frf import frequency_response
 from helisim.ident.responses.local_scatter import LocalScatter
 from helisim.records.record import FlightRecord
-from helisim.records.value import Value
 
 Complex = NDArray[np.complex128]
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import IdentificationError
+from helisim.base.errors import IdentificationError
 from helisim.ident.responses.local_lines import flight_lines
 from helisim.records.record import FlightRecord
 

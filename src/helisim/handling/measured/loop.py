@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from helisim.base.value import Value
 from helisim.handling.axis import BY_NAME, axis_of
 from helisim.handling.curve import Curve
 from helisim.handling.loop import History, NoResponse
 from helisim.handling.measured.cut import Cut
 from helisim.handling.measured.driven import Complex, Driven, pairs
 from helisim.handling.measured.measured_curve import MeasuredCurve
-from helisim.records.value import Value
 
 DRAWS = 400
 """How many draws there are: their standard deviation is known to 1 / sqrt(2 x 400), 3.5 %."""

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.value import Value
 from helisim.handling.axis import BY_NAME, axis_of
 from helisim.handling.loop import NoResponse
 from helisim.handling.measured.cut import PLACES, Cut, cuts_by_name, groups, moving
@@ -22,7 +23,6 @@ from helisim.ident import CrossControlWarning, RecordQualityWarning
 from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import IN1, IN2
 from helisim.records.record import FlightRecord
-from helisim.records.value import Value
 
 _HELD = 0.1
 """Sticks that move by more than this share of what was injected, near it, are told."""

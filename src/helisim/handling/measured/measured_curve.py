@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.value import Value
 from helisim.handling.curve import Curve
 from helisim.handling.loop import NoResponse
 from helisim.handling.measured.driven import Complex
-from helisim.records.value import Value
 
 _KNOWN = 0.15
 """A point of a curve is of use where half of its draws are off by less than this share of it."""

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import parse_object, read_text, write_json
+from helisim.base.units import STANDARD_GRAVITY
+from helisim.base.value import FrozenMap, Value
 from helisim.records.channels import IN1
-from helisim.records.files import parse_object, read_text, write_json
-from helisim.records.value import FrozenMap, Value
-from helisim.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     import control

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident.fitting.ardupilot import DELAYS, DERIVATIVES, FLAPPING, LONGEST_MS, STATES
 from helisim.ident.model.evaluate import matrices, state_space
 from helisim.ident.model.structure import Structure
 from helisim.records.channels import IN1
-from helisim.units import STANDARD_GRAVITY
 
 Matrix = NDArray[np.float64]
 Place = tuple[str, str]

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import IdentificationError
+from helisim.base.errors import IdentificationError
+from helisim.base.units import DB_PER_NEPER
 from helisim.ident.fitting.points import PHASE_WEIGHT, Points
 from helisim.ident.model.sensitivity import Sample, Sensitivity
 from helisim.ident.model.structure import Structure
-from helisim.units import DB_PER_NEPER
 
 _PER_RADIAN = float(np.rad2deg(1.0) * np.sqrt(PHASE_WEIGHT))
 """By how much a radian of phase counts where a dB counts 1."""

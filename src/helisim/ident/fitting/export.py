@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from helisim.errors import IdentificationError
+from helisim.base.errors import IdentificationError
+from helisim.base.files import atomic_write
 from helisim.ident.fitting.fitted import FittedParameter
 from helisim.ident.fitting.misfit import RATIO_LIMIT
 from helisim.ident.fitting.modes import text_lines
-from helisim.records.files import atomic_write
 
 if TYPE_CHECKING:
     import control

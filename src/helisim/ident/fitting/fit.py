@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident.fitting.bounds import Accuracy, accuracy
 from helisim.ident.fitting.cost import Cost
 from helisim.ident.fitting.degenerate import Degenerate, degenerate

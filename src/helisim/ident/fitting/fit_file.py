@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from helisim.errors import IdentificationError, InputError
+from helisim.base.errors import IdentificationError, InputError
 from helisim.ident.fitting.fitted import FittedParameter, matrix_from_plain, matrix_to_plain
 from helisim.ident.fitting.misfit import Misfit
 from helisim.ident.model.structure import Structure

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.value import Value
 from helisim.ident.fitting.verdicts import CRAMER_RAO_LIMIT, INSENSITIVITY_LIMIT, Support, support
 from helisim.ident.model.structure import Parameter, Structure
-from helisim.records.value import Value
 
 
 @dataclass(frozen=True, eq=False)

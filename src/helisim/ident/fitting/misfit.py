@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.units import DB_PER_NEPER
+from helisim.base.value import FrozenMap, Value
 from helisim.ident.fitting.cost import Cost
-from helisim.records.value import FrozenMap, Value
-from helisim.units import DB_PER_NEPER
 
 RATIO_LIMIT = 2.0
 """Residuals of more than this many times the noise's power are the structure's own."""

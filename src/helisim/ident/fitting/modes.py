@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import UnknownNameError
+from helisim.base.display import Displayed
+from helisim.base.errors import UnknownNameError
+from helisim.base.value import FrozenMap, Value
 from helisim.ident.model.pencil import Pencil, pole_pencil, zero_pencil
-from helisim.records.display import Displayed
-from helisim.records.value import FrozenMap, Value
 
 if TYPE_CHECKING:
     from helisim.ident.fitting.result import Fit

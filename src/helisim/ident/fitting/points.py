@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import IdentificationError, InputError, UnknownNameError
+from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident.model.paths import connected
 from helisim.ident.model.structure import Structure
 from helisim.ident.responses.response import USABLE_COHERENCE, FrequencyResponse

@@ -13,7 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.value import Value
 from helisim.ident.fitting.fit import Weighting, identify
 from helisim.ident.fitting.fitted import FittedParameter
 from helisim.ident.fitting.points import Band
@@ -23,7 +24,6 @@ from helisim.ident.model.evaluate import response
 from helisim.ident.model.structure import Structure
 from helisim.ident.model.structure_toml import DELAYS
 from helisim.ident.responses.response import FrequencyResponse
-from helisim.records.value import Value
 
 ACCEPTED_RISE = 1.0
 """Rise of the average cost up to which a reduced model counts as good as the full one: an

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.display import Displayed, shower
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import read_json, write_json
+from helisim.base.value import FrozenMap, Value
 from helisim.ident.fitting.export import fit_text, latex_table, write_matlab
 from helisim.ident.fitting.fit_file import fields_from_plain, fit_to_plain
 from helisim.ident.fitting.fitted import FittedParameter
@@ -21,15 +24,12 @@ from helisim.ident.model.evaluate import matrices, proper_part, response, state_
 from helisim.ident.model.structure import Structure
 from helisim.ident.model.structure_toml import delay_places
 from helisim.ident.responses.response import FrequencyResponse
-from helisim.records.display import Displayed, shower
-from helisim.records.files import read_json, write_json
 from helisim.records.provenance import versions
-from helisim.records.value import FrozenMap, Value
 
 if TYPE_CHECKING:
     import control
 
-    from helisim.records.display import Axes, Figure
+    from helisim.base.display import Axes, Figure
 
 CORRELATION_LIMIT = 0.9
 """Two parameters correlated more than this can stand in for each other."""

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import HelisimError
+from helisim.base.errors import HelisimError
+from helisim.base.units import DB_PER_NEPER
 from helisim.ident.fitting.points import PHASE_WEIGHT
 from helisim.ident.fitting.trials import DEGREES, Kind, trials
 from helisim.ident.model.structure import Structure
 from helisim.ident.responses.response import FrequencyResponse
-from helisim.units import DB_PER_NEPER
 
 if TYPE_CHECKING:
     from helisim.ident.fitting.result import Fit

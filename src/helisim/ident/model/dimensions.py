@@ -9,9 +9,9 @@ import ast
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
+from helisim.base.user_units import CONTROL, Powers, parts
 from helisim.ident.model.structure import Structure
 from helisim.records.channels import CHANNELS
-from helisim.records.user_units import CONTROL, Powers, parts
 
 Known = dict[str, dict[str, Fraction]]
 """Parameter, state or row -> powers of its unit's parts."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import IdentificationError
+from helisim.base.errors import IdentificationError
 from helisim.ident.model.sensitivity import Sensitivity
 from helisim.ident.model.structure import Structure
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident.model.forms import (
     Dual,
     added,

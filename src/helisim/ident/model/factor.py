@@ -17,7 +17,7 @@ import math
 import re
 from typing import NamedTuple
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 _FACTOR = re.compile(r"\s*(?:\((?P<one>[^()\[\]]*)\)|\[(?P<two>[^()\[\]]*)\])")
 _EXAMPLE = "such as (a)/[zeta,omega](0) or 1/(1/T)(2.5)"

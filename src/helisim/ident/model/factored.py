@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident.model.factor import Factor, parsed
 from helisim.ident.model.structure import Parameter, Structure
 from helisim.ident.model.transfer import Coefficients, coefficients, delay_parameter

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident.model.expression import FUNCTIONS
 
 _DEFAULT_SCALE = 1.0

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
-from helisim.errors import IdentificationError
+from helisim.base.errors import IdentificationError
 from helisim.ident.model.forms import value_at
 from helisim.ident.model.structure import Structure
 

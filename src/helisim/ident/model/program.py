@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
 from helisim.ident.model.forms import Form, value_at
 
 if TYPE_CHECKING:

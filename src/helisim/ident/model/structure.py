@@ -15,7 +15,9 @@ from functools import cached_property
 from os import PathLike
 from typing import Any, NamedTuple
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import atomic_write, read_toml
+from helisim.base.value import FrozenMap, Value
 from helisim.ident.model.expression import Expression
 from helisim.ident.model.parameter import Parameter
 from helisim.ident.model.program import Program
@@ -28,8 +30,6 @@ from helisim.ident.model.structure_toml import (
     read_fields,
     to_toml,
 )
-from helisim.records.files import atomic_write, read_toml
-from helisim.records.value import FrozenMap, Value
 
 __all__ = ["Entries", "Entry", "Parameter", "Structure"]
 

@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from helisim.errors import InputError, UnknownNameError
-from helisim.records.files import toml_key, toml_value
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import toml_key, toml_value
 
 REQUIRED = ("name", "parameters", "states", "inputs", "outputs", "F", "G")
 DELAYS = {"input_delays": "input", "output_delays": "output", "delays": "response"}

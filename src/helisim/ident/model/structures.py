@@ -4,7 +4,8 @@ Starts are orders of magnitude for a small helicopter, not results: a fit search
 several scattered points and solves the input gains from the data first.
 """
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
+from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident.model.factored import factored
 from helisim.ident.model.structure import Parameter, Structure
 from helisim.ident.model.structures_inflow import heave_inflow, with_inflow
@@ -15,7 +16,6 @@ from helisim.ident.model.transfer import (
     second_order_delay,
     transfer_function,
 )
-from helisim.units import STANDARD_GRAVITY
 
 __all__ = [
     "BUILT_IN",

@@ -6,8 +6,8 @@ tail add to the rotor's damping is smaller, but moves the rotor's time constant 
 percent or two.
 """
 
+from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident.model.structure import Parameter, Structure
-from helisim.units import STANDARD_GRAVITY
 
 
 def with_speeds(flapping: Structure, name: str) -> Structure:

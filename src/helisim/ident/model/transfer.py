@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident.model.structure import Parameter, Structure
 
 _DELAY_BOUNDS = (-0.3, 5.0)

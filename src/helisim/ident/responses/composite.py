@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import IdentificationError
+from helisim.base.errors import IdentificationError
 from helisim.ident.responses.conditioning import Conditioned, coherence, random_error
 
 WINDOWS = 5

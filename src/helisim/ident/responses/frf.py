@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import IdentificationError, InputError
+from helisim.base.errors import IdentificationError, InputError
 from helisim.ident.responses.conditioning import gate
 from helisim.ident.responses.estimate import Estimator
 from helisim.ident.responses.local import Local

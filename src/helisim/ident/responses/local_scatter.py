@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.value import Value
 from helisim.ident.responses.estimate import bias_covariance
-from helisim.records.value import Value
 
 
 @dataclass(frozen=True, eq=False, repr=False)

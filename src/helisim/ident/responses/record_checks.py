@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from helisim.errors import IdentificationError
+from helisim.base.errors import IdentificationError
 from helisim.records.channels import Channel
 from helisim.records.quality import at_stop, frozen_runs, spikes
 from helisim.records.record import FlightRecord

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.display import Displayed, shower
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.value import Value
 from helisim.ident.responses.estimate import ErrorModel
 from helisim.ident.responses.seen import FlightSpan
-from helisim.records.display import Displayed, shower
-from helisim.records.value import Value
 
 if TYPE_CHECKING:
     from os import PathLike
 
     import control
 
-    from helisim.records.display import Axes, Figure
+    from helisim.base.display import Axes, Figure
 
 USABLE_COHERENCE = 0.6
 """Partial coherence from which a point of a response can be used (Tischler and Remple)."""

@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 _WORDS: Mapping[str, Sequence[str]] = {
     "error": ("error", "err", "eps"),

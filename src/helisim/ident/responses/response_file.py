@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import check_suffix, read_json, write_json
+from helisim.base.unit_names import is_unit, unit
 from helisim.ident.responses.response import FrequencyResponse
 from helisim.ident.responses.response_text import (
     Curve,
@@ -21,8 +23,6 @@ from helisim.ident.responses.response_text import (
     write_columns,
 )
 from helisim.ident.responses.scatter_file import scatter_from_plain, scatter_to_plain
-from helisim.records.files import check_suffix, read_json, write_json
-from helisim.records.logs.units import is_unit, unit
 from helisim.records.provenance import made_by
 
 FORMAT = "helisim frequency response, version 1"

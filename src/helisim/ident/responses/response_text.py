@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
+from helisim.base.files import atomic_write, parse_object, read_text
+from helisim.base.units import DB_PER_NEPER, RAD_PER_DEG, decibel
 from helisim.ident.responses.response_columns import HINT, Column, by_heading, by_order, quantity_of
-from helisim.records.files import atomic_write, parse_object, read_text
-from helisim.units import DB_PER_NEPER, RAD_PER_DEG, decibel
 
 if TYPE_CHECKING:
     from helisim.ident.responses.response import FrequencyResponse

@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.value import Value
 from helisim.ident.responses.estimate import bias_covariance
-from helisim.records.value import Value
 
 _LOBES = 4.0
 """Half width of the Hann window's transform that is kept, in bins: 0.0014 % of its power is

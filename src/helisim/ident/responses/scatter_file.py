@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.ident.responses.estimate import ErrorModel
 from helisim.ident.responses.local_scatter import LineWeights, LocalScatter
 from helisim.ident.responses.scatter import Scatter, WindowWeights

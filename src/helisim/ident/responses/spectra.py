@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.trend import without_trend
 from helisim.records.record import FlightRecord
-from helisim.records.trend import without_trend
 
 HANN_POWER = 0.375
 """Mean square of the Hann window; dividing by it restores the power (CIFER's 1.63^2)."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import IdentificationError, InputError
+from helisim.base.errors import IdentificationError, InputError
 from helisim.ident.responses.composite import Composite, compose, composite_noise, window_lengths
 from helisim.ident.responses.conditioning import condition, cross_control
 from helisim.ident.responses.estimate import Estimate

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from helisim.errors import IdentificationError, InputError
+from helisim.base.errors import IdentificationError, InputError
 from helisim.ident.fitting.result import Fit
 from helisim.ident.model.evaluate import matrices, proper_part
 from helisim.ident.model.simulation import delayed

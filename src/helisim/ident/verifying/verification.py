@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.records.display import Displayed, shower
-from helisim.records.value import FrozenMap, Value
+from helisim.base.display import Displayed, shower
+from helisim.base.value import FrozenMap, Value
 
 if TYPE_CHECKING:
-    from helisim.records.display import Axes, Figure
+    from helisim.base.display import Axes, Figure
 
 ACCEPTABLE_TIC = 0.25
 """Theil's coefficient up to which a model predicts well (Tischler and Remple)."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import IdentificationError, InputError
+from helisim.base.errors import IdentificationError, InputError
 from helisim.ident.fitting.result import Fit
 from helisim.ident.model.evaluate import matrices, proper_part
 from helisim.ident.model.simulation import delayed, simulate

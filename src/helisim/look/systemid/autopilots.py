@@ -3,11 +3,11 @@
 from os import PathLike
 from pathlib import Path
 
-from helisim.errors import LogError
+from helisim.base.errors import LogError
+from helisim.base.files import first_bytes
+from helisim.logs.dataflash.layout import SNIFFED, is_dataflash
 from helisim.look.systemid.reading import opened_log
 from helisim.look.systemid.sweeps import FlownSweep, sweeps
-from helisim.records.files import first_bytes
-from helisim.records.logs.dataflash.layout import SNIFFED, is_dataflash
 
 
 def says_itself(path: str | PathLike[str]) -> bool:

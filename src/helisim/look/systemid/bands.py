@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from helisim.errors import HelisimError
+from helisim.base.errors import HelisimError
 from helisim.ident import FrequencyResponse, Structure, identify
 from helisim.look.systemid.fits import Band
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import LogError
+from helisim.base.errors import LogError
+from helisim.logs.dataflash import DataFlash
+from helisim.logs.mapping import Column
 from helisim.look.systemid.sent import SENT, YAW, tail_servo
-from helisim.records.logs.dataflash import DataFlash
-from helisim.records.logs.mapping import Column
 
 _FAST = 0.5
 """Of SIDD's rate: a message that is slower than that is no good beside it."""

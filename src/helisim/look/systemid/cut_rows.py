@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import LogError
+from helisim.base.errors import LogError
 from helisim.handling.arducopter import ADDED, COMMANDS, ArduCopterLaw
 from helisim.handling.axis import axis_of
+from helisim.logs.dataflash import DataFlash, Table
 from helisim.look.systemid.sweeps import FlownSweep
 from helisim.look.systemid.ticks import filled, partners
 from helisim.records.channels import RATES, Channel
-from helisim.records.logs.dataflash import DataFlash, Table
 from helisim.records.record import FlightRecord
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.look.systemid.sweeps import FlownSweep
 
 Band = tuple[float, float]

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from helisim.errors import InputError, LogError
+from helisim.base.errors import InputError, LogError
+from helisim.base.value import Value
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.handling.axis import axis_of
 from helisim.handling.measured.cut import Cut
@@ -22,7 +23,6 @@ from helisim.look.systemid.cut_rows import OUTPUTS, PIDS, CutRows
 from helisim.look.systemid.reading import opened_log
 from helisim.look.systemid.sweeps import FlownSweep, sweeps
 from helisim.records.record import FlightRecord
-from helisim.records.value import Value
 
 _WIDE = 3.0
 """Ratio of a band's ends that is worth a band."""

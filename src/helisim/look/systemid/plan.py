@@ -6,7 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from helisim.errors import InputError, LogError
+from helisim.base.errors import InputError, LogError
+from helisim.base.value import FrozenMap
+from helisim.logs.log import Log
+from helisim.logs.mapping import Column, Map
+from helisim.logs.resample import PASSBAND
 from helisim.look.systemid.axes import SidAxis
 from helisim.look.systemid.channels import TakenChannel, chosen_channels, usual_step
 from helisim.look.systemid.fits import Band, InferredFit, Swept, chosen_fits, fit_of
@@ -14,10 +18,6 @@ from helisim.look.systemid.reading import Sampling, opened_log, read_sweeps
 from helisim.look.systemid.remarks import remarks
 from helisim.look.systemid.sweeps import FlownSweep, sweeps
 from helisim.records.channels import some_names
-from helisim.records.logs.log import Log
-from helisim.records.logs.mapping import Column, Map
-from helisim.records.logs.resample import PASSBAND
-from helisim.records.value import FrozenMap
 
 _SAMPLES_A_PERIOD = 8.0
 """Of the highest frequency that was swept, in the records."""

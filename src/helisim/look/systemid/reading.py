@@ -7,19 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from helisim.base.unit_names import unit
+from helisim.logs.assembly import from_source
+from helisim.logs.dataflash.source import DataFlashLog, open_dataflash
+from helisim.logs.log import Log
+from helisim.logs.mapping import Column, Map
+from helisim.logs.parts import Options
+from helisim.logs.report import Findings
+from helisim.logs.source import file_digest
 from helisim.look.systemid.axes import SidAxis
 from helisim.look.systemid.channels import INJECTED, TakenChannel
 from helisim.look.systemid.sent import SentSource, tail_servo
 from helisim.look.systemid.sweeps import FlownSweep
 from helisim.records.channels import Channel
-from helisim.records.logs.assembly import from_source
-from helisim.records.logs.dataflash.source import DataFlashLog, open_dataflash
-from helisim.records.logs.log import Log
-from helisim.records.logs.mapping import Column, Map
-from helisim.records.logs.parts import Options
-from helisim.records.logs.report import Findings
-from helisim.records.logs.source import file_digest
-from helisim.records.logs.units import unit
 from helisim.records.record import FlightRecord
 
 _INJECTED = "injected"

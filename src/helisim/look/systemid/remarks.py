@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from helisim.logs.resample import PASSBAND
 from helisim.look.systemid.fits import InferredFit
-from helisim.records.logs.resample import PASSBAND
 
 if TYPE_CHECKING:
     from helisim.look.systemid.plan import InferredLog

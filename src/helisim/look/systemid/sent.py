@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.records.logs.mapping import Clock
-from helisim.records.logs.source import Source
+from helisim.logs.mapping import Clock
+from helisim.logs.source import Source
 
 YAW = "RATE.YOut"
 SENT = "RATE.YOut as sent"

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import LogError
+from helisim.base.errors import LogError
+from helisim.logs.dataflash import DataFlash
 from helisim.look.systemid.axes import SID_AXES, SidAxis
-from helisim.records.logs.dataflash import DataFlash
 
 _WAIT = 1.0
 """s that the mode waits before it injects anything."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim.faults.flight import (
     FlightFault,
     GyroDropout,

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.params import NEVER, PARAM, READS_HELD, READS_ZERO
 from helisim.records.channels import RATES, SERVOS
 

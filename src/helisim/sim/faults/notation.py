@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.records.channels import CHANNELS, SERVOS
 from helisim.sim.faults import flight, recorder
 from helisim.sim.faults.flight import FlightFault

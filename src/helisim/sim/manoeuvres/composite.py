@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim.excitation import Excitation, check_excitation, is_foreknown
 from helisim.sim.places import PLACES
 from helisim.sim.plain import is_number, settle

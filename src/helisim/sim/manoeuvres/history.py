@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.records.channels import AXES
 from helisim.sim.excitation import (
     Excitation,

@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.timing import TICK_TOLERANCE
 from helisim.records.channels import AXES
 from helisim.sim.excitation import (

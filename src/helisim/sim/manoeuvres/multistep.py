@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.params import DOUBLET, PARAM
 from helisim.records.channels import AXES
 from helisim.sim.excitation import (

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.params import PARAM, SWEEP
 from helisim.physics.pilot import sweep_phase
 from helisim.records.channels import AXES

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim.missions.glide import Glide, Ramp
 from helisim.sim.missions.outer_loop import OuterLoop, Sight, Wanted
 

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.physics.frames import flip
 from helisim.physics.layout import ROTOR, STATE
 from helisim.physics.native import installed

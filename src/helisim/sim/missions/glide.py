@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 
 class Moved(NamedTuple):

@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.sim.ground import Ground
 from helisim.sim.missions.autopilot import Autopilot
 from helisim.sim.plain import settle, to_plain

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from helisim.records.value import Value
+from helisim.base.value import Value
 from helisim.sim.clearance import outline
 from helisim.sim.ground import Ground
 from helisim.sim.landing import point_heights

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
 
 
 @dataclass(frozen=True, kw_only=True)

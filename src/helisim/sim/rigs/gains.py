@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from helisim.errors import InputError, RecordError
+from helisim.base.errors import InputError, RecordError
 from helisim.records.record import FlightRecord
 
 _Complex = NDArray[np.complexfloating[Any, Any]]

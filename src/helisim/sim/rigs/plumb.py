@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.errors import InputError, RecordError
+from helisim.base.errors import InputError, RecordError
 from helisim.records.record import FlightRecord
 
 REST = 10.0

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from helisim.errors import RecordError
+from helisim.base.errors import RecordError
 from helisim.physics.gyro import held_lag
 from helisim.records.record import FlightRecord
 from helisim.sim.recorder import Recorder

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Generator
 
-from helisim.errors import AutopilotError
+from helisim.base.errors import AutopilotError
+from helisim.base.units import STANDARD_GRAVITY
 from helisim.sitl.flights.pilot import Pilot, Steps
-from helisim.units import STANDARD_GRAVITY
 
 _LEARNS = 5.0
 """s over which the steady flight is averaged."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helisim.errors import AutopilotError, UnknownNameError
+from helisim.base.errors import AutopilotError, UnknownNameError
 from helisim.sitl.aircraft import Aircraft
 from helisim.sitl.flights.telemetry import Telemetry
 from helisim.sitl.packet import Sensed

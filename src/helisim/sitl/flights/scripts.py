@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
-from helisim.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.errors import HelisimError, InputError, UnknownNameError
 from helisim.sitl.flights.pilot import Pilot, Steps
 
 _FUNCTION = "fly"

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from helisim.errors import AutopilotError
-from helisim.records.logs.dataflash import DataFlash
+from helisim.base.errors import AutopilotError
+from helisim.logs.dataflash import DataFlash
 from helisim.sitl.aircraft import Aircraft
 from helisim.sitl.backend import OnFrame, OnWait, serve
 from helisim.sitl.flights.pilot import Pilot, Steps

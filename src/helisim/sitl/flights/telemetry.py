@@ -6,7 +6,7 @@ from contextlib import suppress
 from types import ModuleType
 from typing import Any
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 
 _VEHICLE = (1, 1)
 """System and component of the autopilot."""

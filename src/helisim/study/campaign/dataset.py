@@ -16,8 +16,8 @@ from typing import Any, get_args, get_type_hints
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from helisim.errors import InputError, StorageError
-from helisim.records.files import atomic_write, make_folder, parse_object, read_bytes
+from helisim.base.errors import InputError, StorageError
+from helisim.base.files import atomic_write, make_folder, parse_object, read_bytes
 from helisim.records.header import one_line
 from helisim.records.parquet import read_table
 from helisim.records.provenance import difference, made_by, plain

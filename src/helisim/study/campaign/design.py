@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.study.campaign.variation import Levels, Value, Variation
 
 Design = Literal["grid", "latin hypercube", "monte carlo"]

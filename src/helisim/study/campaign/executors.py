@@ -10,7 +10,7 @@ from signal import SIG_IGN, SIGINT, signal
 from threading import Thread
 from typing import Any, Protocol, TypeVar
 
-from helisim.errors import InputError, WorkerError
+from helisim.base.errors import InputError, WorkerError
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

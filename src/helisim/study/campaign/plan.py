@@ -7,9 +7,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import read_toml
 from helisim.records.channels import AXES
-from helisim.records.files import read_toml
 from helisim.study.campaign.design import Design, Point, points
 from helisim.study.campaign.settings import SECTIONS, Change, Settings
 from helisim.study.campaign.variation import Variation, is_variation, parse

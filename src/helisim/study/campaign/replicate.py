@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
-from helisim.errors import DivergedError, HelisimError
+from helisim.base.errors import DivergedError, HelisimError
 from helisim.ident import ClosedLoopWarning, CrossControlWarning, Fit
 from helisim.records.channels import AXES, IN1
 from helisim.records.record import FlightRecord

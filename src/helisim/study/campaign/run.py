@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from helisim.errors import WorkerError
+from helisim.base.errors import WorkerError
 from helisim.records.provenance import difference, versions
 from helisim.study.campaign.dataset import Dataset
 from helisim.study.campaign.executors import ONE_THREAD, Executor, local

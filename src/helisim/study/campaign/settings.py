@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from typing import Any, TypeVar, cast, get_type_hints
 
-from helisim.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.errors import HelisimError, InputError, UnknownNameError
 from helisim.records.channels import AXES
 from helisim.sim import FlightEnvelope, FlightPlan, Pilot, Recorder, Sweep, Weather
 from helisim.sim.plain import check_type, value_object

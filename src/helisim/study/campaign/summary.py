@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from helisim.errors import UnknownNameError
+from helisim.base.errors import UnknownNameError
 
 _Z = 1.96
 """Standard errors to either side of a 95 % interval."""

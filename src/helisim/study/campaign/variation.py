@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from helisim.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 
 Value = bool | int | float | str | tuple[float, ...]
 """What a setting can be: as in TOML, a list of numbers being one value."""

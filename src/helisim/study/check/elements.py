@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from helisim.errors import ModelError, StorageError, similar
+from helisim.base.errors import ModelError, StorageError, similar
 from helisim.physics.layout import ACTUATORS, SENSORS
 from helisim.study.check.problem import Problem
 from helisim.vehicle.mjcf import Element, Mjcf

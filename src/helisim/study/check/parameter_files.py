@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from helisim.errors import InputError, ModelError, StorageError, similar
-from helisim.records.files import read_text
+from helisim.base.errors import InputError, ModelError, StorageError, similar
+from helisim.base.files import read_text
 from helisim.study.check.problem import Problem, command, sentence
 from helisim.vehicle.blade_inertia import INSTEAD
 from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS, spared

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.errors import HelisimError, ModelError
+from helisim.base.errors import HelisimError, ModelError
 from helisim.physics.layout import ACTUATORS, ROTOR, ROTOR_STATES
 from helisim.physics.timing import TICK_TOLERANCE
 from helisim.study.check.figures import at_a_glance, implausible

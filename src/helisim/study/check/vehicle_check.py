@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from helisim.errors import HelisimError, ModelError, TrimError
-from helisim.paper import published
+from helisim.base.errors import HelisimError, ModelError, TrimError
 from helisim.study.check.elements import element_problems
 from helisim.study.check.figures import Figures, implausible
 from helisim.study.check.parameter_files import ParameterFiles
 from helisim.study.check.problem import Problem, command, sentence
 from helisim.study.check.rigid_body import body_problems
+from helisim.study.paper import published
 from helisim.study.tune import LOOPS, Margins, margins
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.build import unwritten

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.records.channels import ATTITUDES
 from helisim.records.record import FlightRecord
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from helisim.errors import InputError
+from helisim.base.errors import InputError
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.curve import Curve
 from helisim.handling.loop import GRID

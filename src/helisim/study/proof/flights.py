@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from helisim.errors import DivergedError, InputError
+from helisim.base.errors import DivergedError, InputError
+from helisim.base.value import FrozenMap
 from helisim.handling.axis import BY_NAME, axis_of
 from helisim.records.record import FlightRecord
-from helisim.records.value import FrozenMap
 from helisim.sim import (
     FlightPlan,
     Gust,

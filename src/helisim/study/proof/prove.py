@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from helisim.errors import ModelError, TrimError
+from helisim.base.errors import ModelError, TrimError
+from helisim.base.files import atomic_write
+from helisim.base.value import FrozenMap
 from helisim.handling.criteria import Criterion
 from helisim.handling.loop import Loop
 from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
 from helisim.handling.measured.margins import margins
 from helisim.handling.spec import Spec
-from helisim.records.files import atomic_write
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
-from helisim.records.value import FrozenMap
 from helisim.sim import Gust, Weather
 from helisim.study.proof.air import exact_over
 from helisim.study.proof.comparison import ComparedCriterion, compare, with_usual

@@ -1,0 +1,1 @@
+"""Errors, units, values, files and settings, used by every package; imports nothing of helisim."""

@@ -1,0 +1,270 @@
+"""Attitude command, attitude hold by explicit model following: a law as plain data.
+
+Roll and pitch follow a second-order model of the attitude that the stick asks for, yaw a
+first-order model of the rate, its heading held. An inverse of the aircraft goes ahead of the
+feedback, so this only mends what the inverse misses: "explicit model following" with single-axis
+inverse plants ("Multi-Input Multi-Output Model-Following Control Design Methods for Rotorcraft",
+Journal of the American Helicopter Society 66, 2021, 032002).
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.base.errors import InputError
+from helisim.design.laws import attitude_kernel as kernel
+from helisim.design.laws.attitude_kernel import ATTITUDE, GENERAL, HEAVE
+from helisim.design.laws.filters import Filter
+from helisim.design.laws.law import register
+from helisim.design.laws.tables import TabledLaw
+from helisim.vehicle.swashplate import as_it_is
+
+if TYPE_CHECKING:
+    from helisim.design.laws.attitude_linear import AttitudeLinear
+    from helisim.vehicle import Controller, Vehicle
+
+LIMIT = 0.5
+"""Of a command where nothing is said, unitised: the shipped gyro's."""
+_PLATE = slice(GENERAL.plate, GENERAL.plate + 21)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttitudeAxis:
+    """Roll or pitch: an attitude is commanded and held.
+
+    Attributes:
+        stick: attitude that a whole stick asks for, rad.
+        most: greatest attitude that can be asked for, from the trim's, rad.
+        frequency: of the command model, rad/s.
+        damping: of the command model, a ratio.
+        k_angle: command over attitude, 1/rad.
+        k_rate: command over rate, s/rad.
+        k_integral: command over attitude's integral, 1/(rad s).
+        k_angle_cross: command over the other axis's attitude, 1/rad.
+        k_rate_cross: command over the other axis's rate, s/rad.
+        ff_acceleration: command over the model's acceleration, s^2/rad.
+        ff_rate: command over the model's rate, s/rad.
+        ff_delay: by how much the model is late before attitude and rate are compared with it, s,
+            in whole ticks: as late as the aircraft follows what goes ahead.
+        limit: of the command, unitised.
+        filters: of the feedback, but for the integral.
+    """
+
+    stick: float
+    frequency: float
+    k_angle: float
+    k_rate: float
+    k_integral: float = 0.0
+    damping: float = 1.0
+    most: float = 0.8
+    k_angle_cross: float = 0.0
+    k_rate_cross: float = 0.0
+    ff_acceleration: float = 0.0
+    ff_rate: float = 0.0
+    ff_delay: float = 0.0
+    limit: float = LIMIT
+    filters: tuple[Filter, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class YawAxis:
+    """Yaw: a rate is commanded, and the heading held that it leads to.
+
+    Attributes:
+        stick: rate that a whole pedal asks for, rad/s.
+        most: greatest rate that can be asked for, rad/s.
+        frequency: of the command model, rad/s, of first order.
+        k_angle: command over heading, 1/rad.
+        k_rate: command over rate, s/rad.
+        k_integral: command over heading's integral, 1/(rad s).
+        ff_acceleration: command over the model's acceleration, s^2/rad.
+        ff_rate: command over the model's rate, s/rad.
+        ff_delay: by how much the model is late before heading and rate are compared with it, s.
+        limit: of the command, unitised.
+        filters: of the feedback, but for the integral.
+    """
+
+    stick: float
+    frequency: float
+    k_angle: float
+    k_rate: float
+    k_integral: float = 0.0
+    most: float = 10.0
+    ff_acceleration: float = 0.0
+    ff_rate: float = 0.0
+    ff_delay: float = 0.0
+    limit: float = LIMIT
+    filters: tuple[Filter, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeaveAxis:
+    """Heave: the stick moves the collective, and climbs are damped if it says so.
+
+    Attributes:
+        stick: collective of a whole stick, unitised.
+        k_velocity: collective over velocity down, by the specific force washed out, s/m.
+        washout: time constant of the washout, s.
+        to_ped: pedal command over the collective stick.
+        limit: of the command, unitised.
+    """
+
+    stick: float = 1.0
+    k_velocity: float = 0.0
+    washout: float = 2.0
+    to_ped: float = 0.0
+    limit: float = LIMIT
+
+
+_MOST = 1000
+_BLOCKS = {"lon": kernel.LON, "lat": kernel.LAT, "ped": kernel.PED}
+
+
+@register
+@dataclass(frozen=True, kw_only=True, repr=False)
+class AttitudeCommand(TabledLaw):
+    """Attitude command and attitude hold by explicit model following.
+
+    Attributes:
+        lat: roll.
+        lon: pitch.
+        ped: yaw.
+        col: heave.
+        phase: angle by which the pair (lat, lon) is turned to what the swashplate gets, rad: a
+            rotor that follows late answers a command in one axis in the other too.
+        delay: time that the law computes, s, in whole ticks.
+        name: for messages and records; by itself the kind.
+        provenance: how it was made, plain data.
+    """
+
+    kind: ClassVar[str] = "attitude_command"
+    tables: ClassVar[Mapping[str, type]] = MappingProxyType(
+        {"lat": AttitudeAxis, "lon": AttitudeAxis, "ped": YawAxis, "col": HeaveAxis}
+    )
+    positive: ClassVar[tuple[str, ...]] = ("most", "frequency", "damping", "limit", "washout")
+    not_negative: ClassVar[tuple[str, ...]] = ("ff_delay", "delay")
+    not_tuned: ClassVar[tuple[str, ...]] = ("most", "limit", "ff_delay", "delay")
+    lat: AttitudeAxis
+    lon: AttitudeAxis
+    ped: YawAxis
+    col: HeaveAxis = field(default_factory=HeaveAxis)
+    phase: float = 0.0
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("lat", "lon", "ped"):
+            count = len(getattr(self, name).filters)
+            if count > kernel.MOST_FILTERS:
+                raise InputError(
+                    f"[{name}] has {count} filters, and at most {kernel.MOST_FILTERS} fly"
+                )
+
+    def linear(self, period: float) -> "AttitudeLinear":
+        """Return what it does about a trim, at ticks that are a period (s) apart."""
+        from helisim.design.laws.attitude_linear import AttitudeLinear
+
+        return AttitudeLinear(self, period)
+
+    def on(self, vehicle: "Vehicle") -> "Controller":
+        """Return the controller that flies it on a vehicle, about its trim's attitude."""
+        from helisim.vehicle import Controller
+
+        numbers = vehicle.swashplate.numbers
+        trim = vehicle.trim
+        settings, states = self.numbers(vehicle.parameters["gyro.period"])
+        settings[GENERAL.phi], settings[GENERAL.theta] = trim.phi, trim.theta
+        settings[_PLATE] = numbers
+        return Controller(
+            kernel.COMPILED,
+            states=states,
+            settings=settings,
+            name=self.name,
+            written=self,
+        )
+
+    def numbers(self, period: float) -> tuple[NDArray[np.float64], int]:
+        """Return the compiled law's settings, (n_settings,), and how many states it has.
+
+        Of a swashplate that gives its commands as they are, about level flight.
+
+        Args:
+            period: s, of its ticks.
+        """
+        settings = np.zeros(kernel.SETTINGS)
+        settings[GENERAL.period], settings[GENERAL.wait] = period, round(self.delay / period)
+        settings[GENERAL.cosine], settings[GENERAL.sine] = (
+            math.cos(self.phase),
+            math.sin(self.phase),
+        )
+        settings[_PLATE] = as_it_is().numbers
+        states = 0
+        for name, first in _BLOCKS.items():
+            axis = getattr(self, name)
+            wait = round(axis.ff_delay / period)
+            block = settings[first : first + len(ATTITUDE) - 1 + 5 * kernel.MOST_FILTERS]
+            _fill(block, axis, period)
+            block[ATTITUDE.state], block[ATTITUDE.wait] = states, wait
+            states += kernel.axis_states(wait, len(axis.filters))
+        share = -math.expm1(-period / self.col.washout)
+        heave = settings[kernel.COL :]
+        heave[HEAVE.state], heave[HEAVE.stick] = states, self.col.stick
+        heave[HEAVE.k_velocity], heave[HEAVE.washout] = self.col.k_velocity, self.col.washout
+        heave[HEAVE.share], heave[HEAVE.limit] = share, self.col.limit
+        heave[HEAVE.to_ped] = self.col.to_ped
+        settings[GENERAL.line] = states + kernel.HEAVE_STATES
+        states += kernel.HEAVE_STATES + 4 * round(self.delay / period)
+        if states > _MOST:
+            raise InputError(
+                f"with its delays the law keeps {states} numbers at ticks of {period:g} s, and at "
+                f"most {_MOST} fly: make delay or ff_delay shorter"
+            )
+        if not np.all(np.isfinite(settings)):
+            raise InputError(f"a number of the law is out of all proportion at {period:g} s")
+        return settings, states
+
+
+def command_model(axis: AttitudeAxis | YawAxis, period: float) -> tuple[NDArray[np.float64], ...]:
+    """Return the command model's matrices over a period (s): (2, 2) of angle and rate, and (2,).
+
+    What is wanted is held in between, so it is sampled exactly.
+    """
+    if isinstance(axis, YawAxis):
+        w = axis.frequency
+        left = math.exp(-w * period)
+        reached = -math.expm1(-w * period) / w
+        moved = np.array([[1.0, reached], [0.0, left]])
+        return moved, np.array([period - reached, 1.0 - left])
+    w, drop = axis.frequency, axis.damping * axis.frequency
+    apart = (axis.damping**2 - 1.0) * (w * period) ** 2  # square of half the poles' difference
+    root, fade = math.sqrt(abs(apart)), drop * period
+    left = math.exp(-fade)
+    if apart > 1.0:  # where its hyperbolic sine could overflow
+        fast, slow = math.exp(-fade - root), math.exp(root - fade)
+        even, odd = 0.5 * (slow + fast), 0.5 * (slow - fast) / root
+    elif apart >= 0.0:
+        even, odd = left * math.cosh(root), left * (math.sinh(root) / root if root else 1.0)
+    else:
+        even, odd = left * math.cos(root), left * math.sin(root) / root
+    turned = np.array([[drop, 1.0], [-(w**2), -drop]]) * period
+    moved = even * np.eye(2) + odd * turned
+    return moved, np.array([1.0 - moved[0, 0], -moved[1, 0]])
+
+
+def _fill(block: NDArray[np.float64], axis: AttitudeAxis | YawAxis, period: float) -> None:
+    """Write an axis's numbers into its block of the settings."""
+    moved, by = command_model(axis, period)
+    block[ATTITUDE.model_aa : ATTITUDE.model_bb + 1] = moved.ravel()
+    block[ATTITUDE.model_a : ATTITUDE.model_b + 1] = by
+    block[ATTITUDE.filters] = len(axis.filters)
+    for name, value in vars(axis).items():
+        if name in ATTITUDE._fields and name != "filters":
+            block[getattr(ATTITUDE, name)] = value
+    for k, one in enumerate(axis.filters):
+        first = ATTITUDE.first_filter + 5 * k
+        block[first : first + 5] = one.coefficients(period)

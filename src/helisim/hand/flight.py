@@ -1,0 +1,322 @@
+"""A flight whose sticks are moved while it goes on, by a hand or by whoever plays one."""
+
+import weakref
+from contextlib import ExitStack
+from dataclasses import asdict
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.base.errors import InputError
+from helisim.hand.assist import Assistance, AssistName, check_assist
+from helisim.hand.crash import Crash
+from helisim.hand.recording import Recording
+from helisim.hand.sticks import Deflection, StickFeel
+from helisim.physics.layout import CONTROL, STATE
+from helisim.physics.native import installed
+from helisim.physics.own_laws import Failure
+from helisim.physics.params import PARAM
+from helisim.records.record import FlightRecord
+from helisim.sim.ground import Ground
+from helisim.sim.pilot import Pilot, hover_height
+from helisim.sim.plain import to_plain
+from helisim.sim.simulation import generator
+from helisim.sim.weather import Weather
+from helisim.vehicle import Vehicle
+from helisim.vehicle.motion import Motion, addresses, read_motion
+from helisim.vehicle.swashplate import Swashplate
+from helisim.vehicle.trim import collective_stick, place
+
+_ASKS = 0.02
+"""s between two looks of the pilot at the sticks, as of a radio link: 50 Hz."""
+_NOT_THE_GYROS = ("front_", "left_", "right_", "tail_", "flap_", "air_")
+"""Beginnings of the states of servos, rotor and air."""
+
+
+class HandFlight:
+    """Fly a vehicle by hand: move `deflection` and let time pass.
+
+    It starts in the hover above its pad. The ground is there: a helicopter lands on its skids, and
+    crashes where a rotor or a fall hits the ground, after which only `reset` helps.
+
+        flight = HandFlight(vehicle)
+        flight.start_recording()
+        flight.fly(2.0, lon=-0.5)          # half a stick forward for two seconds
+        flight.fly(5.0)                    # let go
+        record = flight.stop_recording()
+
+    A copy flies on by itself, from the same state; an object that is a controller starts anew.
+
+    Attributes:
+        vehicle: that flies.
+        model: with every part to be seen, and the ground.
+        data: MuJoCo's; `installed()` must hold while something other than `fly` steps it.
+        deflection: where the sticks are, read by the next steps.
+        feel: rates, expo and deadband of the sticks.
+        crashed: why the helicopter no longer flies, "" if it does.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        *,
+        assist: str = "hover",
+        feel: StickFeel | None = None,
+        weather: Weather | None = None,
+        ground: Ground | None = None,
+        height: float | None = None,
+        seed: int = 1,
+        flown_with: str = "a program",
+    ) -> None:
+        """Place a vehicle in the hover.
+
+        Args:
+            vehicle: that flies.
+            assist: "hover", "level" or "none", see `Assistance`.
+            feel: of the sticks; linear over all their travel if None.
+            weather: that is flown through; calm if None.
+            ground: that is below, a slope or a deck too; level, with its effect, if None.
+            height: m above the ground, of its origin; a little above its pad if None.
+            seed: of turbulence and sensors, 0 or more.
+            flown_with: what moves the sticks, for the records' provenance.
+
+        Raises:
+            UnknownNameError: no such assistance.
+            InputError: height or seed is out of range.
+            TrimError: the vehicle can't hover in the wind.
+        """
+        if seed < 0:
+            raise InputError(f"seed must be 0 or more, got {seed}")
+        self.weather, self.ground = weather or Weather(), ground or Ground()
+        self.model = vehicle.visual_model(self.ground.put_into)
+        self.height = hover_height(self.model) if height is None else height
+        if not 0.0 < self.height < np.inf:
+            raise InputError(f"height must be above 0 m, got {height}")
+        self.vehicle = self.ground.felt_by(vehicle).trimmed(
+            height=self.height, wind=self.weather.wind_to
+        )
+        self.feel = feel or StickFeel(expo=0.0, deadband=0.0)
+        self.seed, self.flown_with = seed, flown_with
+        self.model.opt.wind[:] = self.vehicle.model.opt.wind
+        self._assist_name: AssistName = check_assist(assist)
+        self._where = addresses(self.model)
+        par = self._par
+        par[PARAM.ground_effect] = self.ground.effect
+        Pilot(remnant=0.0).write(par, self.vehicle, seed=seed, height=self.height)
+        self.weather.write(par, self.vehicle, seed=int(generator(seed, 0, "air").integers(2**31)))
+        self._assistance = Assistance(self.vehicle, par)
+        self._crash = Crash(self.vehicle, self.model, self.ground)
+        self._asks_each = max(1, round(_ASKS / self.model.opt.timestep))
+        self._ticks_each = max(
+            1, round(vehicle.parameters["gyro.period"] / self.model.opt.timestep)
+        )
+        self._recordings = 0
+        self._knows = np.ones(self.model.na, dtype=bool)  # what is the gyro's of all states
+        for name in STATE._fields:
+            if name.startswith(_NOT_THE_GYROS):
+                self._knows[self._where.state + getattr(STATE, name)] = False
+        self.data = mujoco.MjData(self.model)
+        self._fly_by_laws()
+        self.reset()
+
+    def _fly_by_laws(self) -> None:
+        """Let the vehicle's controller fly, with copies of its laws that are this flight's own."""
+        stack = ExitStack()
+        self._laws = stack.enter_context(self.vehicle.controller.flying(self.model))
+        weakref.finalize(self, stack.close).atexit = False
+        self._failure: Failure | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: one for name, one in self.__dict__.items() if name != "_laws"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        failure = self._failure
+        self._fly_by_laws()
+        self._failure = failure
+
+    def __repr__(self) -> str:
+        state = self.crashed or f"assist {self.assist!r}"
+        return f"HandFlight({self.vehicle.name!r}, {self.time:.2f} s, {state})"
+
+    def reset(self) -> None:
+        """Hover above the pad again, at time 0, the gyro on; a recording that runs is dropped."""
+        place(self.model, self.data, self.vehicle.trim, height=self.height)
+        self.ground.begin(self.vehicle, self.model, self.data)
+        rough = self.weather.start(self.vehicle, generator(self.seed, 0, "first air"))
+        self._settled = self.data.act.copy()
+        if self._failure is not None:
+            self._fly_by_laws()
+        first = self._where.state
+        self.data.act[first + STATE.air_u : first + STATE.air_u + len(rough)] = rough
+        self._par[PARAM.gyro_on] = 1.0
+        self.deflection = Deflection()
+        self.crashed = ""
+        self._steps = 0
+        self._recording: Recording | None = None
+        self._crash.begin()
+        self._assistance.begin()
+        self._ask()
+        with installed():
+            mujoco.mj_forward(self.model, self.data)
+
+    @property
+    def motion(self) -> Motion:
+        """How the helicopter moves now."""
+        return read_motion(self.data)
+
+    @property
+    def clearance(self) -> float:
+        """Height of the lowest point of the landing gear above the ground, m."""
+        return self._crash.clearance(self.data)
+
+    @property
+    def time(self) -> float:
+        """Time since the last reset, s."""
+        return float(self.data.time)
+
+    @property
+    def sticks(self) -> NDArray[np.float64]:
+        """COL, LON, LAT, PED as they reach the gyro, unitised, (4,)."""
+        first = self._where.control
+        return self.data.ctrl[first + CONTROL.col : first + CONTROL.ped + 1].copy()
+
+    @property
+    def hover_collective(self) -> float:
+        """Where the collective stick stands in the hover, unitised."""
+        return collective_stick(self.vehicle.model, self.vehicle.trim)
+
+    @property
+    def assist(self) -> AssistName:
+        """What the sticks mean: "hover", "level" or "none"; may be set."""
+        return self._assist_name
+
+    @assist.setter
+    def assist(self, name: str) -> None:
+        self._assist_name = check_assist(name)
+        self._assistance.begin()
+        self._note("assist", self._assist_name)
+
+    @property
+    def gyro(self) -> bool:
+        """Whether the gyro moves the servos, else the sticks do; may be set."""
+        return bool(self._par[PARAM.gyro_on])
+
+    @gyro.setter
+    def gyro(self, on: bool) -> None:
+        if on and not self.gyro:
+            self.data.act[self._knows] = self._settled[self._knows]
+        self._par[PARAM.gyro_on] = float(on)
+        self._note("gyro", bool(on))
+
+    def fly(self, seconds: float, **deflection: float) -> None:
+        """Let time pass, with the sticks where they are or where they are moved to now.
+
+        Args:
+            seconds: of flight; it ends early in a crash.
+            deflection: col, lon, lat, ped, -1 to 1; those that are not given go to the middle,
+                unless none is given.
+
+        Raises:
+            InputError: the time is not a number above 0.
+        """
+        if not 0.0 < seconds < np.inf:
+            raise InputError(f"the time to fly must be above 0 s, got {seconds}")
+        if deflection:
+            self.deflection = Deflection(**deflection)
+        end = self._steps + round(seconds / self.model.opt.timestep)
+        with installed():
+            while self._steps < end and not self.crashed:
+                self.step()
+
+    def step(self) -> None:
+        """Fly on by a time step, inside `installed()`; nothing moves after a crash."""
+        if self.crashed:
+            return
+        if self._steps % self._asks_each == 0:
+            self._ask()
+        if not self.gyro and self._steps % self._ticks_each == 0:
+            self._move_servos()
+        mujoco.mj_step(self.model, self.data)
+        if self._recording is not None and (self._recording or self._steps % self._ticks_each == 0):
+            self._recording.add(self.data)
+        self._steps += 1
+        self.crashed = self._failed() or self._crash.found(self.data)
+
+    @property
+    def recorded(self) -> float | None:
+        """Seconds that the running recording has; None if none runs."""
+        return None if self._recording is None else self._recording.seconds(self.model)
+
+    def start_recording(self) -> None:
+        """Record from the next tick of the gyro on. Raises InputError: one runs already."""
+        if self._recording is not None:
+            raise InputError("a recording runs already; stop it first")
+        self._recording = Recording(self.time)
+        self._note("assist", self.assist)
+        self._note("gyro", self.gyro)
+
+    def stop_recording(self) -> FlightRecord:
+        """Return what the flight computer wrote since `start_recording`.
+
+        A recording in which the helicopter crashed, touched the ground or left what the model is
+        valid for is whole, and marked: its `ended` says why and when, and the identification
+        refuses it unless it is told otherwise.
+
+        Raises:
+            InputError: no recording runs, or it is shorter than a record can be.
+        """
+        if self._recording is None:
+            raise InputError("no recording runs; start one first")
+        recording, self._recording = self._recording, None
+        number, self._recordings = self._recordings, self._recordings + 1
+        return recording.record(
+            self.vehicle,
+            ground=self.ground,
+            crashed=self.crashed,
+            failed=self._failure,
+            rng=generator(self.seed, number, "sensors"),
+            flown={
+                "with": self.flown_with,
+                "feel": asdict(self.feel),
+                "weather": to_plain(self.weather),
+                "ground": to_plain(self.ground),
+                "seed": self.seed,
+                "recording": number,
+            },
+        )
+
+    @property
+    def _par(self) -> NDArray[np.float64]:
+        """The vehicle's parameters in the model, (n_param,), to be written."""
+        return self.model.actuator_user[self._where.rotor]
+
+    def _failed(self) -> str:
+        """Return how the vehicle's controller failed, "" if it didn't; it tells it once."""
+        self._failure = self._laws.failure()
+        return (
+            "" if self._failure is None else f"controller {self._laws.name!r} {self._failure.why}"
+        )
+
+    def _note(self, what: str, value: Any) -> None:
+        if self._recording is not None:
+            self._recording.note(self.time, what, value)
+
+    def _ask(self) -> None:
+        felt = self.feel.felt(self.deflection)
+        seconds = self._asks_each * self.model.opt.timestep
+        self._assistance.ask(self._par, self._assist_name, felt, self.motion, seconds)
+
+    def _move_servos(self) -> None:
+        """Move the servos by the sticks alone, about the trim: what a gyro does that is off."""
+        col, lon, lat, ped = self.sticks
+        trim = self.vehicle.trim
+        plate = Swashplate.in_block(self._par)
+        control = self.data.ctrl[self._where.control :]
+        col *= self._par[PARAM.gyro_collective]
+        control[CONTROL.servo_front : CONTROL.servo_tail] = plate.mix(
+            col, lon + trim.lon, lat + trim.lat
+        )
+        control[CONTROL.servo_tail] = ped + trim.ped

@@ -1,0 +1,270 @@
+"""Reading CSV and Parquet by other programs: units, clocks, repairs, resampling."""
+
+import json
+import math
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from helisim.base.errors import InputError, RecordError, StorageError
+from helisim.logs import UNITS, Clock, Column, Layout, Map, read_log
+from helisim.records.channels import channel
+from helisim.records.record import FlightRecord
+from helisim.records.storage import write_record
+
+P = {"p": Column("p", "rad/s")}
+
+
+def write(path, time, *columns, header="t [s],p"):
+    rows = [",".join(repr(float(cell)) for cell in row) for row in zip(time, *columns)]
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("unit", "si"),
+    [
+        ("deg", math.pi / 180.0),
+        ("deg/s", math.pi / 180.0),
+        ("°/s", math.pi / 180.0),
+        ("rpm", math.pi / 30.0),
+        ("ft", 0.3048),
+        ("ft/s", 0.3048),
+        ("kt", 1852.0 / 3600.0),
+        ("knots", 1852.0 / 3600.0),
+        ("km/h", 1.0 / 3.6),
+        ("ft/min", 0.00508),  # 0.3048 / 60
+        ("g", 9.80665),
+        ("percent", 0.01),
+        ("%", 0.01),
+    ],
+)
+def test_units_become_si(tmp_path, unit, si):
+    """One of a unit is what the unit's definition says in SI."""
+    path = write(tmp_path / "a.csv", [0, 1], [1, 2], header="t [s],x")
+    log = read_log(path, channels={"x": Column("x", unit)})
+    assert log.record["x"] == pytest.approx([si, 2.0 * si], rel=1e-15)
+    assert log.record.unit("x") in {one.si for one in UNITS.values()}
+
+
+def test_pulses_are_unitised_by_trim_and_range(tmp_path):
+    """1120 and 1920 us with trim 1520 and range 800 are the ends, -0.5 and 0.5."""
+    path = write(tmp_path / "a.csv", [0, 1, 2], [1120, 1520, 1920], header="t [s],c1")
+    log = read_log(path, channels={"lat": Column("c1", "us", trim=1520, range=800)})
+    assert log.record["lat"].tolist() == [-0.5, 0.0, 0.5]
+    with pytest.raises(InputError, match="trim"):
+        read_log(path, channels={"lat": Column("c1", "us")})
+
+
+@pytest.mark.parametrize(
+    ("unit", "stamps"),
+    [
+        ("s", ["1700000000.000001", "1700000000.010001", "1700000000.020001"]),
+        ("us", ["1700000000000001", "1700000000010001", "1700000000020001"]),
+        ("ns", ["1700000000000000001", "1700000000010000001", "1700000000020000001"]),
+        (
+            "iso8601",
+            ["2024-05-01T12:00:00.00Z", "2024-05-01T12:00:00.01Z", "2024-05-01T12:00:00.02Z"],
+        ),
+    ],
+)
+def test_clocks_since_1970_lose_nothing(tmp_path, unit, stamps):
+    """Stamps too long for a double give uniform samples of 10 ms."""
+    path = tmp_path / "a.csv"
+    path.write_text("t,p\n" + "".join(f"{stamp},1.{k}\n" for k, stamp in enumerate(stamps)))
+    record = read_log(path, channels=P, time=Clock("t", unit)).record
+    assert record.sample_time == pytest.approx(0.01, rel=1e-12)
+    assert record.time[0] == 0.0
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32", "latin-1"])
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", "|"])
+def test_encoding_and_delimiter_are_found_out(tmp_path, encoding, delimiter):
+    """Every usual encoding, delimiter and line end gives the same numbers."""
+    path = tmp_path / "a.csv"
+    lines = ["Zeit [s],größe [°/s],x", "0,90,1", "1,180,2"]
+    path.write_bytes("\r\n".join(lines).replace(",", delimiter).encode(encoding))
+    log = read_log(path, channels={"p": Column("größe")}, time="Zeit")
+    assert log.record["p"] == pytest.approx([math.pi / 2.0, math.pi])
+    assert log.report.unused == ("x",)
+    assert ("encoding" in {one.kind for one in log.report.findings}) == (encoding == "latin-1")
+
+
+def test_other_layouts(tmp_path):
+    """Decimal commas, a line of units, a header in a comment, and no header at all are read."""
+    path = tmp_path / "a.csv"
+    path.write_text("t;p\ns;deg/s\n0,0;1,5\n0,5;2,5\n")
+    layout = Layout(decimal=",", skip=1)
+    assert read_log(path, channels=Map(P, Clock("t", "s"), layout)).record["p"].tolist() == [
+        1.5,
+        2.5,
+    ]
+    with pytest.raises(StorageError, match="line 2"):
+        read_log(path, channels=Map(P, Clock("t", "s")))
+    path.write_text("# made by x\n# t,p\n0,1\n1,2\n")
+    assert len(read_log(path, channels=P, time=Clock("t", "s")).record) == 2
+    path.write_text("0,1\n1,2\n")
+    named = Map(P, Clock("t", "s"), Layout(names=("t", "p")))
+    assert read_log(path, channels=named).record["p"].tolist() == [1.0, 2.0]
+    with pytest.raises(StorageError, match="names"):
+        read_log(path, channels=P)
+    path.write_text("p\n1\n2\n3\n")
+    assert read_log(path, channels=P, time=Clock(rate=50.0)).record.sample_time == 0.02
+
+
+def test_columns_that_state_their_unit_need_no_map(tmp_path):
+    """Without channels, every column with a unit in its heading is read, the rest is listed."""
+    path = write(tmp_path / "a.csv", [0, 1], [1, 2], [3, 4], header="time (ms),q [deg/s],note")
+    log = read_log(path)
+    assert log.record.names == ("q",)
+    assert log.report.unused == ("note",)
+    assert "unused" not in str(log.report)
+
+
+def test_an_incomplete_last_line_is_left_out_on_request(tmp_path):
+    """A log that was cut by a power loss is refused, or repaired with a word about it."""
+    path = tmp_path / "a.csv"
+    path.write_text("t [s],p,q\n0,1,2\n1,2,3\n2,3")
+    with pytest.raises(StorageError, match=r"line 4.*'tail'"):
+        read_log(path, channels=P)
+    log = read_log(path, channels=P, repair=("tail",))
+    assert len(log.record) == 2
+    assert log.report.repairs[0].rows == (4,)
+
+
+def test_repairs_do_what_they_say(tmp_path):
+    """Duplicates are averaged, holes interpolated, resets and gaps split, rows sorted."""
+    t = np.arange(10.0)
+    same = write(tmp_path / "same.csv", [0, 1, 1, 2], [0, 1, 3, 4])
+    assert read_log(same, channels=P, repair=("duplicates",)).record["p"].tolist() == [0, 2, 4]
+    holes = write(tmp_path / "holes.csv", t, np.where(t == 4, np.nan, 2.0 * t))
+    filled = read_log(holes, channels=P, repair=("missing",))
+    assert filled.record["p"] == pytest.approx(2.0 * t)
+    assert filled.report.repairs[0].rows == (6,)
+    resets = write(tmp_path / "resets.csv", [0, 1, 2, 0, 1, 2, 3], range(7))
+    assert [len(x) for x in read_log(resets, channels=P, repair=("resets",)).records] == [3, 4]
+    with pytest.raises(RecordError, match="2 parts"):
+        _ = read_log(resets, channels=P, repair=("resets",)).record
+    order = write(tmp_path / "order.csv", [0, 2, 1, 3], [0, 2, 1, 3])
+    assert read_log(order, channels=P, repair=("order",)).record["p"].tolist() == [0, 1, 2, 3]
+    gaps = write(tmp_path / "gaps.csv", np.r_[t, t + 30, 60.0], np.r_[t, t, 0.0])
+    log = read_log(gaps, channels=P, repair=("gaps",))
+    assert [len(x) for x in log.records] == [10, 10]
+    assert {"gap", "short part"} == {one.kind for one in log.report.repairs}
+    assert log.records[0].provenance["log"]["findings"][0]["kind"] == "gap"
+    assert [one.kind for one in read_log(gaps, channels=P).report.findings] == ["gap"]
+
+
+def test_angles_are_made_continuous(tmp_path):
+    """A heading that goes through 180 deg keeps on rising, and the report says so."""
+    t = np.arange(50.0)
+    heading = (10.0 * t + 180.0) % 360.0 - 180.0
+    path = write(tmp_path / "a.csv", t, heading, header="t [s],psi [deg]")
+    log = read_log(path, channels=["psi"], resample_hz=2.0)
+    assert log.record["psi"] == pytest.approx(np.radians(10.0) * log.record.time)
+    assert log.report.repairs[0].kind == "angle wraps"
+
+
+def test_resampling_is_filtered_and_even(tmp_path):
+    """In its passband the resampled signal is the signal; above the new half rate it is gone."""
+    t = np.arange(0.0, 20.0, 0.002)
+    slow, fast = np.sin(2.0 * np.pi * 6.0 * t), np.sin(2.0 * np.pi * 33.0 * t)
+    path = write(tmp_path / "a.csv", t, slow, fast, header="t [s],slow [1],fast [1]")
+    log = read_log(path, resample_hz=20.0)
+    record, inside = log.record, slice(30, -30)
+    assert log.report.passband_hz == 8.0
+    assert record.sample_time == pytest.approx(0.05)
+    expected = np.sin(2.0 * np.pi * 6.0 * record.time)
+    assert record["slow"][inside] == pytest.approx(expected[inside], abs=1e-3)
+    assert np.max(np.abs(record["fast"][inside])) < 1e-3  # 80 dB down, and a margin
+
+
+def test_an_even_log_resampled_at_its_own_rate_is_unchanged(tmp_path):
+    """The grid falls on the samples, so nothing is altered."""
+    t = np.arange(300) / 100.0
+    values = np.random.default_rng(0).standard_normal(300)
+    path = write(tmp_path / "a.csv", t, values)
+    log = read_log(path, channels=P, resample_hz=100.0)
+    assert log.record["p"] == pytest.approx(values, abs=1e-12)
+    assert log.report.passband_hz is None
+
+
+def test_parquet_by_others(tmp_path):
+    """Whole numbers, nulls, dates and units in the metadata of a field are read."""
+    path = tmp_path / "a.parquet"
+    stamps = pa.array([1_700_000_000_000_000 + 10_000 * k for k in range(4)], pa.timestamp("us"))
+    fields = [
+        pa.field("when", stamps.type),
+        pa.field("gyro", pa.int16(), metadata={"unit": "deg/s"}),
+        pa.field("name", pa.string()),
+    ]
+    columns = [stamps, pa.array([180, 90, None, 0], pa.int16()), pa.array(list("abcd"))]
+    pq.write_table(pa.Table.from_arrays(columns, schema=pa.schema(fields)), path)
+    with pytest.raises(RecordError, match="row 2, column 'gyro'"):
+        read_log(path, channels={"p": Column("gyro")})
+    record = read_log(path, channels={"p": Column("gyro")}, repair=("missing",)).record
+    assert record["p"] == pytest.approx([math.pi, math.pi / 2.0, math.pi / 4.0, 0.0], abs=0.2)
+    assert record.sample_time == pytest.approx(0.01)
+    with pytest.raises(StorageError, match="column 'name'"):
+        read_log(path, channels={"p": Column("name", "deg/s")})
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_helisim_records_need_no_map(tmp_path, suffix):
+    """A record that helisim wrote comes back the same, and can be mapped like any log."""
+    time = np.arange(5) * 0.1 + 3.0
+    record = FlightRecord(time, np.ones((5, 1)), (channel("p"),), {"seed": 1})
+    path = write_record(record, tmp_path / f"a{suffix}")
+    log = read_log(path)
+    assert np.array_equal(log.record.time, time)
+    assert log.record.provenance["seed"] == 1
+    mapped = read_log(path, channels={"q": Column("p", "rad/s", sign=-1)}, time=Clock("time", "s"))
+    assert mapped.record["q"].tolist() == [-1.0] * 5
+
+
+def test_a_map_is_read_from_toml(tmp_path):
+    """The TOML of the documentation gives the columns that it names."""
+    path = tmp_path / "map.toml"
+    path.write_text(
+        '[time]\ncolumn = "t"\nunit = "us"\n\n[channels.p]\ncolumn = "gyro_x"\n'
+        'unit = "deg/s"\nsign = -1\n\n[channels.q]\nunit = "rad/s"\n\n[file]\ndelimiter = ";"\n'
+    )
+    map_ = Map.from_toml(path)
+    assert map_.channels["p"] == Column("gyro_x", "deg/s", sign=-1)
+    assert map_.channels["q"] == Column("q", "rad/s")
+    assert map_.time == Clock("t", "us")
+    assert map_.layout.delimiter == ";"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[channels.p]\nunits = 'deg'", "available: column, unit, sign"),
+        ("[chanels.p]\n", "available: time, channels, file"),
+        ("[channels.p]\nunit = 'furlong'", "available: rad, deg"),
+        ("[channels.p]\nsign = 2", "1 or -1"),
+        ("[channels.p]\nunit = 'us'\nrange = 0", "> 0"),
+        ("[time]\nunit = 's'", "column or a rate"),
+        ("[time]\ncolumn = 't'\nunit = 'fortnight'", "available: s, ms, us"),
+        ("channels = 3", "table"),
+        ("[channels", "TOML"),
+    ],
+)
+def test_a_wrong_map_says_what_is_wrong(tmp_path, text, says):
+    """Every mistake in a map names the file and what there is instead."""
+    path = tmp_path / "map.toml"
+    path.write_text(text)
+    with pytest.raises((InputError, StorageError), match=r"map\.toml") as caught:
+        Map.from_toml(path)
+    assert says in str(caught.value)
+
+
+def test_the_report_is_plain_data(tmp_path):
+    """A report goes into JSON, and the record's provenance holds it."""
+    path = write(tmp_path / "a.csv", [0, 1, 2], [1, 2, 3])
+    log = read_log(path, channels=P)
+    assert json.loads(json.dumps(log.report.to_dict())) == log.record.provenance["log"]
+    assert log.where("p") == f"{path}, column 'p', lines 2 to 4"
+    assert str(path) in str(log.report)

@@ -1,0 +1,170 @@
+"""Several logs with several faults: all are said at once, each with what mends it."""
+
+import pickle
+import re
+
+import numpy as np
+import pytest
+
+from helisim.base.errors import HelisimError, InputError, LogError, RecordError, StorageError
+from helisim.logs import Clock, Column, Map, read_log, read_logs
+
+MAP = Map({"p": Column("p", "rad/s"), "q": Column("q"), "lat": Column("u", "1")}, Clock("t", "s"))
+
+
+def write(path, time, *columns, header="t,p,q,u"):
+    rows = [",".join(repr(float(cell)) for cell in row) for row in zip(time, *columns)]
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+def faulty(folder):
+    """Return two logs: holes and a unit that nobody states; a gap, repeats and a dead input."""
+    t = np.arange(200) / 50.0
+    p = np.sin(t)
+    p[[20, 21]] = np.nan
+    one = write(folder / "one.csv", t, p, np.cos(t), np.sin(2.0 * t))
+    time = np.where(np.arange(200) >= 100, t + 3.0, t)
+    time[50] = time[49]
+    two = write(folder / "two.csv", time, np.sin(t), np.cos(t), np.ones(200), header="t,p,q,u")
+    return one, two
+
+
+def test_everything_that_is_wrong_is_said_at_once(tmp_path):
+    """Over all files: holes, units, gaps and repeated stamps, each with its place and option."""
+    paths = faulty(tmp_path)
+    with pytest.raises(LogError) as raised:
+        read_logs(paths, channels=MAP, wanted=("p", "q", "lat"), resample_hz=50.0)
+    findings = raised.value.findings
+    said = {(finding.kind, finding.option) for finding in findings}
+    assert ("missing number", "--repair missing") in said
+    assert ("gap", "--repair gaps") in said
+    assert ("duplicate stamp", "--repair duplicates") in said
+    units = [finding for finding in findings if "says its unit" in finding.text]
+    assert [finding.text.split(":")[0] for finding in units] == list(map(str, paths))
+    assert len(findings) == 5
+    message = str(raised.value)
+    assert message.startswith("5 things are wrong:")
+    assert all(f"- {finding.text}" in message for finding in findings)
+
+
+def test_what_the_options_say_mends_all(tmp_path):
+    """The options of the findings, given together, read both logs."""
+    channels = {"p": Column("p", "rad/s"), "q": Column("q", "rad/s")}
+    repairs = ("missing", "gaps", "duplicates")
+    logs = read_logs(
+        faulty(tmp_path), channels=Map(channels, MAP.time), resample_hz=50.0, repair=repairs
+    )
+    assert [len(log.records) for log in logs] == [1, 2]
+
+
+def test_a_dead_channel_is_refused_only_where_it_must_move(tmp_path):
+    """Constant in every log; one log in which it moves is enough."""
+    t = np.arange(200) / 50.0
+    paths = [
+        write(tmp_path / f"{name}.csv", t, np.sin(t), np.cos(t), u)
+        for name, u in (("dead", 0.0 * t), ("alive", np.sin(t)))
+    ]
+    options = {"channels": Map({"lat": MAP.channels["lat"]}, MAP.time), "wanted": ("lat",)}
+    assert len(read_logs(paths[:1], **options)) == 1
+    assert len(read_logs(paths, **options, moving=True)) == 2
+    with pytest.raises(LogError, match=r"dead\.csv.*'lat' is constant"):
+        read_logs(paths[:1], **options, moving=True)
+
+
+def test_an_option_that_does_not_exist_stands_among_the_faults(tmp_path):
+    """An unknown repair alone is an error of input; beside faults of logs it is one of them."""
+    one, _ = faulty(tmp_path)
+    with pytest.raises(LogError, match="unknown repair 'all'") as raised:
+        read_logs([one], channels=MAP, repair="all")
+    assert len(raised.value.findings) == 3
+    t = np.arange(20.0)
+    fine = write(tmp_path / "fine.csv", t, t, header="t,p")
+    with pytest.raises(InputError, match="unknown repair 'all'") as alone:
+        read_logs([fine], channels=Map({"p": MAP.channels["p"]}, MAP.time), repair="all")
+    assert not isinstance(alone.value, LogError)
+    with pytest.raises(InputError, match="max_gap is -1"):
+        read_logs([fine], channels=MAP, max_gap=-1.0)
+
+
+def test_the_error_is_of_every_kind_and_survives_a_process(tmp_path):
+    """Whoever catches what a reader raised before catches it; a worker can hand it back."""
+    one, _ = faulty(tmp_path)
+    with pytest.raises(LogError) as raised:
+        read_log(one, channels=MAP)
+    for kind in (InputError, RecordError, StorageError, HelisimError, ValueError):
+        assert isinstance(raised.value, kind)
+    back = pickle.loads(pickle.dumps(raised.value))
+    assert (str(back), back.findings) == (str(raised.value), raised.value.findings)
+
+
+@pytest.mark.parametrize(("unit", "declared"), [(1e3, "s"), (1e6, "s"), (1e-3, "ms")])
+def test_a_wrong_unit_of_time_is_refused_with_the_reason(tmp_path, unit, declared):
+    """Steps of 20 s, of 20 000 s, or of 20 us: no flight log has such."""
+    t = unit * np.arange(200) / 50.0
+    path = write(tmp_path / "a.csv", t, np.sin(t), header="t,p")
+    with pytest.raises(LogError, match="its steps are") as raised:
+        read_log(path, channels={"p": Column("p", "rad/s")}, time=Clock("t", declared))
+    right = {1e3: "ms", 1e6: "us", 1e-3: "s"}[unit]
+    assert raised.value.findings[0].option == f"--time t:{right}"
+
+
+def jittery(folder, share, seed=0, rate=100.0):
+    """Return a log whose stamps are off by a normal share of a step, and its true function."""
+    rng = np.random.default_rng(seed)
+    t = (np.arange(3000) + share * rng.uniform(-0.5, 0.5, 3000)) / rate
+    return write(folder / "jitter.csv", t, np.sin(5.0 * t), header="t,p")
+
+
+def test_small_jitter_is_resampled_unasked_and_told(tmp_path):
+    """Stamps off by up to a tenth of a step: the report has the rms of it and the rate."""
+    path = jittery(tmp_path, 0.2)
+    log = read_log(path, channels={"p": Column("p", "rad/s")}, time=Clock("t", "s"))
+    log.check_uniform()
+    (finding,) = log.report.repairs
+    assert finding.kind == "jitter"
+    stated = re.search(r"off by (\S+) ms rms", finding.text)
+    assert stated is not None
+    # the difference of two stamps that are uniform over a fifth of 10 ms has 2 / sqrt(6) ms; the
+    # estimate from 3000 such differences scatters by 1.5 %, here three times that
+    assert float(stated[1]) == pytest.approx(2.0 / 6.0**0.5, rel=0.045)
+    assert "resampled at 100 Hz" in finding.text
+    record = log.record
+    assert record.sample_time == pytest.approx(0.01, rel=1e-9)
+    # Akima's interpolation, to (w h)^3 = 1.3e-4 of the amplitude
+    first = float(path.read_text().splitlines()[1].split(",")[0])
+    assert record["p"] == pytest.approx(np.sin(5.0 * (first + record.time)), abs=1.3e-4)
+
+
+def test_large_jitter_is_refused_with_its_size(tmp_path):
+    """Stamps off by up to half a step either way: only on request."""
+    log = read_log(
+        jittery(tmp_path, 1.0), channels={"p": Column("p", "rad/s")}, time=Clock("t", "s")
+    )
+    assert not log.report.repairs
+    with pytest.raises(LogError, match=r"irregular: .*4[0-3] %.*--resample") as raised:
+        log.check_uniform()
+    assert raised.value.findings[0].option == "--resample 100"
+
+
+def test_stamps_of_few_digits_are_no_fault(tmp_path):
+    """Written to microseconds, 60 Hz are uniform to a rate of six digits."""
+    t = np.round(np.arange(6000) / 60.0, 6)
+    path = write(tmp_path / "a.csv", t, np.sin(3.0 * t), header="t,p")
+    log = read_log(path, channels={"p": Column("p", "rad/s")}, time=Clock("t", "s"))
+    log.check_uniform()
+    assert log.report.resampled_hz == 60.0
+    assert log.record["p"] == pytest.approx(np.sin(3.0 * log.record.time), abs=1e-5)
+
+
+def test_a_gap_is_not_jitter(tmp_path):
+    """A log that jitters and has a gap is refused for the gap; split there, it is resampled."""
+    path = jittery(tmp_path, 0.2)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:1000], *lines[1200:]]) + "\n")
+    channels, time = {"p": Column("p", "rad/s")}, Clock("t", "s")
+    with pytest.raises(LogError, match="split the log at its gaps"):
+        read_logs([path], channels=channels, time=time)
+    (log,) = read_logs([path], channels=channels, time=time, repair="gaps")
+    assert [finding.kind for finding in log.report.repairs] == ["jitter", "gap"]
+    assert len(log.records) == 2

@@ -1,0 +1,96 @@
+"""The window by hand on a real display: pictures, keys that go down and up, a recording."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from helisim.records.storage import read_record
+
+NEEDED = ("Xvfb", "xvfb-run", "xdotool")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not all(map(shutil.which, NEEDED)), reason="no virtual display: apt install xvfb xdotool"
+    ),
+]
+
+# The script is driven by the flight's own time, so a slow renderer gives the same flight.
+FLOWN = """
+import subprocess, sys
+import numpy as np
+import helisim as hs
+from helisim.hand.cockpit import Cockpit
+from helisim.hand.fly import fly_in
+from helisim.hand.window import GlfwWindow
+from helisim.hand import HandFlight, KeyboardSticks, Logbook
+
+KEYS = [(0.0, "keydown Up"), (0.0, "key r"), (1.5, "keyup Up"), (4.0, "key r"), (5.0, "key Escape")]
+subprocess.run(["xdotool", "mousemove", "100", "100"], check=True)
+flight = HandFlight(hs.load("jr700"))
+pictures = []
+
+class Scripted(GlfwWindow):
+    def sync(self):
+        super().sync()
+        pictures.append(self.picture())
+        while KEYS and KEYS[0][0] <= flight.time:
+            subprocess.run(["xdotool", *KEYS.pop(0)[1].split()], check=True)
+
+cockpit = Cockpit(flight, KeyboardSticks(), Logbook("hand.parquet"))
+with Scripted(flight, size=(480, 360)) as window:
+    fly_in(window, cockpit, duration=120.0)
+np.save("pictures.npy", np.array([pictures[0], pictures[len(pictures) // 2]]))
+"""
+
+
+def on_display(tmp_path, *command):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.run(
+        ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *command],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+def test_keys_of_a_real_window_fly(tmp_path):
+    """An arrow key that is held flies forward, let go it does not; R records; Escape leaves."""
+    done = on_display(tmp_path, sys.executable, "-c", FLOWN)
+    assert done.returncode == 0, done.stderr
+    record = read_record(tmp_path / "hand.parquet")
+    assert record["LON"].min() < -0.005
+    assert record["north"][-1] > 0.3
+    assert record["u"][-1] < record["u"].max() - 0.2  # it brakes
+    pictures = np.load(tmp_path / "pictures.npy").astype(float)
+    assert pictures.shape == (2, 360, 480, 3)
+    assert pictures[0].std() > 20.0
+    assert np.abs(pictures[1] - pictures[0]).mean() > 2.0  # it has flown on
+    orange = np.all(np.abs(pictures[1] - [250.0, 140.0, 38.0]) < 8.0, axis=-1)
+    rows, columns = np.nonzero(orange[250:, 300:])  # the sticks' corner
+    assert rows.size > 50
+    assert columns.max() - columns.min() > 60  # both gimbals
+
+
+def test_no_joystick_is_said(tmp_path):
+    """On a display without a joystick: one line, exit status 2."""
+    done = on_display(tmp_path, sys.executable, "-m", "helisim", "view", "--joystick")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "no joystick: looked for any that the system reports, found none; plug one in" in (
+        done.stderr
+    )
+
+
+def test_the_command_flies_and_closes_by_itself(tmp_path):
+    """Three seconds of the clock; nothing was recorded, nothing is written."""
+    command = ("-m", "helisim", "view", "--keyboard", "--duration", "3")
+    done = on_display(tmp_path, sys.executable, *command)
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    assert list(tmp_path.iterdir()) == []
