@@ -23,7 +23,7 @@ import numpy as np
 
 from helisim.base.errors import HelisimError
 from helisim.base.files import read_json
-from helisim.records.parquet import read_table
+from helisim.records.storage import read_table
 from helisim.sim import Sweep, fly_to
 from helisim.study.campaign import campaign_from, run_campaign
 from helisim.study.reproduce import reproduce

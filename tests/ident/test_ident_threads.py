@@ -9,8 +9,8 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from helisim.ident import frequency_response, identify, structures, verify
-from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import channel
+from helisim.records.provenance import one_blas_thread
 from helisim.records.record import FlightRecord
 
 

@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helisim.base.errors import RecordError, StorageError
-from helisim.records import parquet
 from helisim.records.channels import Channel, channel
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
@@ -354,7 +353,7 @@ def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
         Path(path).write_bytes(b"PAR1")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(parquet.pq, "write_table", fill)
+    monkeypatch.setattr(pq, "write_table", fill)
     with pytest.raises(StorageError, match=r"flight\.parquet: .*No space left"):
         write_record(make_record(), tmp_path / "flight.parquet")
     assert list(tmp_path.iterdir()) == []

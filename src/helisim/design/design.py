@@ -19,9 +19,8 @@ from helisim.handling.closed_loop import Linear
 from helisim.handling.loop import GRID, Loop, NoResponse
 from helisim.handling.spec import Spec
 from helisim.ident.fitting.result import Fit
-from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import IN2
-from helisim.records.provenance import made_by
+from helisim.records.provenance import made_by, one_blas_thread
 
 MARGIN = 0.1
 """Design margin: of the distance between Levels 1 and 2, that is kept from Level 1's border."""

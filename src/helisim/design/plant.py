@@ -21,9 +21,9 @@ from helisim.handling.axis import BY_NAME
 from helisim.handling.loop import NoResponse
 from helisim.ident.fitting.result import Fit
 from helisim.ident.model import evaluate
-from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import ATTITUDES as ANGLES
 from helisim.records.channels import IN1, RATES
+from helisim.records.provenance import one_blas_thread
 
 Array = NDArray[np.float64]
 Response = NDArray[np.complex128]

@@ -12,9 +12,10 @@ import numpy as np
 from helisim.base.user_units import CONTROL, Powers, UserUnits, parts
 from helisim.ident.fitting.fitted import FittedParameter
 from helisim.ident.fitting.result import Fit
-from helisim.ident.model.dimensions import dimensions, signal_powers
+from helisim.ident.model.dimensions import dimensions
 from helisim.ident.responses.response import FrequencyResponse
 from helisim.ident.verifying.verification import Trace, Verification
+from helisim.records.channels import signal_powers
 
 _TIME = {"s": 1}
 

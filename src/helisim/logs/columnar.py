@@ -13,7 +13,7 @@ from helisim.logs.mapping import Clock, split_heading
 from helisim.logs.report import LogFinding
 from helisim.logs.source import MAX_COLUMNS, check_no_infinity, place
 from helisim.logs.text import time_column
-from helisim.records.parquet import as_array, read_table
+from helisim.records.storage import as_array, read_table
 
 _WIDEST = 9e18
 """Differences of whole numbers up to this are exact in 64 bits."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from helisim.base.errors import UnknownNameError
+from helisim.base.user_units import CONTROL, Powers, parts
 
 Kind = Literal["IN1", "IN2", "OUT", "SERVO", "OTHER"]
 
@@ -97,45 +98,35 @@ _STANDARD = (
     Channel("air_q", "rad/s", "OTHER", "true pitch rate of the air itself"),
     Channel("air_r", "rad/s", "OTHER", "true yaw rate of the air itself"),
     Channel("contact", "N", "OTHER", "true force upwards of the ground on the landing gear"),
-    *(Channel(f"{servo}_position", "1", "OTHER", f"true position of {servo}") for servo in SERVOS),
-    *(Channel(f"{name}_added", "1", "OTHER", f"what a manoeuvre adds to {name}") for name in IN1),
     *(
-        Channel(f"{name}_gyro", "1", "OTHER", f"{name} as the gyro gives it, before what is added")
-        for name in IN1
-    ),
-    *(
-        Channel(f"{name}_disturbance", "1", "OTHER", f"what is added to {name} at the actuators")
-        for name in IN1
-    ),
-    *(
-        Channel(f"{name}_sum", "1", "OTHER", f"{name} as it reaches the actuators, disturbed")
-        for name in IN1
-    ),
-    *(
-        Channel(f"{name}_disturbance", "rad/s", "OTHER", f"what is added to {name} at the gyro")
-        for name in RATES
-    ),
-    *(
-        Channel(f"{name}_sum", "rad/s", "OTHER", f"{name} as the gyro reads it, disturbed")
-        for name in RATES
-    ),
-    *(
-        Channel(
-            f"{name}_disturbance", "rad", "OTHER", f"what is added to the {name} that is sensed"
+        Channel(f"{name}_{suffix}", unit, "OTHER", meaning.format(name))
+        for names, suffix, unit, meaning in (
+            (SERVOS, "position", "1", "true position of {}"),
+            (IN1, "added", "1", "what a manoeuvre adds to {}"),
+            (IN1, "gyro", "1", "{} as the gyro gives it, before what is added"),
+            (IN1, "disturbance", "1", "what is added to {} at the actuators"),
+            (IN1, "sum", "1", "{} as it reaches the actuators, disturbed"),
+            (RATES, "disturbance", "rad/s", "what is added to {} at the gyro"),
+            (RATES, "sum", "rad/s", "{} as the gyro reads it, disturbed"),
+            (ATTITUDES, "disturbance", "rad", "what is added to the {} that is sensed"),
+            (ATTITUDES, "sum", "rad", "{} as a controller sees it, disturbed"),
         )
-        for name in ATTITUDES
-    ),
-    *(
-        Channel(f"{name}_sum", "rad", "OTHER", f"{name} as a controller sees it, disturbed")
-        for name in ATTITUDES
+        for name in names
     ),
 )
+
+CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}
+"""Every standard channel by name. IN1 (col) and IN2 (COL) differ by case."""
 
 _NAMED = 30
 """Channels that a `repr` names, at most."""
 
-CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}
-"""Every standard channel by name. IN1 (col) and IN2 (COL) differ by case."""
+
+def channel(name: str) -> Channel:
+    """Return the standard channel of that name. Raises UnknownNameError."""
+    if name not in CHANNELS:
+        raise UnknownNameError("channel", name, CHANNELS)
+    return CHANNELS[name]
 
 
 def some_names(names: Iterable[str]) -> str:
@@ -144,13 +135,15 @@ def some_names(names: Iterable[str]) -> str:
     return ", ".join(known if len(known) <= _NAMED else [*known[:_NAMED], "..."])
 
 
-def channel(name: str) -> Channel:
-    """Return the standard channel of that name.
+def signal_powers(name: str, unit: str, *, is_input: bool) -> Powers | None:
+    """Return the powers of a channel's unit; None where it isn't known.
 
-    Raises:
-        UnknownNameError: no such channel; the message lists those that exist.
+    Args:
+        name: of the channel; a standard one's unit is known.
+        unit: as recorded, "" where it isn't known.
+        is_input: a unit of "1" counts a control's range, as it does of standard controls.
     """
-    try:
-        return CHANNELS[name]
-    except KeyError:
-        raise UnknownNameError("channel", name, CHANNELS) from None
+    standard = CHANNELS.get(name)
+    powers = parts(unit or (standard.unit if standard else ""))
+    control = is_input or (standard is not None and standard.kind in ("IN1", "IN2", "SERVO"))
+    return {CONTROL: 1} if powers == {} and control else powers

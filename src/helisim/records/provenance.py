@@ -2,7 +2,8 @@
 
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -41,17 +42,33 @@ def _versions() -> Mapping[str, str]:
     return found
 
 
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit linear algebra to one thread within the block: the same bits on any processor count.
+
+    BLAS adds up in another order when it works in several threads. Their number is the process's,
+    and threadpoolctl leaves it to the first Python thread that sets it: where several Python
+    threads identify at once, last digits may still move.
+    """
+    with _blas().limit(limits=1, user_api="blas"):
+        yield
+
+
+@cache
+def _blas() -> Any:
+    import scipy.linalg  # noqa: F401, which brings a BLAS of its own, to be limited too
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
 class Plain(FrozenMap[str, Any]):
     """Provenance that is known to be plain data: records that have it in common share it."""
 
     __slots__ = ()
 
     def extended(self, **facts: Any) -> "Plain":
-        """Return it with further facts; those that it has are shared, not copied.
-
-        Raises:
-            RecordError: they aren't plain JSON data.
-        """
+        """Return it with further facts, the known ones shared. Raises RecordError."""
         return Plain({**self, **plain(facts)})
 
 
@@ -67,6 +84,11 @@ def plain(provenance: Mapping[str, Any]) -> Plain:
         return Plain(json.loads(json.dumps(dict(provenance), allow_nan=False)))
     except (TypeError, ValueError) as error:
         raise RecordError(f"provenance must be plain JSON data: {error}") from None
+
+
+def one_line(data: Mapping[str, Any]) -> str:
+    """Return JSON that is the same for equal data, whatever the order of the keys."""
+    return json.dumps(data, sort_keys=True, ensure_ascii=False, allow_nan=False)
 
 
 def difference(found: Any, expected: Any, name: str = "") -> str:

@@ -1,16 +1,20 @@
 """The flight record: what a flight computer writes and the identification reads."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
-from helisim.base.errors import RecordError, UnknownNameError
+from helisim.base.errors import InputError, RecordError, UnknownNameError
+from helisim.base.unit_names import check_same
+from helisim.base.unit_names import unit as unit_of
 from helisim.base.value import Value
-from helisim.records.channels import Channel, some_names
+from helisim.records.channels import CHANNELS, Channel, some_names
 from helisim.records.provenance import plain
 
 if TYPE_CHECKING:
@@ -41,14 +45,12 @@ class FlightRecord(Value, Displayed):
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        time = _read_only(self.time)
-        values = _read_only(self.values)
-        channels = tuple(self.channels)
-        _check_shapes(time, values, channels)
-        _check_numbers(time, values, channels)
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "values", values)
-        object.__setattr__(self, "channels", channels)
+        for name in ("time", "values"):
+            array = np.array(getattr(self, name), dtype=np.float64, order="C")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "channels", tuple(self.channels))
+        _check(self.time, self.values, self.names)
         object.__setattr__(self, "provenance", plain(self.provenance))
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
@@ -82,11 +84,7 @@ class FlightRecord(Value, Displayed):
 
     @property
     def sample_time(self) -> float:
-        """Sample interval, s.
-
-        Raises:
-            RecordError: the record is not uniformly sampled.
-        """
+        """Sample interval, s. Raises RecordError unless the record is uniformly sampled."""
         steps = np.diff(self.time)
         mean = self.duration / steps.size
         worst = int(np.argmax(np.abs(steps - mean)))
@@ -131,9 +129,13 @@ class FlightRecord(Value, Displayed):
         Raises:
             InputError: pandas isn't installed.
         """
-        from helisim.records import frames
-
-        return frames.to_pandas(self)
+        pandas = _package("pandas")
+        time = pandas.Index(np.array(self.time), name="time")
+        frame = pandas.DataFrame(np.array(self.values), index=time, columns=list(self.names))
+        for key, attribute in _KEYS.items():
+            frame.attrs[key] = {one.name: getattr(one, attribute) for one in self.channels}
+        frame.attrs["provenance"] = dict(self.provenance)
+        return frame
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return a Dataset: a variable each channel over `time`, with `units` and `long_name`.
@@ -143,9 +145,18 @@ class FlightRecord(Value, Displayed):
         Raises:
             InputError: xarray isn't installed.
         """
-        from helisim.records import frames
-
-        return frames.to_xarray(self)
+        xarray = _package("xarray")
+        variables = {
+            one.name: (
+                "time",
+                np.array(values),
+                {"units": one.unit, "long_name": one.meaning, "kind": one.kind},
+            )
+            for one, values in zip(self.channels, self.values.T)
+        }
+        time = ("time", np.array(self.time), {"units": "s", "long_name": "time"})
+        about = {"provenance": json.dumps(dict(self.provenance), allow_nan=False)}
+        return xarray.Dataset(variables, coords={"time": time}, attrs=about)
 
     @classmethod
     def from_pandas(
@@ -169,9 +180,27 @@ class FlightRecord(Value, Displayed):
             RecordError: what isn't finite or no number, or times that don't increase; to repair
                 it, write it to a file for `helisim.read_log`.
         """
-        from helisim.records import frames
-
-        return frames.from_pandas(frame, units=units, provenance=provenance)
+        if not hasattr(frame, "attrs") or not hasattr(frame, "columns"):
+            raise InputError(f"from_pandas takes a DataFrame, got {type(frame).__name__}")
+        stated = {key: dict(x) for key, x in frame.attrs.items() if isinstance(x, Mapping)}
+        if "time" in frame.columns:
+            frame = frame.set_index("time")
+        elif frame.index.name != "time" and type(frame.index).__name__ == "RangeIndex":
+            raise RecordError(
+                "the DataFrame has no times: its index numbers the rows; give it a column 'time', "
+                "in s, or such an index"
+            )
+        names, units = [str(name) for name in frame.columns], units or {}
+        for name in units:
+            if name not in names:
+                raise UnknownNameError("column with a unit", name, names)
+        found = [_column_channel(name, units.get(name), stated) for name in names]
+        values = np.zeros((len(frame), len(names)))
+        for k, (name, (_, factor)) in enumerate(zip(names, found)):
+            values[:, k] = factor * _numbers(frame.iloc[:, k], name)
+        time = _numbers(frame.index, "time")
+        origin = stated.get("provenance", {}) if provenance is None else provenance
+        return cls(time, values, tuple(one for one, _ in found), origin)
 
     def plot(
         self,
@@ -195,43 +224,77 @@ class FlightRecord(Value, Displayed):
         return shower().plot_record(self, channels, axes)
 
     def _index(self, name: str) -> int:
-        try:
-            return self.names.index(name)
-        except ValueError:
-            raise UnknownNameError("channel", name, self.names) from None
+        if name not in self.names:
+            raise UnknownNameError("channel", name, self.names)
+        return self.names.index(name)
 
 
-def _read_only(array: ArrayLike) -> NDArray[np.float64]:
-    copy = np.array(array, dtype=np.float64, order="C")
-    copy.flags.writeable = False
-    return copy
-
-
-def _check_shapes(
-    time: NDArray[np.float64], values: NDArray[np.float64], channels: tuple[Channel, ...]
-) -> None:
+def _check(time: NDArray[np.float64], values: NDArray[np.float64], names: tuple[str, ...]) -> None:
     if time.ndim != 1 or time.size < 2:
         raise RecordError(f"time needs at least two samples in one dimension, got {time.shape}")
-    expected = (time.size, len(channels))
+    expected = (time.size, len(names))
     if values.shape != expected:
         raise RecordError(f"values have shape {values.shape}, expected {expected}")
-    names = [channel.name for channel in channels]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise RecordError(f"channel names must be unique, repeated: {', '.join(repeated)}")
-
-
-def _check_numbers(
-    time: NDArray[np.float64], values: NDArray[np.float64], channels: tuple[Channel, ...]
-) -> None:
-    if not np.all(np.isfinite(time)):
-        row = int(np.flatnonzero(~np.isfinite(time))[0])
-        raise RecordError(f"time is not finite at row {row}")
-    if np.any(np.diff(time) <= 0.0):
-        row = int(np.flatnonzero(np.diff(time) <= 0.0)[0]) + 1
+    bad = np.flatnonzero(~np.isfinite(time))
+    if bad.size:
+        raise RecordError(f"time is not finite at row {bad[0]}")
+    falls = np.flatnonzero(np.diff(time) <= 0.0)
+    if falls.size:
+        before, row = time[falls[0]], falls[0] + 1
         raise RecordError(
-            f"time must increase: row {row} has {time[row]:.6g} s after {time[row - 1]:.6g} s"
+            f"time must increase: row {row} has {time[row]:.6g} s after {before:.6g} s"
         )
     if not np.all(np.isfinite(values)):
-        row, column = (int(i) for i in np.argwhere(~np.isfinite(values))[0])
-        raise RecordError(f"channel {channels[column].name!r} is not finite at row {row}")
+        row, column = np.argwhere(~np.isfinite(values))[0]
+        raise RecordError(f"channel {names[column]!r} is not finite at row {row}")
+
+
+_KEYS = {"units": "unit", "kinds": "kind", "meanings": "meaning"}
+"""Key of a DataFrame's `attrs` -> attribute of a channel."""
+
+
+def _column_channel(
+    name: str, given: str | None, stated: Mapping[str, Mapping[str, Any]]
+) -> tuple[Channel, float]:
+    """Return the channel of a column, and SI per unit of the column."""
+    known = CHANNELS.get(name)
+    if given is not None:
+        unit = unit_of(given)
+        if known is None:
+            return Channel(name, unit.si, "OTHER"), unit.factor
+        check_same(name, known.unit, given, unit.si)
+        return known, unit.factor
+    if all(name in stated.get(key, {}) for key in _KEYS):
+        return Channel(name, *(stated[key][name] for key in _KEYS)), 1.0
+    if known is None:
+        raise InputError(
+            f"column {name!r} has no unit, and no standard channel has its name: give it, such "
+            f"as units={{{name!r}: 'rad/s'}}"
+        )
+    return known, 1.0
+
+
+def _numbers(column: Any, name: str) -> NDArray[np.float64]:
+    """Return a column or an index as numbers, (n_time,)."""
+    kind = getattr(column, "dtype", np.dtype(object))
+    if getattr(kind, "kind", "O") in "mM":
+        raise RecordError(
+            f"column {name!r} holds {kind}; a record's time is seconds: "
+            "(index - index[0]).total_seconds()"
+        )
+    try:
+        return np.asarray(column, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise RecordError(f"column {name!r} holds {kind}, expected numbers") from None
+
+
+def _package(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError:
+        raise InputError(
+            f"to_{name} needs {name}, which isn't installed: pip install {name}"
+        ) from None

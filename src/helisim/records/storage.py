@@ -1,17 +1,58 @@
 """Flight records on disk: Parquet, and CSV for people and spreadsheets.
 
-Both carry the unit, kind and meaning of each channel and the provenance of the record,
-and give back exactly the doubles that were written. No pickle. Every file that helisim
-writes goes through `atomic_write`.
+Both hold unit, kind and meaning of each channel and the provenance, and give back exactly the
+doubles that were written. Parquet has a column `time` (s) and one a channel, whose field metadata
+are `unit`, `kind` and `meaning`; the schema's metadata `helisim` are a JSON object with `format`,
+`version` and `provenance`. A CSV has comment lines, a header of `name [unit]`, one row a sample::
+
+    # helisim flight record, version 1
+    # rows: 9001
+    # provenance: {"seed": 1}
+    # channel: {"name": "p", "unit": "rad/s", "kind": "OUT", "meaning": "roll rate"}
+    time [s],p [rad/s]
+    0.0,0.01
 """
 
+import csv
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from math import isfinite
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
 
-from helisim.base.errors import RecordError
-from helisim.base.files import SUFFIXES, atomic_write, check_suffix
-from helisim.records.header import TIME
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.base.errors import RecordError, StorageError
+from helisim.base.files import (
+    SUFFIXES,
+    atomic_write,
+    check_suffix,
+    parse_object,
+    read_bytes,
+    read_text,
+)
+from helisim.records.channels import Channel, Kind
+from helisim.records.provenance import one_line
 from helisim.records.record import FlightRecord
-from helisim.records.text import read_csv, write_csv
+
+if TYPE_CHECKING:
+    import pyarrow as pa  # slow to import
+
+_FORMAT = "flight record"
+_VERSION = 1
+"""The version of both layouts; it rises when older code can't read the new files."""
+_TITLE = f"# helisim {_FORMAT}, version "
+
+_TIME = Channel("time", "s", "OTHER", "time since the start of the record")
+
+_MAX_NUMBERS = 1 << 28
+"""Numbers of a record, at most: 2 GiB. A small file can claim many more."""
+
+_Contents = tuple[NDArray[np.float64], tuple[Channel, ...], dict[str, Any]]
+"""Time and channels as columns, the channels, the provenance."""
 
 
 def write_record(record: FlightRecord, path: str | Path) -> Path:
@@ -25,15 +66,10 @@ def write_record(record: FlightRecord, path: str | Path) -> Path:
     """
     path = Path(path)
     suffix = check_suffix(path, SUFFIXES)
-    if TIME.name in record:
+    if _TIME.name in record:
         raise RecordError("a channel can't be called 'time', the time column's name: rename it")
     with atomic_write(path) as temporary:
-        if suffix == ".csv":
-            write_csv(record, temporary)
-        else:
-            from helisim.records.parquet import write_parquet  # pyarrow is slow to import
-
-            write_parquet(record, temporary)
+        (_write_csv if suffix == ".csv" else _write_parquet)(record, temporary)
     return path
 
 
@@ -46,15 +82,216 @@ def read_record(path: str | Path) -> FlightRecord:
         RecordError: the numbers don't make a record, for example NaN or a time that falls.
     """
     path = Path(path)
-    if check_suffix(path, SUFFIXES) == ".csv":
-        contents = read_csv(path)
-    else:
-        from helisim.records.parquet import read_parquet  # pyarrow is slow to import
-
-        contents = read_parquet(path)
+    read = _read_csv if check_suffix(path, SUFFIXES) == ".csv" else _read_parquet
+    columns, channels, provenance = read(path)
     try:
-        return FlightRecord(
-            contents.columns[:, 0], contents.columns[:, 1:], contents.channels, contents.provenance
-        )
+        return FlightRecord(columns[:, 0], columns[:, 1:], channels, provenance)
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None
+
+
+def _write_csv(record: FlightRecord, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"{_TITLE}{_VERSION}\n")
+        file.write(f"# rows: {len(record)}\n")
+        file.write(f"# provenance: {one_line(dict(record.provenance))}\n")
+        for channel in record.channels:
+            file.write(f"# channel: {json.dumps(asdict(channel), ensure_ascii=False)}\n")
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(_headings(record.channels))
+        # csv writes a float by its repr, which reads back as the same double
+        writer.writerows(np.column_stack([record.time, record.values]).tolist())
+
+
+def _read_csv(path: Path) -> _Contents:
+    text = read_text(path)
+    complete, comments = text.endswith("\n"), []
+    while text.startswith("#"):
+        line, _, text = text.partition("\n")
+        comments.append(line)
+    if not comments or not comments[0].startswith(_TITLE):
+        raise StorageError(
+            f"{path}: not a helisim flight record: line 1 must be '{_TITLE}{_VERSION}'"
+        )
+    _check_version(path, _integer(path, comments[0].removeprefix(_TITLE)))
+    rows = _integer(path, _comment(path, comments, "rows"))
+    provenance = parse_object(_comment(path, comments, "provenance"), f"{path}: '# provenance:'")
+    channels = tuple(
+        _channel(path, parse_object(line.removeprefix("# channel: "), f"{path}: '# channel:'"))
+        for line in comments
+        if line.startswith("# channel: ")
+    )
+    columns = _csv_columns(path, text, _headings(channels), len(comments))
+    if len(columns) != rows or not complete:
+        raise StorageError(
+            f"{path}: truncated: {len(columns)} rows, and its line '# rows:' says {rows} "
+            "(if it was cut on purpose, correct that line)"
+        )
+    return columns, channels, provenance
+
+
+def _csv_columns(path: Path, body: str, expected: list[str], above: int) -> NDArray[np.float64]:
+    """Return the numbers below the header as (n_time, 1 + n_channel)."""
+    reader = csv.reader(io.StringIO(body, newline=""))
+    table: list[list[float]] = []
+    try:
+        headings = next(reader, [])
+        if headings != expected:
+            raise StorageError(f"{path}, line {above + 1}: {_difference(headings, expected)}")
+        for row in reader:
+            line = f"{path}, line {above + reader.line_num}"
+            if len(row) != len(expected):
+                raise StorageError(f"{line}: {len(row)} columns, expected {len(expected)}")
+            table.append([_number(line, *cell) for cell in zip(expected, row)])
+    except csv.Error as error:
+        raise StorageError(f"{path}, line {above + reader.line_num}: {error}") from None
+    return np.array(table, dtype=np.float64).reshape(-1, len(expected))
+
+
+def _number(line: str, column: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        raise StorageError(f"{line}, column {column!r}: {text!r} is not a number") from None
+    if not isfinite(number):
+        raise RecordError(f"{line}, column {column!r}: {text!r} is not finite")
+    return number
+
+
+def _difference(headings: list[str], expected: list[str]) -> str:
+    missing = [name for name in expected if name not in headings]
+    extra = [name for name in headings if name not in expected]
+    if missing:
+        return f"missing columns: {', '.join(missing)}; expected {', '.join(expected)}"
+    if extra:
+        return f"columns without a '# channel:' line: {', '.join(extra)}"
+    return f"the columns must be, in this order: {', '.join(expected)}"
+
+
+def _comment(path: Path, comments: list[str], key: str) -> str:
+    found = [line for line in comments if line.startswith(f"# {key}: ")]
+    if len(found) != 1:
+        raise StorageError(f"{path}: needs one line '# {key}:' before the header, has {len(found)}")
+    return found[0].removeprefix(f"# {key}: ")
+
+
+def _headings(channels: tuple[Channel, ...]) -> list[str]:
+    return [f"{channel.name} [{channel.unit}]" for channel in (_TIME, *channels)]
+
+
+def _integer(path: Path, text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise StorageError(f"{path}: {text!r} is not a whole number") from None
+
+
+def _channel(path: Path, data: Mapping[str, Any]) -> Channel:
+    names = [one.name for one in fields(Channel)]
+    missing = [name for name in names if name not in data]
+    if missing:
+        raise StorageError(f"{path}: a channel lacks its {', '.join(missing)}: {dict(data)}")
+    if data["kind"] not in get_args(Kind):
+        raise StorageError(
+            f"{path}: channel {data['name']!r} has the unknown kind {data['kind']!r}; "
+            f"available: {', '.join(get_args(Kind))}"
+        )
+    return Channel(*(str(data[name]) for name in names))  # type: ignore[arg-type]
+
+
+def _check_version(path: Path, version: object) -> None:
+    if version != _VERSION:
+        raise StorageError(
+            f"{path}: version {version} of the format, and this helisim reads version {_VERSION}"
+        )
+
+
+def _write_parquet(record: FlightRecord, path: Path) -> None:
+    """Write a record: the same bytes for the same record, for one version of pyarrow."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    fields_ = [
+        pa.field(
+            channel.name,
+            pa.float64(),
+            nullable=False,
+            metadata={"unit": channel.unit, "kind": channel.kind, "meaning": channel.meaning},
+        )
+        for channel in (_TIME, *record.channels)
+    ]
+    header = {"format": _FORMAT, "version": _VERSION, "provenance": dict(record.provenance)}
+    schema = pa.schema(fields_, metadata={b"helisim": one_line(header)})
+    arrays = [pa.array(np.ascontiguousarray(one)) for one in (record.time, *record.values.T)]
+    table = pa.Table.from_arrays(arrays, schema=schema)
+    pq.write_table(table, path, compression="zstd", write_page_checksum=True)
+
+
+def _read_parquet(path: Path) -> _Contents:
+    import pyarrow as pa
+
+    table = read_table(path, read_bytes(path))
+    metadata = (table.schema.metadata or {}).get(b"helisim")
+    if metadata is None:
+        raise StorageError(
+            f"{path}: not a helisim flight record: its schema has no metadata 'helisim'"
+        )
+    header = parse_object(metadata, f"{path}: the metadata 'helisim'")
+    if header.get("format") != _FORMAT:
+        raise StorageError(f"{path}: holds a {header.get('format')!r}, expected a {_FORMAT!r}")
+    _check_version(path, header.get("version"))
+    if not isinstance(header.get("provenance"), dict):
+        raise StorageError(f"{path}: the metadata 'helisim' has no provenance")
+    channels = []
+    for one, column in zip(table.schema, table.columns):
+        if one.type != pa.float64():
+            raise StorageError(f"{path}: column {one.name!r} holds {one.type}, expected double")
+        if column.null_count:
+            row = column.is_null().index(True).as_py()
+            raise StorageError(f"{path}: column {one.name!r} has no number at row {row}")
+        stated = {
+            key.decode("utf-8", "replace"): text.decode("utf-8", "replace")
+            for key, text in (one.metadata or {}).items()
+        }
+        channels.append(_channel(path, {"name": one.name} | stated))
+    if not channels or channels[0].name != _TIME.name:
+        raise StorageError(f"{path}: the first column must be 'time'")
+    columns = np.column_stack([as_array(column) for column in table.columns])
+    return columns, tuple(channels[1:]), header["provenance"]
+
+
+def as_array(column: "pa.ChunkedArray") -> np.ndarray:
+    """Return a column without nulls, (n_time,), read-only.
+
+    Arrow's own `to_numpy` imports pandas where there is one, which takes a fifth of a second.
+    """
+    return np.from_dlpack(column.combine_chunks())
+
+
+def read_table(path: Path, data: bytes) -> "pa.Table":
+    """Return the table that the bytes of a Parquet file hold, by any program.
+
+    It is decoded on the calling thread. A worker of Arrow lets go of `data`, a Python object,
+    only some time after the read has returned; when the interpreter has ended by then, CPython
+    ends the worker in the middle of a destructor, and the process aborts.
+
+    Raises:
+        StorageError: not Parquet, truncated, corrupt or too large.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(
+            pa.BufferReader(data), page_checksum_verification=True, pre_buffer=False
+        ) as file:
+            found = file.metadata
+            if found.num_rows * max(found.num_columns, 1) > _MAX_NUMBERS:
+                raise StorageError(
+                    f"{path}: {found.num_rows} rows of {found.num_columns} columns, and at most "
+                    f"{_MAX_NUMBERS} numbers are read; cut it"
+                )
+            return file.read(use_threads=False)
+    except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise StorageError(f"{path}: not Parquet, truncated or corrupt: {reason}") from None

@@ -7,8 +7,8 @@ import numpy as np
 
 from helisim import ident
 from helisim.base.errors import DivergedError, InputError
-from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import AXES
+from helisim.records.provenance import one_blas_thread
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record
 from helisim.sim import Doublet, Flight, FlightPlan, Recorder, Sweep, fly_all

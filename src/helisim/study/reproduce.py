@@ -7,8 +7,7 @@ from pathlib import Path
 
 from helisim.base.errors import InputError
 from helisim.base.files import make_folder, write_json
-from helisim.ident.responses.threads import one_blas_thread
-from helisim.records.provenance import versions
+from helisim.records.provenance import one_blas_thread, versions
 from helisim.sim import Recorder
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.sim.simulation import thread_count

@@ -20,8 +20,8 @@ from helisim.handling.measured.interval import Interval, intervals
 from helisim.handling.measured.latency import latencies
 from helisim.handling.measured.loop import DRAWS, MeasuredCurves, MeasuredLoop
 from helisim.ident import CrossControlWarning, RecordQualityWarning
-from helisim.ident.responses.threads import one_blas_thread
 from helisim.records.channels import IN1, IN2
+from helisim.records.provenance import one_blas_thread
 from helisim.records.record import FlightRecord
 
 _HELD = 0.1

@@ -17,8 +17,7 @@ from helisim.ident.fitting.result import Fit
 from helisim.ident.fitting.search import Minimum, refine, search
 from helisim.ident.model.structure import Structure
 from helisim.ident.responses.response import FrequencyResponse
-from helisim.ident.responses.threads import one_blas_thread
-from helisim.records.provenance import plain
+from helisim.records.provenance import one_blas_thread, plain
 
 _AT_BOUND = 1e-6
 """A parameter is at a bound when it is this fraction of the interval away from it."""

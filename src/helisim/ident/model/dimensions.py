@@ -9,9 +9,9 @@ import ast
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
-from helisim.base.user_units import CONTROL, Powers, parts
+from helisim.base.user_units import Powers
 from helisim.ident.model.structure import Structure
-from helisim.records.channels import CHANNELS
+from helisim.records.channels import CHANNELS, signal_powers
 
 Known = dict[str, dict[str, Fraction]]
 """Parameter, state or row -> powers of its unit's parts."""
@@ -50,14 +50,6 @@ def dimensions(structure: Structure, signals: Mapping[str, str]) -> dict[str, Po
         if powers is not None and whole and f"parameter {name}" not in wrong:
             found[name] = {part: int(power) for part, power in powers.items() if power}
     return found
-
-
-def signal_powers(name: str, unit: str, *, is_input: bool) -> Powers | None:
-    """Return the powers of a channel's unit; None where it isn't known."""
-    standard = CHANNELS.get(name)
-    powers = parts(unit or (standard.unit if standard else ""))
-    control = is_input or (standard is not None and standard.kind in ("IN1", "IN2", "SERVO"))
-    return {CONTROL: 1} if powers == {} and control else powers
 
 
 def _signals(structure: Structure, units: Mapping[str, str]) -> Known:

@@ -15,8 +15,8 @@ from helisim.ident.responses.local import Local
 from helisim.ident.responses.record_checks import quality_flags, refuse_truncated
 from helisim.ident.responses.response import FrequencyResponse
 from helisim.ident.responses.seen import flight_span, record_digest
-from helisim.ident.responses.threads import one_blas_thread
 from helisim.ident.responses.windows import Windows, chosen_windows
+from helisim.records.provenance import one_blas_thread
 from helisim.records.record import FlightRecord
 
 POINTS_PER_DECADE = 80

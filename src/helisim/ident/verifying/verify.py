@@ -18,7 +18,6 @@ from helisim.ident.model.evaluate import matrices, proper_part
 from helisim.ident.model.simulation import delayed, simulate
 from helisim.ident.responses.record_checks import refuse_truncated
 from helisim.ident.responses.seen import record_digest, share_seen
-from helisim.ident.responses.threads import one_blas_thread
 from helisim.ident.verifying.segments import FREE_DECADES, INTEGRATES, ahead_of_time, in_segments
 from helisim.ident.verifying.verification import (
     Approach,
@@ -28,6 +27,7 @@ from helisim.ident.verifying.verification import (
     root_mean_square,
     theil,
 )
+from helisim.records.provenance import one_blas_thread
 from helisim.records.record import FlightRecord
 
 _SHARED = 0.25

@@ -18,9 +18,8 @@ import pyarrow.parquet as pq
 
 from helisim.base.errors import InputError, StorageError
 from helisim.base.files import atomic_write, make_folder, parse_object, read_bytes
-from helisim.records.header import one_line
-from helisim.records.parquet import read_table
-from helisim.records.provenance import difference, made_by, plain
+from helisim.records.provenance import difference, made_by, one_line, plain
+from helisim.records.storage import read_table
 from helisim.study.campaign.plan import Campaign, Replicate
 from helisim.study.campaign.replicate import ReplicateRow
 from helisim.study.campaign.variation import Levels, Variation
