@@ -24,7 +24,7 @@ _HOMES = {
     "law": ("Law", "law_of", "read_law", "register"),
     "probe": ("probed",),
     "rate_command": ("CollectiveAxis", "RateAxis", "RateCommand", "YawRateAxis"),
-    "sampled_law": ("LinearLaw", "SampledLaw"),
+    "helisim.handling.sampled_law": ("LinearLaw", "SampledLaw"),
     "state_space": ("StateSpaceLaw",),
     "tables": ("TabledLaw",),
 }
@@ -59,4 +59,5 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _HOME_OF:
         raise AttributeError(f"module 'helisim.design.laws' has no attribute {name!r}")
-    return getattr(import_module(f"helisim.design.laws.{_HOME_OF[name]}"), name)
+    home = _HOME_OF[name]
+    return getattr(import_module(home if "." in home else f"{__name__}.{home}"), name)

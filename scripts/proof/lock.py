@@ -1,0 +1,519 @@
+"""Lock what helisim does: compare its behaviour with that of a version before, to the last bit.
+
+python scripts/proof/lock.py check [GROUP ...] [--fast]  print each difference, status 1 if any
+python scripts/proof/lock.py show GROUP NAME ...         print a value whole, to compare by eye
+python scripts/proof/lock.py accept GROUP NAME ...       rewrite the entries of a reviewed change
+python scripts/proof/lock.py take [GROUP ...]            rewrite all of a group
+
+Only public names and the command line are used. What is locked is in `lock.json` beside this file.
+"""
+
+import argparse
+import dataclasses
+import hashlib
+import inspect
+import json
+import math
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+import helisim as hs
+
+FILE = Path(__file__).with_suffix(".json")
+_UNSTABLE = ("versions", "made_by", "traceback", "source")
+Case = Callable[[], Any]
+
+
+def digest(*parts: Any) -> str:
+    """Return a digest of arrays, by their bytes, and of plain data, by its JSON."""
+    total = hashlib.sha256()
+    for part in parts:
+        array = isinstance(part, np.ndarray) and part.dtype != object
+        text = part if array else json.dumps(plain(part), sort_keys=True)
+        total.update(np.ascontiguousarray(part).tobytes() if array else text.encode())
+    return total.hexdigest()[:16]
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON data; floats keep every bit, an array is its digest."""
+    match value:
+        case hs.FlightRecord():
+            end = {"ended": value.ended} if value.ended else {}
+            return {
+                "data": digest(
+                    value.time, value.values, [(c.name, c.unit) for c in value.channels]
+                ),
+                "samples": len(value),
+                "plan": digest(plan_of(value)),
+            } | end
+        case np.ndarray() if value.dtype != object and value.size > 12:
+            return digest(value)
+        case np.ndarray() | np.generic():
+            return plain(value.tolist())
+        case complex():
+            return [value.real, value.imag]
+        case float() if not math.isfinite(value):
+            return str(value)
+        case Mapping():
+            return {str(name): plain(one) for name, one in value.items()}
+        case list() | tuple():
+            return [plain(one) for one in value]
+        case str() | bool() | int() | float() | None:
+            return value
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+        return {name: plain(getattr(value, name)) for name in names}
+    return re.sub(r" at 0x[0-9a-f]+", "", repr(value))
+
+
+def plan_of(record: hs.FlightRecord) -> dict[str, Any]:
+    """Return what a record's provenance says of its flight, without versions, paths, modules."""
+    facts = {name: one for name, one in record.provenance.items() if name not in _UNSTABLE}
+    return json.loads(re.sub(r"\bhelisim(\.\w+)+:", "", json.dumps(facts)))
+
+
+# records
+
+
+@cache
+def vehicle(name: str, **options: Any) -> Any:
+    """Return a vehicle; `motor` and `inflow` are short for its parameters."""
+    short = {
+        "motor": ("drive.governor", "motor"),
+        "inflow": ("main_rotor.inflow", "pitt-peters"),
+    }
+    parameters = dict(short[one] for one in options if one in short)
+    rest = {one: value for one, value in options.items() if one not in short}
+    return hs.load(name, parameters=parameters or None, **rest)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LockedBump(hs.Excitation):
+    """A manoeuvre of one's own."""
+
+    duration: float = 4.0
+    amplitude: float | None = None
+    width: float = 0.5
+    left_open: ClassVar = ("amplitude",)
+
+    def wave(self, time: Any) -> Any:
+        """Return a bell."""
+        return self.amplitude * np.exp(-(((time - 1.5) / self.width) ** 2))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LockedSquare(hs.Mission):
+    """A mission of one's own."""
+
+    duration: float = 5.0
+    side: float = 1.0
+
+    def fly(self, pilot: Any) -> Iterator[None]:
+        """Fly a corner."""
+        pilot.say("go")
+        yield from pilot.go(self.side, 0.0, speed=3.0)
+        yield from pilot.turn(0.5)
+
+
+def yaw(seen: Any, state: Any, settings: Any) -> float:
+    """Return the tail's command."""
+    error = 2.68 * seen.PED - 0.2941 * seen.r
+    state[0] += settings[2] * error
+    return settings[0] * error + settings[1] * state[0]
+
+
+def damper(seen: Any, state: Any) -> Any:
+    """Return the commands of all four servos."""
+    lat = 0.3 * seen.LAT - 0.05 * seen.p - 0.3 * seen.phi
+    lon = 0.3 * seen.LON - 0.05 * seen.q - 0.3 * seen.theta
+    state[0] += 0.01 * (seen.PED - 0.1 * seen.r)
+    left, right = 0.866 * lat - 0.5 * lon, -0.866 * lat - 0.5 * lon
+    return seen.COL + lon, seen.COL + left, seen.COL + right, seen.PED - 0.2 * seen.r + state[0]
+
+
+_GAINS = ("stick", "frequency", "k_angle", "k_rate", "k_integral")
+HOLD: dict[str, Any] = {
+    "kind": "attitude_command",
+    "version": 1,
+    "phase": 0.365,
+    "delay": 0.002,
+    "lat": dict(zip(_GAINS, (0.6, 6.0, 0.6, 0.05, 0.3))),
+    "lon": dict(zip(_GAINS, (0.6, 6.0, 1.0, 0.1, 0.3))) | {"ff_rate": 0.1},
+    "ped": dict(zip(_GAINS, (3.0, 8.0, 1.0, 0.2, 0.5))),
+}
+HOLD["lat"]["filters"] = [
+    {"kind": "lead", "zero": 12.0, "pole": 140.0},
+    {"kind": "notch", "frequency": 60.0, "damping": 0.5, "depth": 0.1},
+]
+
+
+def state_space() -> hs.StateSpaceLaw:
+    """Return a law of matrices."""
+    return hs.StateSpaceLaw(
+        period=0.002,
+        inputs=("p", "q", "r", "COL", "LON", "LAT", "PED"),
+        a=np.eye(1),
+        b=np.array([[0.0, 0.0, -0.0002, 0.0, 0.0, 0.0, 0.002]]),
+        c=np.array([[0.0], [0.0], [0.0], [8.0]]),
+        d=np.array(
+            [
+                [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+                [0.0, -0.05, 0.0, 0.0, 0.3, 0.0, 0.0],
+                [-0.05, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0],
+                [0.0, 0.0, -0.1, 0.0, 0.0, 0.0, 1.0],
+            ]
+        ),
+        start=np.array([[0.0, 0.0, 0.0, 0.125]]),
+    )
+
+
+def controllers() -> dict[str, Case]:
+    """Return what may fly in the gyro's place."""
+
+    def compiled(function: Any) -> Any:
+        import numba
+
+        return numba.njit(function)
+
+    return {
+        "python": lambda: hs.Controller(tail=yaw, states=1, settings=[0.5, 10.0, 0.002]),
+        "compiled": lambda: hs.Controller(compiled(damper), name="damper"),
+        "function": lambda: damper,
+        "attitude": lambda: hs.law_of(HOLD),
+        "rate": lambda: hs.RateCommand.of(vehicle("jr700")),
+        "state_space": state_space,
+        "none": lambda: None,
+    }
+
+
+def flown(name: str, plan: Any, *, seed: int = 3, options: Any = (), **more: Any) -> Any:
+    """Return the record of a flight of a plan, an excitation or a mission."""
+    one = vehicle(name, **dict.fromkeys(options, True)) if isinstance(name, str) else name
+    return hs.fly(one, plan, seed=seed, jobs=1, keep_ended=True, **more)[0]
+
+
+def by_hand(assist: str) -> Any:
+    """Return what a hand of numbers flies, recorded."""
+    flight = hs.HandFlight(vehicle("jr700"), assist=assist, weather=hs.Weather(turbulence="light"))
+    flight.start_recording()
+    flight.fly(1.5, lon=-0.3)
+    flight.fly(1.0, ped=0.2, lat=0.1, col=0.1)
+    return flight.stop_recording(), flight.motion, flight.clearance
+
+
+def environment(kind: str, count: int = 0, **settings: Any) -> Any:
+    """Return observations and rewards of seeded actions, of one helicopter or of several."""
+    import helisim.gym as gym
+
+    task = gym.Hover() if kind == "hover" else gym.Track()
+    rng = np.random.default_rng(5)
+    made = (
+        gym.HelicopterVectorEnv(count, task=task, max_episode_steps=40, **settings)
+        if count
+        else None
+    )
+    env = made or gym.HelicopterEnv(task=task, **settings)
+    out = [env.reset(seed=4)[0]]
+    for _ in range(60):
+        seen, reward, over, cut, _ = env.step(
+            rng.uniform(-0.3, 0.3, (*((count,) if count else ()), 4))
+        )
+        out += [seen, np.asarray(reward), np.asarray(over), np.asarray(cut)]
+        if not count and over:
+            break
+    env.close()
+    return len(out), digest(*out)
+
+
+def frames(tail: str, **options: Any) -> Any:
+    """Return what an outside autopilot of constant outputs would be told, and the record."""
+    from helisim import sitl
+
+    aircraft, told = sitl.Aircraft("jr700", tail=tail, recorded=True, **options), []
+    with aircraft:
+        for n in range(900):
+            pulses = [1500 + min(n // 3, 90), 1500, 1480, 1520, 0, 0, 0, 1000 + min(2 * n, 700)]
+            told.append(aircraft.step(pulses))
+    record = aircraft.record()
+    return record, digest(*(getattr(one, name) for one in told[::50] for name in _SENSED))
+
+
+_SENSED = ("gyro", "force", "position", "velocity", "quaternion", "wind")
+
+
+def records() -> dict[str, Case]:
+    """Return short flights of every kind."""
+    jr = partial(partial, flown, "jr700")
+    calm = hs.Pilot(remnant=0.0)
+    doublet = hs.Doublet(axis="lat", duration=4.0, trim_time=0.5)
+    table = "time,LAT,PED\n0,0,0\n1,0.03,0\n2,0,0.01\n3,0,0\n"
+    samples = np.array([[0.0, 0.0], [1.0, 0.02], [2.0, 0.0]])
+
+    def plan(**parts: Any) -> hs.FlightPlan:
+        return hs.FlightPlan(**{"excitation": doublet, **parts})
+
+    def history() -> Any:
+        import tempfile
+
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "steps.csv")
+            path.write_text(table, encoding="utf-8")
+            return flown("jr700", hs.History.read(path, method="cubic"))
+
+    cases: dict[str, Case] = {}
+    for name in ("jr700", "lynx", "blade360"):
+        for axis in ("col", "lon", "lat", "ped"):
+            sweep = hs.Sweep(axis=axis, duration=5.0, trim_time=1.0)
+            cases[f"{name} sweep {axis}"] = partial(flown, name, sweep)
+    short = {"axis": "ped", "duration": 3.0, "trim_time": 0.5}
+    kinds = {
+        "step": hs.Step(**short),
+        "doublet": doublet,
+        "pulse": hs.Pulse(**short, amplitude=0.02),
+        "3211": hs.ThreeTwoOneOne(**short | {"duration": 5.0}),
+        "chirp": hs.Chirp(**short, band=(2.0, 20.0), fade=0.4),
+        "chirp linear": hs.Chirp(**short, band=(2.0, 20.0), fade=0.4, spacing="linear"),
+        "chirp exponential": hs.Chirp(**short, band=(2.0, 20.0), fade=0.4, spacing="exponential"),
+        "multisine": hs.Multisine(period=4.0, duration=5.0, trim_time=0.5),
+        "multisine schroeder": hs.Multisine(
+            **{"axis": "lat+ped", "period": 4.0, "duration": 5.0, "trim_time": 0.5},
+            **{"band": (2.0, 20.0), "amplitude": 0.02, "phases": "schroeder", "slope": 1.0},
+        ),
+        "manoeuvre": hs.Manoeuvre(lambda t: 0.02 * math.sin(t * t), axis="lat", duration=3.0),
+        "function": lambda t: (0.0, 0.0, 0.02 if 1 < t < 2 else 0.0, 0.0),
+        "sequence": hs.Sequence(parts=(doublet, hs.Pulse(**short)), pause=0.5),
+        "together": hs.Together(parts=(doublet, hs.Step(**short))),
+        "own": LockedBump(axis="lat"),
+        "history": hs.History.of(samples[:, 0], samples[:, 1:], axis="lat", method="hold"),
+    }
+    cases |= {f"kind {name}": jr(one) for name, one in kinds.items()}
+    cases["kind history file"] = history
+    places = {
+        "servos": "ped", "actuators": "lat+lon", "servos front": "front", "actuators tail": "tail",
+        "sensors": "p+r", "sensors attitude": "phi",
+    }  # fmt: skip
+    for name, axis in places.items():
+        chirp = hs.Multisine(
+            **{"axis": axis, "at": name.split()[0], "amplitude": 0.02, "band": (2.0, 30.0)},
+            **{"period": 2.0, "duration": 3.0, "trim_time": 0.5},
+        )
+        law = {"controller": hs.law_of(HOLD)} if "attitude" in name else {}
+        cases[f"at {name}"] = jr(plan(excitation=chirp, pilot=calm), **law)
+    faults = {
+        "stuck": hs.ServoStuck(servo="servo_tail", at=1.0),
+        "stuck at": hs.ServoStuck(servo="servo_front", at=1.0, position=0.1),
+        "weak": hs.ServoWeak(servo="servo_left", at=1.0, rate_limit=1.0, travel=0.3),
+        "restart": hs.GyroRestart(at=1.0, lasts=0.2, output="held"),
+        "restart neutral": hs.GyroRestart(at=1.0, lasts=0.2),
+        "dropout": hs.GyroDropout(at=1.0, lasts=0.4),
+        "dropout held": hs.GyroDropout(at=1.0, lasts=0.4, rates="r", reads="held"),
+        "sensor": hs.SensorDropout(channels="p", at=1.0, lasts=0.5),
+        "spikes": hs.SensorSpikes(channels=("p", "q"), size=1.0, per_minute=120.0),
+        "loss": hs.SampleLoss(share=0.05, burst=2),
+        "gap": hs.RecordGap(at=1.0, lasts=0.3),
+        "drift": hs.ClockDrift(ppm=50.0),
+    }
+    cases |= {f"fault {name}": jr(plan(faults=(one,))) for name, one in faults.items()}
+    gust = hs.Gust(north=-4.0, east=2.0, start=1.0, rise=0.3, hold=0.5)
+    air = {
+        "wind": hs.Weather(wind=5.0, wind_from=0.7),
+        "turbulence": hs.Weather(turbulence="moderate"),
+        "turbulence wind": hs.Weather(wind=3.0, turbulence=4.0, height=30.0),
+        "rms": hs.Weather(rms=(0.5, 0.4, 0.3), drift=5.0),
+        "gust": hs.Weather(gust=gust),
+    }
+    cases |= {f"weather {name}": jr(plan(weather=one)) for name, one in air.items()}
+    deck = hs.Deck(
+        **{"length": 8.0, "heave": hs.Swing(amplitude=0.3, period=6.0)},
+        **{"roll": hs.Swing(amplitude=0.05), "surge": hs.Swing(amplitude=0.2, phase=1.0)},
+    )
+    low = hs.Weather(height=2.0)
+    grounds = {
+        "level": hs.Ground(),
+        "slope": hs.Ground(slope=0.1, uphill=1.57, friction=0.3, parked=True),
+        "deck": hs.Ground(deck=deck),
+        "deck parked": hs.Ground(deck=deck, parked=True),
+    }
+    cases |= {f"ground {name}": jr(plan(ground=one, weather=low)) for name, one in grounds.items()}
+    spin = plan(ground=hs.Ground(parked=True, rotor=0.0), weather=low)
+    cases["ground spin up"] = jr(spin, options=("motor",))
+    where = {
+        "forward": hs.missions.Forward(duration=5.0, speed=4.0, cruise=0.5),
+        "pirouette": hs.missions.Pirouette(duration=5.0, turns=0.5),
+        "take off": hs.missions.TakeOffHoverLand(duration=10.0, height=1.5, hover=0.5),
+        "autorotation": hs.missions.Autorotation(duration=14.0, height=60.0, speed=10.0),
+        "own": LockedSquare(side=2.0),
+    }
+    cases |= {f"mission {name}": jr(one) for name, one in where.items()}
+    both = hs.FlightPlan(mission=where["forward"], excitation=doublet)
+    cases["mission swept"] = jr(both)
+    cases |= {
+        f"law {name}": lambda made=made: flown("jr700", doublet, controller=made())
+        for name, made in controllers().items()
+    }
+    recorder = hs.Recorder(
+        **{"rate_hz": 50.0, "antialias_hz": 20.0, "rotor": True, "lever_arm_corrected": False},
+        **{"noise": {"p": 0.01}, "resolution": {"q": 0.001}},
+    )
+    cases |= {
+        "recorder": jr(plan(recorder=recorder)),
+        "envelope": jr(plan(envelope=hs.FlightEnvelope(tilt=0.09))),
+        "calm": jr(plan(pilot=calm)),
+        "motor": jr(doublet, options=("motor",)),
+        "inflow": jr(doublet, options=("inflow",)),
+        "blade360 motor inflow": partial(flown, "blade360", doublet, options=("motor", "inflow")),
+        "euler": lambda: flown(vehicle("jr700", integrator="Euler"), doublet),
+        "timestep": lambda: flown(vehicle("jr700", timestep=0.001), doublet),
+        "lynx euler": lambda: flown(vehicle("lynx", integrator="Euler"), doublet),
+        "two": lambda: list(hs.fly_each(vehicle("jr700"), doublet, [2, 0], seed=9, jobs=1)),
+        "hand hover": partial(by_hand, "hover"),
+        "hand level": partial(by_hand, "level"),
+        "gym hover": partial(environment, "hover"),
+        "gym track servos": partial(environment, "track", action="servos", integrator="RK4"),
+        "gym vector": lambda: environment(
+            "track", 3, spread=_gym().USUAL,
+            weather=_gym().WeatherRange(wind=4.0, turbulence=6.0, gust=3.0),
+        ),
+        "sitl direct": partial(frames, "direct"),
+        "sitl gyro": partial(frames, "gyro", motor=False, weather=hs.Weather(turbulence="light")),
+    }  # fmt: skip
+    return cases
+
+
+def _gym() -> Any:
+    import helisim.gym as gym
+
+    return gym
+
+
+# names
+
+
+def signature(value: Any) -> str:
+    """Return names, kinds and defaults of what a function or class takes; types may change."""
+    try:
+        found = inspect.signature(value)
+    except (TypeError, ValueError):
+        return ""
+    bare = [one.replace(annotation=one.empty) for one in found.parameters.values()]
+    text = str(found.replace(parameters=bare, return_annotation=found.empty))
+    return re.sub(r" at 0x[0-9a-f]+|\b(?:[a-z_]\w*\.)+(?=\w)", "", text)
+
+
+def public(value: Any) -> list[str]:
+    """Return the public members of a class."""
+    return [name for name in dir(value) if not name.startswith("_")]
+
+
+def names() -> dict[str, Case]:
+    """Return every public name: signature, fields and members."""
+    cases: dict[str, Case] = {"__all__": lambda: sorted(hs.__all__)}
+    spaces = {"": hs, "gym.": _gym(), **{f"{n}.": getattr(hs, n) for n in _MODULES}}
+    for space, module in spaces.items():
+        listed = module.__all__
+        if space:
+            cases[space + "__all__"] = lambda listed=listed: sorted(listed)
+        for name in listed:
+            try:
+                value = getattr(module, name)
+            except Exception as error:
+                cases[space + name] = partial("{}: {}".format, type(error).__name__, error)
+                continue
+            if not callable(value):
+                continue
+            cases[space + name] = partial(signature, value)
+            if dataclasses.is_dataclass(value):
+                shown = [one.name for one in dataclasses.fields(value) if one.name[0] != "_"]
+                cases[f"{space}{name} fields"] = lambda shown=shown: shown
+            if inspect.isclass(value) and not space:
+                cases[f"{space}{name} members"] = partial(public, value)
+    return cases
+
+
+_MODULES = ("blocks", "criteria", "laws", "missions", "structures", "sitl")
+
+
+# all
+
+
+GROUPS: dict[str, Callable[[], dict[str, Case]]] = {"records": records, "names": names}
+EXACT = {"linear": 1e-12, "ident": 1e-9}
+"""Relative tolerance of the groups whose numbers are written; an optimiser ends in `ident`."""
+FAST: dict[str, Callable[[str], bool]] = {}
+
+
+def differences(found: Any, kept: Any, near: float, where: str = "") -> Iterator[str]:
+    """Yield each difference between two pieces of plain data."""
+    if isinstance(found, dict) and isinstance(kept, dict):
+        for name in sorted({*found, *kept}):
+            inner = f"{where}.{name}" if where else name
+            yield from differences(found.get(name), kept.get(name), near, inner)
+    elif isinstance(found, list) and isinstance(kept, list) and len(found) == len(kept):
+        for n, pair in enumerate(zip(found, kept)):
+            yield from differences(*pair, near, f"{where}[{n}]")
+    elif found != kept:
+        numbers = all(type(one) in (int, float) for one in (found, kept))
+        if not (numbers and math.isclose(found, kept, rel_tol=near, abs_tol=near * 1e-3)):
+            yield f"{where}: {found!r}, locked {kept!r}"
+
+
+def value(group: str, case: Case) -> Any:
+    """Return the value of a case as JSON data, an error as its text."""
+    try:
+        return json.loads(json.dumps(plain(case())))
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def main() -> int:
+    """Run one sub-command."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("what", choices=("check", "take", "accept", "show"))
+    parser.add_argument("words", nargs="*", help="groups; or a group and names in it")
+    parser.add_argument("--fast", action="store_true", help="a part of each group")
+    options = parser.parse_args()
+    kept = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+    one = options.what in ("accept", "show")
+    groups = options.words[:1] if one else options.words or list(GROUPS)
+    only, wrong = options.words[1:] if one else None, 0
+    for group in groups:
+        locked, cases = kept.setdefault(group, {}), GROUPS[group]()
+        if options.fast and group in FAST:
+            cases = {name: case for name, case in cases.items() if FAST[group](name)}
+        if options.what == "take":
+            locked.clear()
+        for name in only or cases:
+            if options.what == "show":
+                raw = cases[name]()
+                print(
+                    json.dumps(plan_of(raw), indent=1) if isinstance(raw, hs.FlightRecord) else raw
+                )
+                continue
+            found = value(group, cases[name])
+            if options.what != "check":
+                locked[name] = found
+                continue
+            for text in differences(found, locked.get(name), EXACT.get(group, 0.0)):
+                print(f"{group}: {name}: {text}")
+                wrong += 1
+        gone = set(locked) - set(cases) if options.what == "check" and not options.fast else ()
+        for name in sorted(gone):
+            print(f"{group}: {name}: no such case any more")
+            wrong += 1
+        print(f"{group}: {len(only or cases)} cases, {wrong} differences so far", flush=True)
+    if options.what in ("take", "accept"):
+        text = json.dumps(kept, indent=1, ensure_ascii=False)
+        FILE.write_text(text + "\n", encoding="utf-8")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
