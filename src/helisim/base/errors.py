@@ -1,6 +1,10 @@
 """Exceptions: one base, one subclass for each cause.
 
-A message says what was received, what was expected, which names exist, and what to do.
+A message says what was received, what was expected, which names exist, and what to do; it has at
+most 500 characters, none of them a control character. Options of the command line aren't in it:
+an error names what mends it, and the command line words that, here as "(--windows, --repair gaps)":
+
+    raise IdentificationError("the record is too short", remedy="windows,repair=gaps")
 """
 
 from collections.abc import Iterable
@@ -8,8 +12,15 @@ from difflib import SequenceMatcher
 from functools import partial
 from typing import Any
 
+from helisim.base.note import Option, Remedy, options
+from helisim.base.text import shown
+
+_LONGEST = 500
+"""Characters of a message, of logs' of a line."""
 _MOST_LISTED = 30
-"""Names in a message; of more, only those alike and their number."""
+"""Names in a message; of more, or of longer ones, only those alike and their number."""
+_LONGEST_LIST = 300
+"""Characters of the names in a message."""
 _ALIKE = 0.6
 """Likeness from which on a name may have been meant; difflib's own default."""
 _CLOSE_TO_BEST = 0.1
@@ -17,7 +28,21 @@ _CLOSE_TO_BEST = 0.1
 
 
 class HelisimError(Exception):
-    """Base of every error that helisim raises on purpose."""
+    """Base of every error that helisim raises on purpose.
+
+    Attributes:
+        remedy: settings that mend it, by their names in Python, with values worth a try.
+    """
+
+    def __init__(self, *arguments: object, remedy: Remedy = ()) -> None:
+        super().__init__(*arguments)
+        self.remedy: tuple[Option, ...] = options(remedy)
+
+    def __str__(self) -> str:
+        lines = super().__str__().splitlines()
+        if not isinstance(self, LogError):
+            return shown(" ".join(lines), _LONGEST)
+        return "\n".join(shown(one, _LONGEST) for one in lines)
 
 
 class InputError(HelisimError, ValueError):
@@ -35,29 +60,37 @@ class UnknownNameError(InputError):
     """
 
     def __init__(
-        self, what: str, received: object, available: Iterable[str], *, advice: str = ""
+        self,
+        what: str,
+        received: object,
+        available: Iterable[str],
+        *,
+        advice: str = "",
+        remedy: Remedy = (),
     ) -> None:
         self.available = tuple(available)
-        said = f"unknown {what} {received!r}"
-        alike = " or ".join(similar(str(received), self.available))
+        said = f"unknown {what} {shown(repr(received))}"
+        alike = " or ".join(shown(one) for one in similar(str(received)[:200], self.available))
         meant = f"did you mean {alike}?" if alike else ""
         if not self.available:
             listed = "there is none"
-        elif len(self.available) <= _MOST_LISTED:
+        elif not self.unlisted:
             listed = f"available: {', '.join(self.available)}"
         else:
             listed = f"there are {len(self.available)}"
-        super().__init__("; ".join(filter(None, (said, listed, meant, advice))))
+        super().__init__("; ".join(filter(None, (said, listed, meant, advice))), remedy=remedy)
         self._arguments, self._advice = (what, received, self.available), advice
 
     def __reduce__(self) -> tuple[Any, ...]:
         made = partial(UnknownNameError, advice=self._advice)
-        return made, self._arguments, {"args": self.args}  # with words put before the message
+        state = {"args": self.args, "remedy": self.remedy}  # with words put before the message
+        return made, self._arguments, state
 
     @property
     def unlisted(self) -> tuple[str, ...]:
         """All names that exist, where the message doesn't list them."""
-        return self.available if len(self.available) > _MOST_LISTED else ()
+        long = len(self.available) > 1 and len(", ".join(self.available)) > _LONGEST_LIST
+        return self.available if long or len(self.available) > _MOST_LISTED else ()
 
 
 def similar(name: str, available: Iterable[str]) -> list[str]:

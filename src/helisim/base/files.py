@@ -3,10 +3,11 @@
 import json
 import os
 import re
-import secrets
+import time
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from itertools import count
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,12 @@ _TOML_BYTES = 1 << 20
 
 _STEM_KEPT = 40
 """Characters of a file's name in its temporary's, whose name may have 255 bytes."""
+
+_STALE = 2.0
+"""s, for which a temporary file is untouched that a killed process, perhaps elsewhere, left."""
+
+_COUNT = count()
+"""Of the files that this process writes, so that two at a time have different names."""
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -177,7 +184,7 @@ def atomic_write(path: str | PathLike[str], *, keep: bool = True) -> Iterator[Pa
 
     When the block raises, or `keep` is false, `path` stays as it was and the temporary file
     is removed. When the process is killed, `path` stays as it was too, and a temporary file
-    whose name begins with a dot is left beside it.
+    whose name begins with a dot is left beside it, which the next write of `path` removes.
 
     Raises:
         StorageError: the folder doesn't exist or can't be written, `path` is not a regular
@@ -189,18 +196,47 @@ def atomic_write(path: str | PathLike[str], *, keep: bool = True) -> Iterator[Pa
     except (OSError, ValueError) as error:
         raise StorageError(f"{path}: can't write it: {_reason(error)}") from None
     stem = target.stem[:_STEM_KEPT]
-    temporary = target.with_name(f".{stem}.{secrets.token_hex(4)}.tmp{target.suffix}")
+    temporary = target.with_name(
+        f".{stem}.{os.getpid():06x}{next(_COUNT) % 256:02x}.tmp{target.suffix}"
+    )
     try:
         yield temporary
         if keep:
             _sync(temporary)
             os.replace(temporary, target)
+            _remove_stale(target, stem)
             _sync(target.parent)
     except OSError as error:
         raise StorageError(f"{path}: can't write it: {_reason(error)}") from error
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def _remove_stale(target: Path, stem: str) -> None:
+    """Remove temporary files of the same target that processes which were killed have left."""
+    left = re.compile(
+        rf"\.{re.escape(stem)}\.([0-9a-f]{{6,}})[0-9a-f]{{2}}\.tmp{re.escape(target.suffix)}"
+    )
+    for one in target.parent.iterdir():
+        match = left.fullmatch(one.name)
+        if match and not _is_alive(int(match[1], 16)):
+            with suppress(OSError):
+                if time.time() - one.stat().st_mtime > _STALE:
+                    one.unlink()
+
+
+def _is_alive(process: int) -> bool:
+    """Return whether a process of this machine runs; True where it can't be told."""
+    if os.name == "nt":
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def _target(path: Path) -> Path:

@@ -17,6 +17,7 @@ from pkgutil import iter_modules
 
 from helisim import __version__
 from helisim.base.errors import DivergedError, HelisimError, LogError, UnknownNameError
+from helisim.base.note import Option
 from helisim.cli.bands import joined
 from helisim.cli.common import Parser, single_line
 
@@ -64,7 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return status
     except HelisimError as error:
         unlisted = error.unlisted if isinstance(error, UnknownNameError | LogError) else ()
-        hint = "; --names lists them" if unlisted and not options.names else ""
+        hint = worded(error.remedy)
+        hint += "; --names lists them" if unlisted and not options.names else ""
         print(f"helisim {options.command}: {_lines(error)}{hint}", file=sys.stderr)
         if options.names:
             print(*unlisted, sep="\n", end="\n" if unlisted else "", file=sys.stderr)
@@ -79,6 +81,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # as `helisim ... | head` ends; what is still to be printed goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+
+
+def worded(remedy: Sequence[Option]) -> str:
+    """Return what mends something as options of the command line, " (--windows, --repair gaps)"."""
+    said = [f"--{one.name.replace('_', '-')} {one.value}".strip() for one in remedy]
+    return f" ({', '.join(said)})" if said else ""
 
 
 def _lines(error: HelisimError) -> str:
