@@ -392,6 +392,203 @@ def _gym() -> Any:
     return gym
 
 
+# linear
+
+
+def sketch(values: Any) -> list[float]:
+    """Return a few numbers that change with any of an array."""
+    flat = np.ravel(np.asarray(values))
+    parts = (flat.real, flat.imag) if np.iscomplexobj(flat) else (flat,)
+    wave = 1.0 + 0.5 * np.cos(np.arange(flat.size))
+    return [float(part @ wave) for part in parts] + [float(np.abs(flat).sum()), flat.size]
+
+
+def system(found: Any) -> dict[str, Any]:
+    """Return names, poles and responses of a python-control StateSpace."""
+    a, b, c, d = (np.asarray(getattr(found, name)) for name in "ABCD")
+    points = [np.exp(1j * w * found.dt) if found.dt else 1j * w for w in (0.5, 5.0, 50.0)]
+    here = [c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d for s in points]
+    labels = {name: list(getattr(found, f"{name}_labels")) for name in ("state", "input", "output")}
+    return labels | {"dt": found.dt, "response": [sketch(row) for one in here for row in one]}
+
+
+def linear() -> dict[str, Case]:
+    """Return exact linear models, trims, loops and margins."""
+
+    def base(name: str, *options: str) -> Any:
+        one = vehicle(name, **dict.fromkeys(options, True))
+        first, second = one.linearize("IN1"), one.linearize("IN2")
+        matrices = {m: np.asarray(getattr(first.system, m)).tolist() for m in "AB"}
+        return {
+            **{"IN1": system(first.system) | matrices, "IN2": system(second.system)},
+            **{"delays": [dict(first.delays), dict(second.delays)], "trim": one.trim},
+            **{"derivatives": one.derivatives, "power": [one.power, one.main_power]},
+            **{"servo delays": [one.servo_delay(axis) for axis in ("lat", "ped")]},
+            **{"imu": one.imu_offset, "digest": one.digest},
+            "loops": {axis: system(one.loop(axis)) for axis in ("lon", "lat", "ped")},
+        }
+
+    def trims(name: str) -> Any:
+        made = [vehicle(name).trimmed(speed=speed, height=20.0) for speed in (0.0, 5.0, 15.0)]
+        return [[one.trim, one.power] for one in made]
+
+    def rated(law: Any, standard: str) -> Any:
+        loop = hs.exact_loop(vehicle("jr700").with_controller(law()))
+        found = [spec.criterion.rate(loop) for spec in hs.standard(standard, scale=8.0)]
+        return [[one.criterion.name, one.figures, one.level, one.distance] for one in found]
+
+    def measured(at: str) -> Any:
+        chirp = hs.Chirp(
+            **{"axis": "ped" if at == "actuators" else "p", "at": at, "duration": 40.0},
+            **{"amplitude": 0.05, "band": (2.0, 60.0)},
+        )
+        return hs.margins(flown("jr700", chirp), draws=40).to_dict()
+
+    cases: dict[str, Case] = {}
+    for name in ("jr700", "lynx", "blade360"):
+        cases |= {name: partial(base, name), f"{name} inflow": partial(base, name, "inflow")}
+        cases[f"{name} trims"] = partial(trims, name)
+    cases["jr700 motor"] = partial(base, "jr700", "motor")
+    laws = {name: controllers()[name] for name in ("attitude", "rate", "state_space")}
+    for name, law in laws.items():
+        for standard in _STANDARDS:
+            cases[f"rated {name} {standard}"] = partial(rated, law, standard)
+        cases[f"law {name}"] = lambda law=law: sketch(law().linear(0.002).response(_AT))
+    cases |= {f"margins {at}": partial(measured, at) for at in ("actuators", "sensors")}
+    return cases
+
+
+_STANDARDS = ("margins", "disturbance_rejection", "ads33e_target_acquisition")
+_AT = np.array([0.5, 5.0, 50.0])
+
+
+# ident
+
+
+def fitted(fit: Any) -> dict[str, Any]:
+    """Return the numbers of a fit."""
+    kept = ("value", "cramer_rao", "insensitivity")
+    data = fit.to_dict()
+    return {
+        "parameters": {one["name"]: [one[name] for name in kept] for one in data["parameters"]},
+        "correlation": sketch(data["correlation"]),
+        "poles": [[p["real"], p["imag"], p["real_error"]] for p in data["modes"]["poles"]],
+        "misfit": data["misfit"],
+        **{name: data[name] for name in ("costs", "bands_rad_s", "dropped", "delays_s")},
+        **{name: data[name] for name in ("converged", "acceptable", "flags", "method")},
+        "suspicions": [str(one) for one in hs.suspicions(fit)],
+    }
+
+
+@cache
+def sweeps(kind: str, axis: str) -> Any:
+    """Return a sweep that comes along, or one that is flown."""
+    if kind == "example":
+        return hs.open_example(f"sweep_{axis}")
+    return flown("jr700", hs.Sweep(axis=axis, duration=40.0), seed=int(kind[-1]))
+
+
+@cache
+def estimate(kind: str, inputs: Any, outputs: Any, band: Any = (2.0, 25.0), **options: Any) -> Any:
+    """Return a frequency response of sweeps of all its inputs."""
+    flights = [sweeps(kind, axis.lower()) for axis in inputs]
+    named = {"inputs": inputs, "outputs": outputs, "band": band}
+    return hs.frequency_response(flights, **named, **options)
+
+
+@cache
+def fit_of(kind: str, name: str) -> Any:
+    """Return the fit of a structure by name."""
+    structure = hs.structures.named(name)
+    return hs.identify(estimate(kind, structure.inputs, structure.outputs), structure, searches=4)
+
+
+def ident() -> dict[str, Case]:
+    """Return frequency responses, fits, reductions and verifications."""
+
+    def response(*words: Any, **options: Any) -> Any:
+        found = estimate(*words, **options)
+        arrays = ("frequency", "response", "coherence", "multiple_coherence", "random_error")
+        texts = {name: getattr(found, name) for name in ("estimator", "method", "windows", "flags")}
+        return texts | {name: sketch(getattr(found, name)) for name in arrays}
+
+    def transfer(structure: str, kind: str = "example", **options: Any) -> Any:
+        found = estimate(kind, ("lat",), ("p",), conditioning=("lon", "ped"))
+        pair = {"input": "lat", "output": "p"}
+        if structure[0].isdigit():
+            zeros, poles = map(int, structure.split("/"))
+            made = hs.structures.transfer_function(zeros=zeros, poles=poles, **pair)
+        else:
+            made = hs.structures.factored(structure, **pair)
+        return fitted(hs.identify(found, made, searches=4, **options))
+
+    def verified(kind: str, name: str, other: str, **options: Any) -> Any:
+        fit = fit_of(kind, name)
+        found = hs.verify(fit, hs.open_example(other), **options).to_dict()
+        return found | {"approach": {**found["approach"], "message": ""}}
+
+    def reduced(name: str, **options: Any) -> Any:
+        structure = hs.structures.named(name)
+        found = estimate("example", structure.inputs, structure.outputs)
+        made = hs.reduce(found, structure, searches=2, **options)
+        return [[step.parameter, step.dropped, step.cost_after] for step in made.steps], fitted(
+            made.fit
+        )
+
+    def again() -> Any:
+        import tempfile
+
+        with tempfile.TemporaryDirectory() as folder:
+            fit_of("example", "rollpitch").save(Path(folder, "a.json"))
+            return fitted(hs.load_fit(Path(folder, "a.json")))
+
+    both, rates = ("lat", "lon"), ("p", "q")
+    cases: dict[str, Case] = {
+        "frf local": partial(response, "example", both, rates, conditioning=("col", "ped")),
+        "frf welch": partial(response, "example", ("ped",), ("r",), windows=(10.0, 5.0)),
+        "frf composite": partial(response, "example", both, rates, estimator="windows"),
+        "frf joint": partial(response, "example", ("ped",), ("r",), reference=("PED",)),
+        "frf flown": partial(response, "flown1", both, (*rates, "ax")),
+        "saved": again,
+        "transfer coherence": lambda: transfer("0/2", weighting="coherence"),
+        "transfer band": lambda: transfer("1/2", band=(3.0, 20.0), frequencies_per_response=12),
+        "reduce speeds": partial(reduced, "rollpitch_speeds"),
+        "reduce sway delays": partial(reduced, "yaw_sway", delays=True, rise=5.0),
+        "verify rollpitch": partial(verified, "example", "rollpitch", "doublet_lat"),
+        "verify yaw": partial(verified, "example", "yaw_base", "doublet_ped"),
+        "verify parts": partial(verified, "example", "hover", "doublet_lat", segment=3.0),
+        "verify ahead": partial(verified, "example", "hover", "doublet_lat", ahead=1.0),
+    }
+    cases |= {f"transfer {one}": partial(transfer, one) for one in ("0/1", "1/2", "1/3")}
+    cases["transfer factored"] = partial(transfer, "(a)/[zeta,omega]")
+    for name in hs.structures.BUILT_IN:
+        if not name.endswith(("_imu", "heave_inflow")):
+            cases[f"fit {name}"] = lambda name=name: fitted(fit_of("example", name))
+        cases[f"flown {name}"] = lambda name=name: fitted(fit_of("flown1", name))
+    return cases
+
+
+# reproduce
+
+
+def reproduce() -> dict[str, Case]:
+    """Return all numbers of the paper's experiment."""
+
+    def numbers(seed: int, flights: int) -> Any:
+        run = hs.reproduce(flights=flights, seed=seed, jobs=1)
+        results = run.results.to_dict()
+        tables = {one.pop("name"): digest(one) for one in results.pop("tables")}
+        fits = {one.name: digest(fitted(one.fit)) for one in run.models}
+        kept = {
+            axis: [digest(one.time, one.values) for one in run.flights[axis]]
+            for axis in run.flights
+        }
+        rest = {name: digest(one) for name, one in results.items() if name != "versions"}
+        return {"tables": tables, "fits": fits, "flights": kept, **rest}
+
+    return {f"seed {n} flights {n}": partial(numbers, n, n) for n in (1, 2)}
+
+
 # names
 
 
@@ -442,10 +639,16 @@ _MODULES = ("blocks", "criteria", "laws", "missions", "structures", "sitl")
 # all
 
 
-GROUPS: dict[str, Callable[[], dict[str, Case]]] = {"records": records, "names": names}
+GROUPS: dict[str, Callable[[], dict[str, Case]]] = {
+    "records": records,
+    "linear": linear,
+    "ident": ident,
+    "reproduce": reproduce,
+    "names": names,
+}
 EXACT = {"linear": 1e-12, "ident": 1e-9}
 """Relative tolerance of the groups whose numbers are written; an optimiser ends in `ident`."""
-FAST: dict[str, Callable[[str], bool]] = {}
+FAST: dict[str, Callable[[str], bool]] = {"reproduce": lambda name: name.startswith("seed 1")}
 
 
 def differences(found: Any, kept: Any, near: float, where: str = "") -> Iterator[str]:
@@ -469,6 +672,16 @@ def value(group: str, case: Case) -> Any:
         return json.loads(json.dumps(plain(case())))
     except Exception as error:
         return f"{type(error).__name__}: {error}"
+
+
+def write(kept: dict[str, Any]) -> None:
+    """Write what is locked, a line a case."""
+    lines = ["{"]
+    for group, entries in kept.items():
+        rows = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in entries.items()]
+        lines += [f" {json.dumps(group)}: {{", ",\n".join(rows), " },"]
+    text = "\n".join([*lines[:-1], " }", "}"])
+    FILE.write_text(text + "\n", encoding="utf-8")
 
 
 def main() -> int:
@@ -510,8 +723,7 @@ def main() -> int:
             wrong += 1
         print(f"{group}: {len(only or cases)} cases, {wrong} differences so far", flush=True)
     if options.what in ("take", "accept"):
-        text = json.dumps(kept, indent=1, ensure_ascii=False)
-        FILE.write_text(text + "\n", encoding="utf-8")
+        write(kept)
     return 1 if wrong else 0
 
 
