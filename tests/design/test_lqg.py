@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.linear import zero_order_hold
 from helisim.design.lqg import LqgWeights, Tracked, lqg, regulator
 from helisim.design.stabilisable import UnstabilisableError
-from helisim.vehicle.sampled import sample
 
 PERIOD = 0.01
 
@@ -15,7 +15,7 @@ PERIOD = 0.01
 def sampled(a, b, c, *, states, inputs, outputs, period=PERIOD) -> control.StateSpace:
     """A continuous model, its commands held each period."""
     a, b, c = (np.asarray(one, dtype=np.float64) for one in (a, b, c))
-    held_a, held_b = sample(a, b, period)
+    held_a, held_b = zero_order_hold(a, b, period)
     names = {"states": states, "inputs": inputs, "outputs": outputs}
     return control.StateSpace(held_a, held_b, c, 0.0, period, **names)
 
@@ -38,7 +38,7 @@ def pendulum() -> control.StateSpace:
 
 def turning(*, delay: int = 0) -> control.StateSpace:
     """Roll by lateral cyclic: a lag of 0.05 s, then two integrals, behind whole ticks of delay."""
-    a, b = sample(
+    a, b = zero_order_hold(
         np.array([[0, 1, 0], [0, 0, 40.0], [0, 0, -20.0]]), np.array([[0], [0], [20.0]]), PERIOD
     )
     n = 3

@@ -1,12 +1,14 @@
 """Plants at ticks, against the closed form of a textbook and against their own responses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from exact_fits import OMEGA
 from exact_fits import found as fitted
 from helisim import ident
-from helisim.design.late import Late
+from helisim.base.linear import LinearSystem
 from helisim.design.plant import Plant
 from helisim.handling.loop import NoResponse
 
@@ -28,10 +30,9 @@ def test_a_delayed_lag_is_sampled_as_in_the_textbook(ticks, rest):
     """
     k, period, tau = 0.9, 2.0, rest
     one = np.ones((1, 1))
-    late = Late(
-        -k * one, one, one, 0.0 * one, np.array([ticks * period + tau]), np.zeros(1), period
-    )
-    a, b, c, d = late.sampled()
+    lag = LinearSystem(-k * one, one, one, 0.0 * one, None, ("u",), ("x",))
+    now = replace(lag, delays={"u": ticks * period + tau}).discretise(period)
+    a, b, c, d = now.a, now.b, now.c, now.d
     answer = [d[0, 0]] + [(c @ np.linalg.matrix_power(a, n) @ b)[0, 0] for n in range(8)]
     first = (1.0 - np.exp(-k * (period - tau))) / k
     then = np.exp(-k * (period - tau)) * (1.0 - np.exp(-k * tau)) / k

@@ -6,47 +6,34 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
+from helisim.base.linear import LinearSystem, zero_order_hold
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import NoResponse
 from helisim.vehicle.linearize import OUTPUTS
-from helisim.vehicle.sampled import close, sample
+from helisim.vehicle.sampled import close
 
 PERIOD, GAIN = 0.01, 20.0
-
-
-@dataclass(frozen=True)
-class Ticked:
-    """A system at its ticks."""
-
-    a: np.ndarray
-    b: np.ndarray
-    c: np.ndarray
-    d: np.ndarray
-    inputs: tuple
-    outputs: tuple
-    period: float = PERIOD
-
-    def response(self, frequency):
-        point = np.exp(1j * frequency * self.period)[:, None, None]
-        states = np.linalg.solve(point * np.eye(len(self.a)) - self.a, self.b[None])
-        return np.moveaxis(self.c @ states + self.d, 0, -1)
 
 
 @dataclass(frozen=True)
 class Within:
     """A system that has its matrices as another."""
 
-    sampled: Ticked
+    sampled: LinearSystem
 
 
 def numbers(*rows):
     return np.array(rows, dtype=float)
 
 
-INTEGRAL = Ticked(
+def ticked(a, b, c, d, inputs, outputs, period=PERIOD):
+    return LinearSystem(a, b, c, d, period, inputs, outputs)
+
+
+INTEGRAL = ticked(
     numbers([1.0]), numbers([PERIOD]), numbers([1.0]), numbers([0.0]), ("lat",), ("phi",)
 )
-HOLD = Ticked(
+HOLD = ticked(
     np.zeros((0, 0)),
     np.zeros((0, 2)),
     np.zeros((1, 0)),
@@ -91,7 +78,7 @@ def test_a_stick_that_is_seen_late_moves_all_that_much_later():
 
 def test_what_a_command_moves_at_once_is_in_the_loop():
     """Of u = k (s - y) and y = u is left y = k s / (1 + k)."""
-    at_once = Ticked(
+    at_once = ticked(
         np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), numbers([1.0]), ("lat",), ("phi",)
     )
     history = ClosedLoop(at_once, HOLD).step("lat", size=1.0, duration=0.02)
@@ -102,9 +89,9 @@ def test_it_is_the_loop_that_a_vehicle_closes_by_itself(jr700):
     """Its own closing, `vehicle.sampled.close`, is another way to the same loop."""
     gyro = jr700.gyro
     base = jr700.linearize("IN1").system
-    a, b = sample(np.asarray(base.A), np.asarray(base.B), gyro.period)
+    a, b = zero_order_hold(np.asarray(base.A), np.asarray(base.B), gyro.period)
     shown = slice(len(OUTPUTS))
-    plant = Ticked(
+    plant = ticked(
         a,
         b,
         np.asarray(base.C)[shown],
@@ -113,14 +100,8 @@ def test_it_is_the_loop_that_a_vehicle_closes_by_itself(jr700):
         OUTPUTS,
         gyro.period,
     )
-    law = Ticked(
-        *(np.asarray(getattr(gyro.system, name)) for name in "ABCD"),
-        tuple(gyro.system.input_labels),
-        tuple(gyro.system.output_labels),
-        gyro.period,
-    )
-    whole = close(jr700.linearize("IN1"), gyro)
-    loop = ClosedLoop(plant, law)
+    whole = close(jr700.linearize("IN1"), gyro).system
+    loop = ClosedLoop(plant, gyro)
     own = np.linalg.eigvals(np.asarray(whole.A)).astype(complex)
     own = np.log(own[np.abs(own) > 0.01]) / gyro.period  # apart from what is over within a tick
     fast = loop.poles[np.abs(loop.poles) > 0.02]  # of its place nothing is held: poles near 0
@@ -152,7 +133,7 @@ def test_responses_alone_have_no_poles():
 
 
 def test_other_ticks_and_an_unknown_stick_are_refused():
-    slow = Ticked(HOLD.a, HOLD.b, HOLD.c, HOLD.d, HOLD.inputs, HOLD.outputs, 0.02)
+    slow = ticked(HOLD.a, HOLD.b, HOLD.c, HOLD.d, HOLD.inputs, HOLD.outputs, 0.02)
     with pytest.raises(InputError, match=r"each 0\.01 s, the law each 0\.02 s"):
         _ = ClosedLoop(INTEGRAL, slow).poles
     with pytest.raises(NoResponse, match="the law has no stick 'PED': it has phi, LAT"):

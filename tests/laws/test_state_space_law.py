@@ -7,11 +7,11 @@ import pytest
 
 import helisim as hs
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.linear import zero_order_hold
 from helisim.design.laws.law import law_of, read_law
 from helisim.design.laws.state_space import StateSpaceLaw
 from helisim.design.lqg import LqgWeights, Tracked, lqg
 from helisim.vehicle.law import linearize_law
-from helisim.vehicle.sampled import sample
 
 INPUTS = ("p", "phi", "psi", "LAT", "COL")
 
@@ -133,7 +133,7 @@ def without_speeds(vehicle: hs.Vehicle, *, period: float = 0.002):
     columns = [system.input_labels.index(name) for name in inputs]
     rows = [system.output_labels.index(name) for name in outputs]
     a, b, c = (np.asarray(getattr(system, name)) for name in "ABC")
-    a, b = sample(a[np.ix_(kept, kept)], b[np.ix_(kept, columns)], period)
+    a, b = zero_order_hold(a[np.ix_(kept, kept)], b[np.ix_(kept, columns)], period)
     states = [system.state_labels[k] for k in kept]
     names = {"states": states, "inputs": inputs, "outputs": outputs}
     return control.StateSpace(a, b, c[np.ix_(rows, kept)], 0.0, period, **names)

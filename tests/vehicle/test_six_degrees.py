@@ -1,11 +1,11 @@
 """Residualisation: six degrees of freedom from a model with rotor and servos."""
 
-import control
 import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
-from helisim.vehicle.rigid_body import RIGID_BODY, residualised
+from helisim.base.linear import LinearSystem
+from helisim.vehicle.linearize import RIGID_BODY
 
 
 def spring_with_actuator():
@@ -14,38 +14,31 @@ def spring_with_actuator():
     x'' = -4 x - x' + f, f' = 20 (u - f), meter' = x: by hand, x'' = -4 x - x' + u.
     """
     a = [[0, 1, 0, 0], [-4, -1, 1, 0], [0, 0, -20, 0], [1, 0, 0, 0]]
-    return control.StateSpace(
-        a,
-        [[0], [0], [20], [0]],
-        [[1, 0, 0, 0], [0, 0, 1, 0]],
-        [[0], [0]],
-        states=["x", "speed", "f", "meter"],
-        inputs=["u"],
-        outputs=["x", "f"],
-    )
+    b, c, d = [[0], [0], [20], [0]], [[1, 0, 0, 0], [0, 0, 1, 0]], [[0], [0]]
+    return LinearSystem(a, b, c, d, None, ("u",), ("x", "f"), ("x", "speed", "f", "meter"))
 
 
 def test_a_lag_is_where_it_settles():
     """The lag's output is its input, in the states' rates and in the outputs."""
-    found = residualised(spring_with_actuator(), ("x", "speed"), without=("meter",))
-    assert found.state_labels == ["x", "speed"]
-    assert np.asarray(found.A) == pytest.approx(np.array([[0, 1], [-4, -1]]))
-    assert np.asarray(found.B) == pytest.approx(np.array([[0], [1]]))
-    assert np.asarray(found.D) == pytest.approx(np.array([[0], [1]]))
+    found = spring_with_actuator().residualised(("x", "speed"), without=("meter",))
+    assert found.states == ("x", "speed")
+    assert found.a == pytest.approx(np.array([[0, 1], [-4, -1]]))
+    assert found.b == pytest.approx(np.array([[0], [1]]))
+    assert found.d == pytest.approx(np.array([[0], [1]]))
 
 
 def test_what_never_settles_is_named():
     """The meter counts for ever: it has no value at which it stays."""
     with pytest.raises(InputError, match="never settles, among f, meter"):
-        residualised(spring_with_actuator(), ("x", "speed"))
+        spring_with_actuator().residualised(("x", "speed"))
 
 
 def test_a_sampled_model_and_a_missing_state_are_refused():
-    sampled = control.sample_system(spring_with_actuator(), 0.01)
+    sampled = spring_with_actuator().discretise(0.01)
     with pytest.raises(InputError, match=r"period of 0\.01 s"):
-        residualised(sampled, [sampled.state_labels[0]])
+        sampled.residualised([sampled.states[0]])
     with pytest.raises(InputError, match="no state 'u'"):
-        residualised(spring_with_actuator(), RIGID_BODY)
+        spring_with_actuator().residualised(RIGID_BODY)
 
 
 def test_six_degrees_of_freedom_have_the_whole_models_response_at_low_frequency(jr700):

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from helisim.base.errors import InputError
+from helisim.base.linear import Linear
 from helisim.design.descent import Vector
 from helisim.design.free import free_parameters
 from helisim.design.laws.law import Law
@@ -15,7 +16,6 @@ from helisim.design.plant import Plant
 from helisim.design.problem import Close, Problem, closed, slowest
 from helisim.design.result import DesignResult, Judged
 from helisim.design.tradeoff import TradeOff, trade_off
-from helisim.handling.closed_loop import Linear
 from helisim.handling.loop import GRID, Loop, NoResponse
 from helisim.handling.spec import Spec
 from helisim.ident.fitting.result import Fit

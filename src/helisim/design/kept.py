@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.handling.closed_loop import Linear, Response
+from helisim.base.linear import Linear, Response
 
 
 @dataclass(frozen=True, eq=False)

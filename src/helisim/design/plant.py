@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
+from helisim.base.linear import LinearSystem, Response, beside
 from helisim.base.value import FrozenMap, Value
 from helisim.design.drawn import draw
-from helisim.design.sampled_plant import Part, SampledPlant, Ticks, sampled_plant
 from helisim.handling.axis import BY_NAME
 from helisim.handling.loop import NoResponse
 from helisim.ident.fitting.result import Fit
@@ -26,7 +26,7 @@ from helisim.records.channels import IN1, RATES
 from helisim.records.provenance import one_blas_thread
 
 Array = NDArray[np.float64]
-Response = NDArray[np.complex128]
+_INTEGRALS = tuple(f"integral of {rate}" for rate in RATES)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,16 +146,95 @@ class Plant(Value):
         return tuple(shares)
 
     @cached_property
-    def sampled(self) -> SampledPlant:
+    def sampled(self) -> LinearSystem:
         """It at the gyro's ticks, delays exact. Raises NoResponse: it has no state space."""
-        parts = [
-            _part(fit, values, told)
-            for fit, values, told in zip(self.fits, self.values, self._told)
-            if told
-        ]
-        ticks = Ticks(self.period, self.latency, self.late)
         with one_blas_thread():  # matrices are small: a hundred times as fast
-            return sampled_plant(parts, ticks, turned(self.tilt), self.inputs, self.outputs)
+            shares = zip(self.fits, self.values, self._told)
+            parts = [self._part(fit, values, told) for fit, values, told in shares if told]
+            whole = beside(parts, self.inputs)
+        turning = turned(self.tilt)
+
+        def share(name: str, row: str) -> float:
+            """Return how much of a row there is in an output: angles are integrals of all rates."""
+            if name not in ANGLES:
+                return float(name == row)
+            turns = dict(zip(_INTEGRALS, turning[ANGLES.index(name)].tolist()))
+            return turns.get(row, 0.0)
+
+        taken = np.array([[share(name, row) for row in whole.outputs] for name in self.outputs])
+        return replace(
+            whole, c=taken @ whole.c, d=taken @ whole.d, outputs=self.outputs, name="plant"
+        )
+
+    def _part(
+        self, fit: Fit, values: Mapping[str, float], told: Sequence[tuple[str, str]]
+    ) -> LinearSystem:
+        """Return what a fit tells at ticks: its outputs, integrals of rates, az."""
+        structure, numbers = fit.structure, evaluate.matrices(fit.structure, values)
+        outputs = tuple(dict.fromkeys(output for output, _ in told))
+        inputs = tuple(dict.fromkeys(name for _, name in told))
+        if len(told) != len(outputs) * len(inputs):
+            raise NoResponse(
+                f"the model {structure.name!r} tells {', '.join(map('/'.join, told))} only, the "
+                "rest of it is told by others: no poles"
+            )
+        if structure.improper or (structure.states and np.linalg.cond(numbers.M) > 1e12):
+            raise NoResponse(f"the model {structure.name!r} has no state space: no poles")
+        rows = [structure.outputs.index(name) for name in outputs]
+        columns = [structure.inputs.index(name) for name in inputs]
+        if np.any(numbers.delays[np.ix_(rows, columns)]):
+            raise NoResponse(
+                f"the model {structure.name!r} has delays of single responses: no poles"
+            )
+        a = np.asarray(np.linalg.solve(numbers.M, numbers.F), dtype=np.float64)
+        b = np.asarray(np.linalg.solve(numbers.M, numbers.G), dtype=np.float64)
+        c, d = (numbers.H0 + numbers.H1 @ a)[rows], (numbers.D + numbers.H1 @ b)[rows][:, columns]
+        b, states = b[:, columns], [*structure.states]
+        late = {
+            name: float(numbers.output_delays[k]) - self.late.get(name, 0.0)
+            for name, k in zip(outputs, rows)
+        }
+        seen: dict[str, tuple[Array, Array, float]] = {}
+        for name, row, direct in zip(outputs, c, d):
+            row = np.append(row, np.zeros(len(a) - len(row)))
+            seen[name] = row, direct, late[name] + (self.latency if name in RATES else 0.0)
+            if name in RATES:
+                # a model may have the integral already, as an attitude: another would be a second
+                # one that nothing holds
+                own = np.flatnonzero(np.all(a == row, axis=1) & np.all(b == direct, axis=1))
+                if not own.size:
+                    own, n = [len(a)], len(a)
+                    a, b = np.pad(a, (0, 1)), np.vstack([b, direct])
+                    a[n, :n] = row
+                    states.append(_INTEGRALS[RATES.index(name)])
+                unit = np.eye(len(a))[own[0]]
+                seen[_INTEGRALS[RATES.index(name)]] = unit, np.zeros(len(columns)), late[name]
+            elif name == "w":
+                if np.any(direct):
+                    raise NoResponse(f"w of {structure.name!r} jumps: it has no acceleration")
+                seen["az"] = row @ a, row @ b, late[name]
+        wide = [np.append(row, np.zeros(len(a) - len(row))) for row, _, _ in seen.values()]
+        waits = {
+            name: float(numbers.input_delays[k]) + (self.late.get(name, 0.0) - 0.5 * self.period)
+            for name, k in zip(inputs, columns)
+        }
+        behind = {name: one for name, (_, _, one) in seen.items()}
+        through = np.array([direct for _, direct, _ in seen.values()])
+        try:
+            return LinearSystem(
+                a,
+                b,
+                np.array(wide),
+                through,
+                None,
+                inputs,
+                tuple(seen),
+                tuple(states),
+                waits,
+                behind,
+            ).discretise(self.period)
+        except InputError as error:
+            raise NoResponse(str(error)) from None
 
     def draws(self, count: int, *, seed: int = 1) -> "tuple[Plant, ...]":
         """Return plants as likely as this one, their parameters drawn by the fits' covariances.
@@ -171,17 +250,6 @@ class Plant(Value):
         """
         rng = np.random.default_rng(seed)
         return tuple(replace(self, values=draw(self.fits, rng)) for _ in range(count))
-
-
-def _part(fit: Fit, values: Mapping[str, float], told: tuple[tuple[str, str], ...]) -> Part:
-    outputs = tuple(dict.fromkeys(output for output, _ in told))
-    inputs = tuple(dict.fromkeys(name for _, name in told))
-    if len(told) != len(outputs) * len(inputs):
-        raise NoResponse(
-            f"the model {fit.structure.name!r} tells {', '.join(map('/'.join, told))} only, the "
-            "rest of it is told by others: no poles"
-        )
-    return Part(fit.structure, values, outputs, inputs)
 
 
 def turned(tilt: tuple[float, float]) -> Array:

@@ -7,12 +7,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.linear import Linear
 from helisim.design.descent import Trial
 from helisim.design.free import Free, box, coordinates, values
 from helisim.design.guarded import distance
 from helisim.design.kept import Kept
 from helisim.design.laws.law import Law
-from helisim.handling.closed_loop import ClosedLoop, Linear
+from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import PoleLimits, Rating
 from helisim.handling.loop import Loop
 from helisim.handling.spec import Spec

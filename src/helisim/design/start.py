@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
+from helisim.base.linear import Linear
 from helisim.base.value import FrozenMap
 from helisim.design.laws.attitude_command import AttitudeAxis, AttitudeCommand, HeaveAxis, YawAxis
 from helisim.design.laws.filters import Lead
-from helisim.handling.closed_loop import Linear
 
 Response = NDArray[np.complex128]
 

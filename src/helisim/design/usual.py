@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
+from helisim.base.linear import Linear
 from helisim.design.laws.law import Law
 from helisim.design.problem import closed
-from helisim.handling.closed_loop import Linear
 from helisim.handling.criteria import (
     ActuatorOnset,
     ActuatorUse,

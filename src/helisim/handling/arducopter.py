@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.signal import butter, freqz
 
 from helisim.base.errors import InputError
+from helisim.base.linear import LinearSystem
 from helisim.base.value import FrozenMap, Value
 from helisim.handling.axis import axis_of
-from helisim.handling.sampled_law import SampledLaw
 from helisim.records.channels import ATTITUDES, RATES
 
 Array = NDArray[np.float64]
@@ -114,7 +114,7 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ArduCopterLaw(Value):
-    """The whole law, as a `Linear` from motion to commands; see `helisim.handling.closed_loop`.
+    """The whole law, as a `Linear` from motion to commands; see `helisim.base.linear`.
 
     Attributes:
         rates: axis "lat", "lon", "ped" -> its PID.
@@ -238,7 +238,7 @@ class ArduCopterLaw(Value):
         return (gains[:, None] * self._turned) @ error + self._turned @ moves
 
     @cached_property
-    def ticked(self) -> SampledLaw:
+    def ticked(self) -> LinearSystem:
         """The law at its ticks; its rates are those behind the gyro's filter.
 
         Inputs are `inputs` and `ADDED`.
@@ -247,7 +247,7 @@ class ArduCopterLaw(Value):
         n, m = 7 * len(COMMANDS), len(inputs)
         columns = [self._tick(one[:n], one[n:]) / _SMALL for one in _SMALL * np.eye(n + m)]
         whole = np.column_stack(columns)
-        return SampledLaw(
+        return LinearSystem(
             whole[:n, :n],
             whole[:n, n:],
             whole[n:, :n],

@@ -5,43 +5,25 @@ as laws are written), every response follows from P and K at one frequency: no m
 approximation of delays.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.linear import Linear, LinearSystem, Response
 from helisim.handling.axis import Axis, axis_of
 from helisim.handling.curve import Curve
 from helisim.handling.loop import GRID, History, NoResponse
-from helisim.handling.sampled_loop import SampledLoop, sampled_form
 from helisim.records.channels import IN2
 
 if TYPE_CHECKING:
     import control
 
-Response = NDArray[np.complex128]
 Added = Mapping[int, Response]
-
-
-class Linear(Protocol):
-    """Named inputs to named outputs, linear."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
-        ...
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        ...
-
-    def response(self, frequency: NDArray[np.float64]) -> Response:
-        """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,21 +119,27 @@ class ClosedLoop:
         return self._curve(self._by_sensors(self._turned(axis))[:, place])
 
     @property
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Response:
         """The poles of the whole, (n_pole,) rad/s, where plant and law are known at their ticks.
 
-        Either has then a `sampled`, or is, what `helisim.handling.sampled_loop.Sampled` describes.
-        Raises NoResponse.
+        Raises NoResponse where one has no `LinearSystem` as its `sampled`.
         """
-        return self._sampled.poles
+        return self._whole().poles
 
     def step(self, axis: str, *, size: float, duration: float) -> History:
         """Return stick, commands and what is sensed after a step of a stick; see `Loop`.
 
         Known where the poles are.
         """
-        late = self._stick_latency.get(axis_of(axis).stick, 0.0)
-        return self._sampled.step(axis, size=size, duration=duration, late=late)
+        whole, stick = self._whole(), axis_of(axis).stick
+        if stick not in self.law.inputs:
+            raise NoResponse(f"the law has no stick {stick!r}: it has {_listed(self.law.inputs)}")
+        period = whole.period or 0.0
+        ticks = np.arange(round(duration / period) + 1)
+        first = math.ceil(self._stick_latency.get(stick, 0.0) / period - 1e-6)
+        moved = whole.select((stick,)).simulate(size * (ticks >= first)[:, None])
+        signals = {stick: np.full(ticks.size, size), **dict(zip(whole.outputs, moved.T))}
+        return History(np.asarray(ticks * period, dtype=np.float64), signals)
 
     def system(self, cut: str | None = None) -> "control.StateSpace":
         """Return it as python-control's discrete StateSpace, from sticks to what is sensed.
@@ -163,14 +151,18 @@ class ClosedLoop:
         Raises:
             NoResponse: plant or law is known by its responses alone, or there is no such command.
         """
-        if cut is not None:
-            cut = self.axes[self._place(cut)]
-        closed = self._sampled
-        return SampledLoop(closed.plant, closed.law, cut).system
+        return self._whole(None if cut is None else self.axes[self._place(cut)]).system
 
     @cached_property
-    def _sampled(self) -> SampledLoop:
-        return SampledLoop(sampled_form(self.plant, "plant"), sampled_form(self.law, "law"))
+    def _closed(self) -> dict[str | None, LinearSystem]:
+        return {}
+
+    def _whole(self, cut: str | None = None) -> LinearSystem:
+        """Return the loop at its ticks."""
+        if cut not in self._closed:
+            plant, law = _sampled(self.plant, "plant"), _sampled(self.law, "law")
+            self._closed[cut] = plant.feedback(law, cut)
+        return self._closed[cut]
 
     def _curve(self, values: Response) -> Curve:
         return Curve(self.frequency, values)
@@ -221,6 +213,13 @@ class ClosedLoop:
     @property
     def _stick_latency(self) -> Mapping[str, float]:
         return getattr(self.plant, "stick_latency", {})
+
+
+def _sampled(system: Linear, what: str) -> LinearSystem:
+    found = getattr(system, "sampled", None)
+    if not isinstance(found, LinearSystem):
+        raise NoResponse(f"the {what} is known by its responses alone: no poles, no steps")
+    return found
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
+from helisim.base.linear import Linear
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Rates
 from helisim.handling.axis import BY_NAME, axis_of
-from helisim.handling.closed_loop import ClosedLoop, Linear
+from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures.margins import Margins, margins
 from helisim.handling.figures.rejection import Rejection, rejection
 from helisim.records.channels import ATTITUDES, IN1, RATES

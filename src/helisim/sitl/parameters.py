@@ -1,47 +1,26 @@
 """All of an autopilot's parameters for a vehicle: its settings, and gains from a model of it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.linear import Linear
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS
 from helisim.handling.axis import axis_of
-from helisim.handling.closed_loop import Linear
 from helisim.records.channels import IN1
 from helisim.sitl.gains import FILTER_HZ, GYRO_HZ, INPUT_TIME, LOOP_RATE, Tuning, tune
 from helisim.sitl.mixing import Controls, Mixer
 from helisim.sitl.outputs import Outputs
 from helisim.sitl.parameter_file import AutopilotParameters, Setting
 from helisim.sitl.settings import Group, hover, rotor, simulated, swashplate, tail, unused
-from helisim.vehicle import Linearization, Vehicle, load
+from helisim.vehicle import Vehicle, load
 
 _WORDS = {"lat": "RLL", "lon": "PIT", "ped": "YAW"}
 _QUICK = 10.0
 """rad/s, at which a collective lifts before the vehicle moves."""
-
-
-class Exact:
-    """A vehicle's exact linearisation as `Linear`, without the delays of its own gyro's ticks."""
-
-    def __init__(self, linear: Linearization) -> None:
-        """Take a linearisation from servo commands."""
-        self._system = linear.system
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """The servo commands."""
-        return tuple(self._system.input_labels)
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Rates, attitudes, velocities and accelerations."""
-        return tuple(self._system.output_labels)
-
-    def response(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
-        return np.asarray(self._system(1j * np.asarray(frequency), squeeze=False))
 
 
 def parameters_for(
@@ -85,7 +64,7 @@ def parameters_for(
     told = {one.name: one.value for group in groups.values() for one in group}
     controls = Controls(Mixer.of(told), outputs, vehicle.swashplate)
     scale = np.eye(4) if of_autopilot else controls.scale(told["H_COL_HOVER"])
-    known = model or Exact(vehicle.linearize())
+    known = model or replace(vehicle.linearize(), delays={})
     lean = (vehicle.trim.phi, vehicle.trim.theta)
     axes = [axis for axis in COMMANDS if not (gyro and axis == "ped")]
     tuning = tune(known, scale, lean=lean, late=late, held=not of_autopilot, axes=axes)

@@ -1,7 +1,7 @@
 """The exact linearisation of a vehicle at its trim: the truth that identification must find."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -11,22 +11,23 @@ from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
 from helisim.base.errors import ModelError
-from helisim.base.value import FrozenMap, Value
+from helisim.base.linear import LinearSystem
 from helisim.physics.layout import CONTROL, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
 from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
-from helisim.vehicle.rigid_body import PLACE, RIGID_BODY, residualised
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import Trim, place
 
 if TYPE_CHECKING:
-    import control
-
     from helisim.base.display import Axes, Figure
 
 MOTION = tuple(field.name for field in fields(Motion))
+RIGID_BODY = ("u", "v", "w", "p", "q", "r", "phi", "theta")
+"""States that flight mechanics' derivatives are of."""
+PLACE = ("psi", "north", "east", "down")
+"""States that change no force in still air far from the ground."""
 OUTPUTS = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS
 _OPTIONAL = {
     "main_dynamic_inflow": ("inflow_0", "inflow_s", "inflow_c"),
@@ -37,48 +38,22 @@ _STEP = 1e-5
 """Central difference: truncation of order 1e-10 beside rounding of order 1e-11, in SI."""
 
 
-@dataclass(frozen=True, eq=False)
-class Linearization(Value, Displayed):
-    """A linear model x' = A x + B u, y = C x + D u about a steady flight, without its delays.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Linearization(LinearSystem, Displayed):
+    """A linear model x' = A x + B u, y = C x + D u about a steady flight, its delays beside it.
 
     Attributes:
-        system: python-control StateSpace with named states, inputs and outputs.
-        delays: s, by input name, where one acts before the input does.
         trim: the flight it belongs to.
     """
 
-    system: "control.StateSpace"
-    delays: Mapping[str, float]
     trim: Trim
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "delays", FrozenMap(self.delays))
-
-    def __repr__(self) -> str:
-        system = self.system
-        kind = f"sampled at {1.0 / system.dt:.4g} Hz" if system.dt else "continuous"
-        return (
-            f"Linearization({kind}: {system.nstates} states, {', '.join(system.input_labels)} to "
-            f"{', '.join(system.output_labels)})"
-        )
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        system = self.system  # python-control's own doesn't pickle
-        matrices = tuple(np.asarray(getattr(system, name)) for name in "ABCD")
-        names = (system.state_labels, system.input_labels, system.output_labels, system.name)
-        return _rebuilt, (matrices, system.dt, names, self.delays, self.trim)
-
-    def _compared(self) -> tuple[Any, ...]:
-        data = self.to_dict()
-        del data["name"]  # python-control counts unnamed systems
-        return data, self.system.dt
 
     def derivative(self, rate: str, cause: str) -> float:
         """Return d(rate of a state)/d(state or input) by name, such as ("r", "r") for N_r."""
-        row = self.system.state_labels.index(rate)
-        if cause in self.system.state_labels:
-            return float(np.asarray(self.system.A)[row, self.system.state_labels.index(cause)])
-        return float(np.asarray(self.system.B)[row, self.system.input_labels.index(cause)])
+        row = self.states.index(rate)
+        if cause in self.states:
+            return float(self.a[row, self.states.index(cause)])
+        return float(self.b[row, self.inputs.index(cause)])
 
     def plot(
         self,
@@ -104,14 +79,12 @@ class Linearization(Value, Displayed):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data: matrices, names, delays and the trim."""
-        system = self.system
-        matrices = {name: np.asarray(getattr(system, name)).tolist() for name in "ABCD"}
         return {
-            "name": system.name,
-            "states": list(system.state_labels),
-            "inputs": list(system.input_labels),
-            "outputs": list(system.output_labels),
-            **matrices,
+            "name": self.name,
+            "states": list(self.states),
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+            **{name.upper(): getattr(self, name).tolist() for name in "abcd"},
             "delays_s": dict(self.delays),
             "trim": asdict(self.trim),
         }
@@ -126,31 +99,7 @@ class Linearization(Value, Displayed):
         Raises:
             InputError: the model is sampled or has other states.
         """
-        system = residualised(self.system, RIGID_BODY, without=PLACE)
-        return Linearization(system, self.delays, self.trim)
-
-    def response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the frequency response with delays, (n_out, n_in, n_freq).
-
-        Args:
-            omega: rad/s, (n_freq,).
-        """
-        omega = np.asarray(omega, dtype=np.float64)
-        step = self.system.dt
-        point = np.exp(1j * omega * step) if step else 1j * omega
-        response = np.asarray(self.system(point, squeeze=False))
-        lags = np.array([self.delays.get(name, 0.0) for name in self.system.input_labels])
-        return response * np.exp(-1j * lags[None, :, None] * np.asarray(omega))
-
-
-def _rebuilt(
-    matrices: tuple[Any, ...], dt: Any, names: tuple[Any, ...], delays: Any, trim: Trim
-) -> Linearization:
-    states, inputs, outputs, name = names
-    from control import StateSpace  # it brings pyplot: slow to import
-
-    system = StateSpace(*matrices, dt, states=states, inputs=inputs, outputs=outputs, name=name)
-    return Linearization(system, delays, trim)
+        return self.residualised(RIGID_BODY, without=PLACE)
 
 
 def linearize(model: mujoco.MjModel, trim: Trim) -> Linearization:
@@ -179,19 +128,18 @@ def linearize(model: mujoco.MjModel, trim: Trim) -> Linearization:
             "all proportion"
         )
     n = len(dynamics.states)
-    from control import StateSpace  # it brings pyplot: slow to import
-
-    system = StateSpace(
+    return Linearization(
         jacobian[:n, :n],
         jacobian[:n, n:],
         jacobian[n:, :n],
         jacobian[n:, n:],
-        states=list(dynamics.states),
-        inputs=list(IN1),
-        outputs=[*OUTPUTS, *IN1],
+        None,
+        IN1,
+        (*OUTPUTS, *IN1),
+        dynamics.states,
         name="IN1_to_OUT",
+        trim=trim,
     )
-    return Linearization(system, {}, trim)
 
 
 def driven_states(par: NDArray[np.float64]) -> tuple[str, ...]:
@@ -273,8 +221,7 @@ def stability_derivatives(base: Linearization, swashplate: Swashplate) -> dict[s
         swashplate: of the vehicle, for the derivatives by what its servos do together.
     """
     inflow = _OPTIONAL["main_dynamic_inflow"]
-    slow = [name for name in base.system.state_labels if name not in inflow]
-    base = Linearization(residualised(base.system, slow), base.delays, base.trim)
+    base = base.residualised([name for name in base.states if name not in inflow])
     swash = {name: _swash_derivatives(base, swashplate, name) for name in ("w", "flap_a", "flap_b")}
     tau_a = -1.0 / base.derivative("flap_a", "flap_a")
     tau_b = -1.0 / base.derivative("flap_b", "flap_b")

@@ -14,13 +14,14 @@ import numpy as np
 
 from helisim.base.display import Displayed
 from helisim.base.errors import InputError
+from helisim.base.linear import LinearSystem
 from helisim.base.value import Value
 from helisim.physics.frames import flip
 from helisim.physics.layout import SENSOR
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
 from helisim.physics.servo import equivalent_delay
-from helisim.records.channels import IN1
+from helisim.records.channels import ACCELERATIONS, IN1, RATES
 from helisim.vehicle.assembly import Around, assemble, with_room
 from helisim.vehicle.controller import (
     DIRECT,
@@ -45,7 +46,7 @@ from helisim.vehicle.parameters import (
     Parameters,
 )
 from helisim.vehicle.roles import Roles
-from helisim.vehicle.sampled import SampledGyro, close
+from helisim.vehicle.sampled import close
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
 
@@ -178,10 +179,9 @@ class Vehicle(Value, Displayed):
         if inputs not in ("IN1", "IN2"):
             raise InputError(f"inputs must be 'IN1' or 'IN2', got {inputs!r}")
         if inputs == "IN2":
-            system = close(self._base, self.gyro)
-            return Linearization(system, {"PED": self.parameters["gyro.ped_latency"]}, self.trim)
+            return close(self._base, self.gyro, imu=self.imu_offset)
         held = 0.5 * self.parameters["gyro.period"]
-        return Linearization(self._base.system, dict.fromkeys(IN1, held), self.trim)
+        return replace(self._base, delays=dict.fromkeys(IN1, held), trim=self.trim)
 
     @cached_property
     def digest(self) -> str:
@@ -214,8 +214,11 @@ class Vehicle(Value, Displayed):
         return Swashplate.in_block(self.model.actuator_user[addresses(self.model).rotor])
 
     @cached_property
-    def gyro(self) -> SampledGyro:
+    def gyro(self) -> LinearSystem:
         """The controller's linear law at its ticks: of the gyro, or of whatever commands instead.
+
+        From what it sees, by the names of `Seen`, to col, lon, lat, ped; its delays are those of
+        the rates, of the forces that it feels and of the pedals.
 
         Raises:
             InputError: no law moves any servo.
@@ -224,9 +227,10 @@ class Vehicle(Value, Displayed):
         if self.controller == DIRECT:
             raise InputError("no controller moves the servos: linearize('IN1') is all there is")
         system = linearize_law(self.controller, self.model, self.trim)
-        period, latency = self.parameters["gyro.period"], self.parameters["gyro.latency"]
-        late = float(self.model.opt.timestep)
-        return SampledGyro(system, period, latency, timestep=late, imu=self.imu_offset)
+        own = self.parameters
+        late = dict.fromkeys(RATES, own["gyro.latency"]) | {"PED": own["gyro.ped_latency"]}
+        late |= dict.fromkeys(ACCELERATIONS, float(self.model.opt.timestep))
+        return replace(LinearSystem.from_control(system), delays=late)
 
     def loop(self, axis: str) -> "control.StateSpace":
         """Return what comes back at a servo command when the gyro's loop is cut there.
@@ -234,8 +238,8 @@ class Vehicle(Value, Displayed):
         Sampled; the input is the command of that axis ("lon", "lat" or "ped"), the output the
         gyro's answer to it, all other loops closed. Positive feedback: -1 is the stable side.
         """
-        cut = close(self._base, self.gyro, open_at=axis)
-        return cut[cut.output_labels.index(axis), 0]
+        cut = close(self._base, self.gyro, imu=self.imu_offset, cut=axis)
+        return cut.select(outputs=(axis,)).system
 
     @property
     def settings(self) -> GyroSettings:

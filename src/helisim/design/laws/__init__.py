@@ -4,6 +4,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from helisim.base.linear import Linear as LinearLaw
+    from helisim.base.linear import LinearSystem as SampledLaw
     from helisim.design.laws.attitude_command import (
         AttitudeAxis,
         AttitudeCommand,
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
     from helisim.design.laws.rate_command import CollectiveAxis, RateAxis, RateCommand, YawRateAxis
     from helisim.design.laws.state_space import StateSpaceLaw
     from helisim.design.laws.tables import TabledLaw
-    from helisim.handling.sampled_law import LinearLaw, SampledLaw
 
 _HOMES = {
     "attitude_command": ("AttitudeAxis", "AttitudeCommand", "HeaveAxis", "YawAxis"),
@@ -24,11 +25,11 @@ _HOMES = {
     "law": ("Law", "law_of", "read_law", "register"),
     "probe": ("probed",),
     "rate_command": ("CollectiveAxis", "RateAxis", "RateCommand", "YawRateAxis"),
-    "helisim.handling.sampled_law": ("LinearLaw", "SampledLaw"),
     "state_space": ("StateSpaceLaw",),
     "tables": ("TabledLaw",),
 }
 """Module -> what it has; loaded on first use, as reading a file needs no simulator."""
+_LINEAR = {"LinearLaw": "Linear", "SampledLaw": "LinearSystem"}
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
@@ -57,7 +58,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name in _LINEAR:
+        return getattr(import_module("helisim.base.linear"), _LINEAR[name])
     if name not in _HOME_OF:
         raise AttributeError(f"module 'helisim.design.laws' has no attribute {name!r}")
-    home = _HOME_OF[name]
-    return getattr(import_module(home if "." in home else f"{__name__}.{home}"), name)
+    return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.linear import LinearSystem
 from helisim.base.value import Value
 from helisim.design.laws import attitude_kernel as kernel
 from helisim.design.laws.attitude_command import (
@@ -15,7 +16,6 @@ from helisim.design.laws.attitude_command import (
     command_model,
 )
 from helisim.design.laws.probe import probed
-from helisim.handling.sampled_law import SampledLaw
 from helisim.records.channels import IN1
 
 Response = NDArray[np.complex128]
@@ -67,12 +67,12 @@ class AttitudeLinear(Value):
         return np.stack([rows[name] for name in IN1]) * z ** -round(law.delay / self.period)
 
     @property
-    def sampled(self) -> SampledLaw:
+    def sampled(self) -> LinearSystem:
         """The compiled law's matrices, without states that nothing moves, such as trims."""
         return self._sampled
 
     @cached_property
-    def _sampled(self) -> SampledLaw:
+    def _sampled(self) -> LinearSystem:
         settings, states = self.law.numbers(self.period)
         return probed(kernel.COMPILED, settings, states, self.period, self.inputs)
 

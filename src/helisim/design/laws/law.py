@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import atomic_write, read_toml
+from helisim.base.linear import Linear
 from helisim.design.laws.written import toml_of
-from helisim.handling.sampled_law import LinearLaw
 
 if TYPE_CHECKING:
     from helisim.vehicle import Controller, Vehicle
@@ -64,7 +64,7 @@ class Law(ABC):
         """
 
     @abstractmethod
-    def linear(self, period: float) -> LinearLaw:
+    def linear(self, period: float) -> Linear:
         """Return what it does about a trim, at ticks that are a period (s) apart."""
 
     @abstractmethod

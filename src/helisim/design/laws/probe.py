@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.handling.sampled_law import SampledLaw
+from helisim.base.linear import LinearSystem
 from helisim.physics.gyro import Seen
 from helisim.records.channels import IN1
 
@@ -20,7 +20,7 @@ def probed(
     states: int,
     period: float,
     inputs: Sequence[str],
-) -> SampledLaw:
+) -> LinearSystem:
     """Return a law's matrices, without states that nothing moves.
 
     Args:
@@ -49,7 +49,7 @@ def probed(
         kept = moves
     seen_at = range(states, whole.shape[1])
     given_at = range(states, whole.shape[0])
-    return SampledLaw(
+    return LinearSystem(
         whole[np.ix_(kept, kept)],
         whole[np.ix_(kept, seen_at)],
         whole[np.ix_(given_at, kept)],

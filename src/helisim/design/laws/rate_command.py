@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.linear import LinearSystem
 from helisim.design.laws.law import register
 from helisim.design.laws.probe import probed
 from helisim.design.laws.rate_kernel import COMPILED, SETTINGS, TRIMMED, Trimmed
 from helisim.design.laws.tables import TabledLaw
-from helisim.handling.sampled_law import SampledLaw
 from helisim.physics.layout import SWASH_STATES, TAIL_STATES
 from helisim.physics.params import NEVER, PARAM
 from helisim.records.channels import IN2, RATES
@@ -154,7 +154,7 @@ class RateCommand(TabledLaw):
             name=f"gyro of {vehicle.name}",
         )
 
-    def linear(self, period: float) -> SampledLaw:
+    def linear(self, period: float) -> LinearSystem:
         """Return what it does about a trim, at ticks that are a period (s) apart."""
         settings = self.numbers(period)
         as_it_is().write(settings)

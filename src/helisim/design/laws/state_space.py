@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.linear import LinearSystem
 from helisim.base.value import FrozenMap, Value
 from helisim.design.laws.law import Law, check_names, register
 from helisim.design.laws.state_space_kernel import COMPILED, state_space_settings
-from helisim.handling.sampled_law import SampledLaw
 from helisim.physics.gyro import Seen
 from helisim.records.channels import ACCELERATIONS, IN1
 
@@ -138,11 +138,11 @@ class StateSpaceLaw(Law, Value):
             raise UnknownNameError("parameter of the law", name, self.parameters())
         return self
 
-    def linear(self, period: float) -> SampledLaw:
+    def linear(self, period: float) -> LinearSystem:
         """Return what it does about a trim. Raises InputError at ticks that aren't its own."""
         self._check_period(period)
         matrices = self.a, self.b, self.c, self.d
-        return SampledLaw(*matrices, self.period, self.inputs, IN1)
+        return LinearSystem(*matrices, self.period, self.inputs, IN1)
 
     def _check_period(self, period: float) -> None:
         if not math.isclose(period, self.period, rel_tol=1e-9):

@@ -1,0 +1,477 @@
+"""Linear systems with named signals: matrices, delays, responses, poles, feedback and sampling."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag, expm
+
+from helisim.base.errors import InputError
+from helisim.base.value import FrozenMap, Value
+
+if TYPE_CHECKING:
+    import control
+
+Array = NDArray[np.float64]
+Response = NDArray[np.complex128]
+
+_ROUNDING = 1e-9
+"""s: delays so close to a whole number of periods are one, and periods so alike are the same."""
+_GONE = 1e-4
+"""Size of a pole in the z-plane: 9 time constants a tick, or what rounding makes of a delay line,
+which is no motion of the system."""
+
+
+class Linear(Protocol):
+    """Anything linear with named signals that is known by its frequency response.
+
+    One that is also known at ticks has a `LinearSystem` as `sampled`.
+    """
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        ...
+
+    def response(self, frequency: Array, /) -> Response:
+        """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearSystem(Value):
+    """A linear system: x' or x+ = A x + B u, y = C x + D u. Read-only.
+
+    Attributes:
+        a: (n_state, n_state).
+        b: (n_state, n_in).
+        c: (n_out, n_state).
+        d: (n_out, n_in).
+        period: s, between its ticks; None of a continuous system.
+        inputs: names of the inputs.
+        outputs: names of the outputs.
+        states: names of the states; x[0], x[1], ... if none are given.
+        delays: by how much inputs act late, s, by name; 0 where none is given. Not in the matrices.
+        output_delays: by how much outputs are late, s, by name, likewise.
+        name: for people.
+
+    Raises:
+        InputError: shapes and names don't fit each other.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    period: float | None
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...] = ()
+    delays: Mapping[str, float] = field(default_factory=dict)
+    output_delays: Mapping[str, float] = field(default_factory=dict)
+    name: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        for name in "abcd":
+            array = np.array(getattr(self, name), dtype=np.float64)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        for name in ("delays", "output_delays"):
+            object.__setattr__(self, name, FrozenMap(getattr(self, name)))
+        states = tuple(self.states) or tuple(f"x[{k}]" for k in range(len(self.a)))
+        for name, names in (("inputs", self.inputs), ("outputs", self.outputs), ("states", states)):
+            object.__setattr__(self, name, tuple(names))
+        n, n_in, n_out = len(states), len(self.inputs), len(self.outputs)
+        shapes = [getattr(self, name).shape for name in "abcd"]
+        if shapes != [(n, n), (n, n_in), (n_out, n), (n_out, n_in)]:
+            raise InputError(
+                f"a linear system of {n} states, {n_in} inputs and {n_out} outputs has matrices "
+                f"of other shapes; got {', '.join(map(str, shapes))}"
+            )
+
+    def __repr__(self) -> str:
+        kind = f"sampled at {1.0 / self.period:.4g} Hz" if self.period else "continuous"
+        return (
+            f"{type(self).__name__}({kind}: {len(self.a)} states, {', '.join(self.inputs)} to "
+            f"{', '.join(self.outputs)})"
+        )
+
+    @classmethod
+    def from_control(cls, system: "control.StateSpace") -> "LinearSystem":
+        """Return python-control's StateSpace as a linear system."""
+        a, b, c, d = (np.asarray(getattr(system, name)) for name in "ABCD")
+        names = (
+            tuple(one) for one in (system.input_labels, system.output_labels, system.state_labels)
+        )
+        return LinearSystem(a, b, c, d, float(system.dt or 0.0) or None, *names)
+
+    def to_control(self) -> "control.StateSpace":
+        """Return it as python-control's StateSpace, without its delays."""
+        from control import StateSpace  # which brings pyplot: slow to import
+
+        return StateSpace(
+            self.a,
+            self.b,
+            self.c,
+            self.d,
+            self.period or 0.0,
+            states=list(self.states),
+            inputs=list(self.inputs),
+            outputs=list(self.outputs),
+            remove_useless_states=False,
+            **({"name": self.name} if self.name else {}),
+        )
+
+    @cached_property
+    def system(self) -> "control.StateSpace":
+        """It as python-control's StateSpace, without its delays."""
+        return self.to_control()
+
+    @property
+    def sampled(self) -> "LinearSystem":
+        """Itself, where it is sampled. Raises InputError of a continuous system."""
+        if self.period is None:
+            raise InputError("a continuous system isn't known at ticks: see `discretise`")
+        return self
+
+    @cached_property
+    def poles(self) -> Response:
+        """The poles in the s-plane, (n_pole,) rad/s, the slowest first, those of delays left out.
+
+        A delay's are those that are over within a tick, of a sampled system.
+        """
+        found = np.linalg.eigvals(self.a).astype(np.complex128)
+        if self.period is not None:
+            found = np.log(found[np.abs(found) > _GONE]) / self.period
+        return np.asarray(found[np.argsort(np.abs(found))], dtype=np.complex128)
+
+    def response(self, omega: ArrayLike) -> Response:
+        """Return the frequency response, delays included, (n_out, n_in, n_freq).
+
+        Args:
+            omega: rad/s, (n_freq,).
+
+        Raises:
+            InputError: one of them is a pole.
+        """
+        omega = np.asarray(omega, dtype=np.float64)
+        point = 1j * omega if self.period is None else np.exp(1j * omega * self.period)
+        try:
+            states = np.linalg.solve(
+                point[:, None, None] * np.eye(len(self.a)) - self.a, self.b[None]
+            )
+        except np.linalg.LinAlgError:
+            raise InputError(
+                f"a pole lies among {omega.min():g} to {omega.max():g} rad/s"
+            ) from None
+        found = np.moveaxis(np.asarray(self.c @ states + self.d, dtype=np.complex128), 0, -1)
+        if self.delays:
+            late = _in_order(self.delays, self.inputs)
+            found = found * np.exp(-1j * late[None, :, None] * omega)
+        if self.output_delays:
+            late = _in_order(self.output_delays, self.outputs)
+            found = found * np.exp(-1j * late[:, None, None] * omega)
+        return found
+
+    def select(
+        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+    ) -> Self:
+        """Return it with some of its inputs and outputs only, in the order given."""
+        inputs, outputs = inputs or self.inputs, outputs or self.outputs
+        columns = [self.inputs.index(name) for name in inputs]
+        rows = [self.outputs.index(name) for name in outputs]
+        return replace(
+            self,
+            b=self.b[:, columns],
+            c=self.c[rows],
+            d=self.d[np.ix_(rows, columns)],
+            inputs=tuple(inputs),
+            outputs=tuple(outputs),
+        )
+
+    def reordered(self, states: Sequence[str]) -> Self:
+        """Return it with its states in another order, by their names."""
+        order = [self.states.index(name) for name in states]
+        a, b, c = self.a[np.ix_(order, order)], self.b[order], self.c[:, order]
+        return replace(self, a=a, b=b, c=c, states=tuple(states))
+
+    def residualised(self, keep: Sequence[str], *, without: Sequence[str] = ()) -> Self:
+        """Return it with fewer states: the others are where they settle.
+
+        With x' = A11 x + A12 z + B1 u and 0 = A21 x + A22 z + B2 u it has A11 - A12 inv(A22) A21
+        and B1 - A12 inv(A22) B2, and the whole system's response at rest.
+
+        Args:
+            keep: names of the states that stay, in the order wanted.
+            without: names of states that stay at their values instead of settling.
+
+        Raises:
+            InputError: it is sampled, has no such state, or the others don't settle.
+        """
+        missing = [name for name in keep if name not in self.states]
+        if missing or self.period is not None:
+            kind = f"no state {missing[0]!r}" if missing else f"a period of {self.period:g} s"
+            raise InputError(
+                f"reducing takes a continuous model with the states {', '.join(keep)}; this has "
+                f"{kind}"
+            )
+        a, b, c = self.a, self.b, self.c
+        slow = [self.states.index(name) for name in keep]
+        fast = [k for k, name in enumerate(self.states) if name not in (*keep, *without)]
+        settled = a[np.ix_(fast, fast)]
+        if fast and np.linalg.matrix_rank(settled) < len(fast):
+            names = ", ".join(self.states[k] for k in fast)
+            raise InputError(f"a state that is to be left out never settles, among {names}")
+        by_state = -np.linalg.solve(settled, a[np.ix_(fast, slow)])
+        by_input = -np.linalg.solve(settled, b[fast])
+        return replace(
+            self,
+            a=a[np.ix_(slow, slow)] + a[np.ix_(slow, fast)] @ by_state,
+            b=b[slow] + a[np.ix_(slow, fast)] @ by_input,
+            c=c[:, slow] + c[:, fast] @ by_state,
+            d=self.d + c[:, fast] @ by_input,
+            states=tuple(keep),
+        )
+
+    def feedback(self, law: "LinearSystem", cut: str | None = None) -> "LinearSystem":
+        """Return the loop that this plant and a law close by their signals' names.
+
+        Positive feedback, as laws are written. States are the plant's, then the law's; inputs what
+        the law sees and the plant doesn't say, with their delays, and the cut command; outputs the
+        plant's, then the law's. Cut at a command, the loop's L is minus that command over itself.
+
+        Args:
+            law: from some of the outputs, and more, to some of the inputs, at the same ticks.
+            cut: command at which the loop is cut: what the law says there moves nothing, and
+                something else goes to the plant instead.
+
+        Raises:
+            InputError: the ticks differ, or what both do at once makes a loop without a solution.
+        """
+        if abs((self.period or 0.0) - (law.period or 0.0)) > _ROUNDING:
+            raise InputError(
+                f"the plant is sampled each {self.period or 0.0:g} s, the law each "
+                f"{law.period or 0.0:g} s: give both the same period"
+            )
+        inputs = [name for name in law.inputs if name not in self.outputs]
+        sensed = [name for name in law.inputs if name in self.outputs]
+        driving = (*inputs, *([cut] if cut else []))
+        outside = [name if name == cut else "" for name in driving]
+        reached = ["" if name == cut else name for name in law.outputs]
+        n, rows = len(self.a), [self.outputs.index(name) for name in sensed]
+        moves, direct = (_columns(one, self.inputs, reached) for one in (self.b, self.d))
+        by, through = (_columns(one, self.inputs, outside) for one in (self.b, self.d))
+        fed, back = (_columns(one, law.inputs, sensed) for one in (law.b, law.d))
+        pushed, given = (_columns(one, law.inputs, driving) for one in (law.b, law.d))
+        at_once = np.eye(len(law.outputs)) - back @ direct[rows]
+        if np.linalg.cond(at_once) > 1e12:
+            raise InputError("what the law commands and senses at the same tick has no solution")
+        solved = np.linalg.inv(at_once)
+        commands = solved @ np.hstack([back @ self.c[rows], law.c])
+        shown = np.hstack([self.c, np.zeros((len(self.c), len(law.a)))]) + direct @ commands
+        a = block_diag(self.a, law.a)
+        a[:n] += moves @ commands
+        a[n:] += fed @ shown[rows]
+        driven = solved @ (given + back @ through[rows])
+        seen = through + direct @ driven
+        return LinearSystem(
+            a,
+            np.vstack([by + moves @ driven, pushed + fed @ seen[rows]]),
+            np.vstack([shown, commands]),
+            np.vstack([seen, driven]),
+            self.period,
+            driving,
+            (*self.outputs, *law.outputs),
+            (*self.states, *law.states),
+            {name: law.delays[name] for name in inputs if name in law.delays},
+            name=f"loop_at_{cut}" if cut else "closed_loop",
+        )
+
+    def simulate(self, inputs: ArrayLike) -> Array:
+        """Return the outputs, (n_tick, n_out), of a sampled system that starts at rest.
+
+        Args:
+            inputs: (n_tick, n_in).
+        """
+        state, inputs = np.zeros(len(self.a)), np.asarray(inputs, dtype=np.float64)
+        found = np.empty((len(inputs), len(self.outputs)))
+        for k, now in enumerate(inputs):
+            found[k] = self.c @ state + self.d @ now
+            state = self.a @ state + self.b @ now
+        return found
+
+    def with_delays_as_states(self) -> "LinearSystem":
+        """Return a sampled system with its inputs' delays in lines of old samples.
+
+        Between two samples a line gives what lies straight between them.
+        """
+        system, period = replace(self, delays={}), self.sampled.period or 0.0
+        for name, late in self.delays.items():
+            ticks = late / period
+            whole = math.floor(ticks + _ROUNDING)
+            part = max(ticks - whole, 0.0)
+            count = whole + (part > _ROUNDING)
+            if not count:
+                continue
+            column, n = self.inputs.index(name), len(system.a)
+            weight = np.zeros(count + 1)  # of the sample now, and of those before
+            weight[whole] = 1.0 - part
+            weight[whole + 1 :] = part
+            a, b, d = block_diag(system.a, np.eye(count, k=-1)), system.b.copy(), system.d.copy()
+            a[:n, n:] = np.outer(b[:, column], weight[1:])
+            c = np.hstack([system.c, np.outer(d[:, column], weight[1:])])
+            b, d[:, column] = (
+                np.vstack([b, np.zeros((count, b.shape[1]))]),
+                weight[0] * d[:, column],
+            )
+            b[:n, column] *= weight[0]
+            b[n, column] = 1.0
+            d[:, column] *= weight[0]
+            line = (f"{name}_{k + 1}_ago" for k in range(count))
+            system = replace(system, a=a, b=b, c=c, d=d, states=(*system.states, *line))
+        return system
+
+    def discretise(self, period: float) -> "LinearSystem":
+        """Return a continuous system behind held inputs at ticks, delays of any length exact.
+
+        Over a period every input has two values: the older one up to the remainder of its delay,
+        then the next (Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3).
+        States are its own, then what each input was at the ticks before, the last one first, then
+        what each late output is going to be, the next first. A system may lead by up to a period,
+        as one does whose delay was identified a little too short: it is read that much later.
+
+        Args:
+            period: s, between ticks.
+
+        Raises:
+            InputError: an output leads an input by more than a period.
+        """
+        late = _in_order(self.output_delays, self.outputs)
+        waits = _in_order(self.delays, self.inputs) + min(late, default=0.0)
+        lead = max(0.0, -float(np.min(waits, initial=0.0)))
+        if lead > period:
+            raise InputError(
+                f"what {self.inputs[int(np.argmin(waits))]!r} moves leads it by {1e3 * lead:.3g} "
+                f"ms, more than the period of {1e3 * period:.3g} ms: no law at ticks can have "
+                "that; see what is said to be late"
+            )
+        waits = waits + lead
+        whole = [int((wait + _ROUNDING) // period) for wait in waits]
+        rest = [max(0.0, wait - k * period) for wait, k in zip(waits, whole)]
+        rest = np.array([one if one > _ROUNDING else 0.0 for one in rest])
+        lines = [k + (one > 0.0) for k, one in zip(whole, rest)]
+        reads = lead - (late - min(late, default=0.0))
+        ticks = [max(0, math.ceil(-one / period - 1e-6)) for one in reads]
+        n, m = self.b.shape
+        total = n + sum(lines) + sum(ticks)
+
+        def placed(still: Array, old: Array, new: Array) -> tuple[Array, Array]:
+            """Return rows over the states, and over the two values of inputs, over a tick's."""
+            over, at_once, start = np.zeros((len(still), total)), np.zeros((len(still), m)), n
+            over[:, :n] = still
+            for k, length in enumerate(lines):
+                for ago, value in ((whole[k] + 1, old[:, k]), (whole[k], new[:, k])):
+                    if ago == 0:
+                        at_once[:, k] += value
+                    elif ago <= length:
+                        over[:, start + ago - 1] += value
+                start += length
+            return over, at_once
+
+        def moved(after: float) -> tuple[Array, Array, Array]:
+            """Return the states at a time after a tick, over states, older and newer inputs."""
+            still, by = zero_order_hold(self.a, self.b, after)
+            old, new = by.copy(), np.zeros((n, m))
+            for one in np.unique(rest[rest < after]):
+                k = rest == one
+                onward, then = zero_order_hold(self.a, self.b, after - one)
+                old[:, k] = onward @ zero_order_hold(self.a, self.b, one)[1][:, k]
+                new[:, k] = then[:, k]
+            return still, old, new
+
+        a, b = np.zeros((total, total)), np.zeros((total, m))
+        c, d = np.zeros((len(self.c), total)), np.zeros((len(self.c), m))
+        a[:n], b[:n] = placed(*moved(period))
+        after = reads + np.array(ticks, dtype=np.float64) * period
+        after[np.abs(after) < _ROUNDING] = 0.0
+        for one in np.unique(after):
+            rows = after == one
+            still, old, new = (self.c[rows] @ part for part in moved(one))
+            older = one < rest
+            now = self.d[rows]
+            c[rows], d[rows] = placed(still, old + now * older, new + now * ~older)
+        start, names = n, list(self.states)
+        for k, length in enumerate(lines):
+            if length:
+                b[start, k] = 1.0
+                a[start + 1 : start + length, start : start + length - 1] = np.eye(length - 1)
+            names += [f"{self.inputs[k]}_{ago + 1}_ago" for ago in range(length)]
+            start += length
+        for row, length in enumerate(ticks):
+            if not length:
+                continue
+            last = start + length - 1
+            a[start:last, start + 1 : last + 1] = np.eye(length - 1)
+            a[last], b[last] = c[row], d[row]
+            c[row], d[row] = np.eye(1, total, start), 0.0
+            names += [f"{self.outputs[row]}_{ahead}" for ahead in range(length)]
+            start += length
+        return LinearSystem(
+            a, b, c, d, period, self.inputs, self.outputs, tuple(names), name=self.name
+        )
+
+
+def beside(parts: Sequence[LinearSystem], inputs: Sequence[str]) -> LinearSystem:
+    """Return systems side by side as one, their outputs one after the other.
+
+    Args:
+        parts: systems, sampled alike.
+        inputs: of the whole, those of the parts among them.
+    """
+    a, c = (block_diag(*(getattr(one, name) for one in parts)) for name in "ac")
+    b, d = (
+        np.vstack([_columns(getattr(one, name), one.inputs, inputs) for one in parts])
+        for name in "bd"
+    )
+    outputs = tuple(name for one in parts for name in one.outputs)
+    states = tuple(name for one in parts for name in one.states)
+    return LinearSystem(a, b, c, d, parts[0].period, tuple(inputs), outputs, states)
+
+
+def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:
+    """Return exp(A t) and its integral times B: A and B of held inputs over a period. Read-only."""
+    n, m = b.shape
+    both = np.zeros((n + m, n + m))
+    both[:n] = np.hstack([a, b])
+    whole = np.frombuffer(_exponential((both * period).tobytes())).reshape(n + m, n + m)
+    return whole[:n, :n], whole[:n, n:]
+
+
+@lru_cache(maxsize=32)
+def _exponential(matrix: bytes) -> bytes:
+    """Return the exponential of a square matrix; tuning asks for one again and again."""
+    numbers = np.frombuffer(matrix)
+    size = math.isqrt(numbers.size)
+    return np.asarray(expm(numbers.reshape(size, size)), dtype=np.float64).tobytes()
+
+
+def _in_order(delays: Mapping[str, float], names: Sequence[str]) -> Array:
+    return np.array([delays.get(name, 0.0) for name in names], dtype=np.float64)
+
+
+def _columns(matrix: Array, has: Sequence[str], wanted: Sequence[str]) -> Array:
+    """Return the columns of named inputs, zero for those that it doesn't have."""
+    found = np.zeros((len(matrix), len(wanted)))
+    there = [(k, has.index(name)) for k, name in enumerate(wanted) if name in has]
+    for to, by in there:
+        found[:, to] = matrix[:, by]
+    return found
