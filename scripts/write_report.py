@@ -6,7 +6,7 @@ python scripts/write_report.py [FILE.html [FLIGHTS]]
 import sys
 
 import helisim as hs
-from helisim.show.report_fit import write_fit_report
+from helisim.show.report import write_fit_report
 
 
 def main(path: str = "yaw.html", flights: int = 4) -> None:

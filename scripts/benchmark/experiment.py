@@ -72,8 +72,8 @@ def main(flights: int = 10) -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/compiled"
         from helisim.physics import native
+        from helisim.show.recording import write_recording
         from helisim.show.report import write_report
-        from helisim.show.rerun.recording import write_recording
         from helisim.study.flights import named_records
         from helisim.study.identification import identify_model
         from helisim.study.models import MODELS

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import helisim as hs
-from helisim.show.rerun.recording import write_recording
+from helisim.show.recording import write_recording
 
 TIMES = 5
 

@@ -24,8 +24,8 @@ from rerun.experimental import ViewerClient
 
 import helisim as hs
 from helisim.show.canvas import to_png
-from helisim.show.drawings import bode_drawings
-from helisim.show.rerun.recording import write_recording
+from helisim.show.plots import draw_pair, pairs_of
+from helisim.show.recording import write_recording
 from helisim.study.run import Run, read_run
 from helisim.vehicle.folder import model_folder, vehicle_names
 
@@ -70,7 +70,10 @@ def write_models() -> None:
 def write_bode(run: Run, path: Path) -> None:
     """Put p/lat and q/lon of the roll-pitch model side by side."""
     (item,) = (item for item in run.models if item.name == "rollpitch_in1")
-    drawings = {drawing.name.split("_", 3)[3]: drawing for drawing in bode_drawings(item)}
+    drawings = {
+        drawing.name.split("_", 3)[3]: drawing
+        for drawing in (draw_pair(item, *pair) for pair in pairs_of(item.fit))
+    }
     pictures = [Image.open(BytesIO(to_png(drawings[pair]))) for pair in ("p_lat", "q_lon")]
     both = Image.new("RGB", (sum(p.width for p in pictures), pictures[0].height), "white")
     for k, picture in enumerate(pictures):

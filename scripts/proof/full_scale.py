@@ -26,8 +26,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from helisim.show.canvas import to_figure
-from helisim.show.figure import Mark, Panel
-from helisim.show.svg import Drawing
+from helisim.show.figure import Drawing, Mark, Panel
 from helisim.study.paper import lynx
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.blade import lock_reduction

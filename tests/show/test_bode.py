@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from helisim.ident import FrequencyResponse
-from helisim.show.bode import beside, phase_degrees
-from helisim.show.bode_drawing import draw_bode, spread_out
-from helisim.show.mismatch import unnoticeable
+from helisim.show.plots import beside, draw_bode, phase_degrees, spread_out, unnoticeable
 
 OMEGA = np.geomspace(0.3, 30.0, 200)
 S = 1j * OMEGA

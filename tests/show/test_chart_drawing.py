@@ -14,8 +14,7 @@ from helisim.handling.criteria.criterion import Rating
 from helisim.handling.curve import Curve
 from helisim.handling.spec import known_criteria
 from helisim.show.canvas import to_png
-from helisim.show.chart_drawing import Shown, draw_chart
-from helisim.show.clipping import clipped_line, clipped_polygon, inside
+from helisim.show.charts import Shown, clipped_line, clipped_polygon, draw_chart, inside
 
 INF = math.inf
 NEEDED = {

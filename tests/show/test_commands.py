@@ -83,7 +83,7 @@ def test_the_vehicle_that_flew_is_drawn(tmp_path, capsys, monkeypatch):
     """The Blade 360's flight shows a Blade 360; two vehicles do not fit into one recording."""
     drawn = []
     monkeypatch.setattr(
-        "helisim.show.rerun.recording.write_recording",
+        "helisim.show.recording.write_recording",
         lambda path, flights, *, model, **_: drawn.append(model.names),
     )
     for name in ("blade360", "jr700"):

@@ -24,9 +24,8 @@ from helisim.handling.criteria import (
 from helisim.handling.curve import Curve
 from helisim.handling.loop import NoResponse
 from helisim.handling.spec import Spec
-from helisim.show.before_after import draw_step
-from helisim.show.design_page import write_design_page
-from helisim.show.loop_drawing import draw_loops
+from helisim.show.charts import draw_loops
+from helisim.show.design_page import draw_step, write_design_page
 from helisim.sim import Gust
 from helisim.study.proof.comparison import compare
 from helisim.study.proof.flights import ProofFlights, Stops

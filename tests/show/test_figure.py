@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from helisim.show.canvas import to_png
-from helisim.show.drawings import bode_drawings, verification_drawings
-from helisim.show.figure import Mark, Panel, Scale, extent, outline
-from helisim.show.svg import DARK, LIGHT, Drawing
+from helisim.show.figure import DARK, LIGHT, Drawing, Mark, Panel, Scale, extent, outline
+from helisim.show.plots import draw_pair, draw_verifications, pairs_of
 from made_run import make_model
 
 X = np.linspace(0.0, 1.0, 5)
@@ -80,7 +79,7 @@ def test_a_thinned_history_has_the_same_outline():
 
 def drawings() -> list[Drawing]:
     item = make_model("rollpitch_in1", verified=True)
-    return [*bode_drawings(item), *verification_drawings(item)]
+    return [*(draw_pair(item, *pair) for pair in pairs_of(item.fit)), *draw_verifications(item)]
 
 
 def test_a_file_is_plain_svg_that_other_programs_read():

@@ -18,7 +18,7 @@ import numpy as np
 from helisim.records.channels import channel
 from helisim.base.errors import StorageError
 from helisim.ident import structures
-from helisim.show.rerun.recording import write_recording
+from helisim.show.recording import write_recording
 from helisim.records.record import FlightRecord
 from helisim.base.files import write_json
 from helisim.records.storage import write_record

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from helisim.show.live_sitl import Watched, seen
+from helisim.show.viewer import Watched, seen
 from helisim.sitl import Aircraft
 from helisim.sitl.packet import Frame
 from script import SCRIPTS

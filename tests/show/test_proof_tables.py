@@ -11,7 +11,7 @@ from helisim.handling.measured.interval import Interval
 from helisim.handling.spec import Spec
 from helisim.records.channels import CHANNELS
 from helisim.records.record import FlightRecord
-from helisim.show.proof import gust_table, proof_table
+from helisim.show import tables
 from helisim.show.table import as_text
 from helisim.study.proof.comparison import ComparedCriterion, ComparedFigure
 from helisim.study.proof.deviation import Deviation, deviations
@@ -29,7 +29,7 @@ def test_figures_stand_side_by_side():
     row = ComparedCriterion(Spec(StabilityMargins(axis="lat")), figures, None, None, None, None, {})
     stops = Stops({"PED": 0.1}, {"lat": 0.123}, 60.0)
     proof = SimpleNamespace(table=(row,), flights=SimpleNamespace(stops=stops))
-    lines = as_text(proof_table(proof)).splitlines()
+    lines = as_text(tables.proof(proof)).splitlines()
     words = next(line for line in lines if "phase" in line).split()
     assert words == [
         "roll",
@@ -51,7 +51,7 @@ def test_figures_stand_side_by_side():
 def test_a_gust_is_told_before_and_after():
     """Peak and rms of each angle, degrees."""
     angles = {"phi": Deviation(np.deg2rad(2.0), np.deg2rad(0.5))}
-    text = as_text(gust_table(SimpleNamespace(gust_deviations={"before": angles, "law": angles})))
+    text = as_text(tables.gust(SimpleNamespace(gust_deviations={"before": angles, "law": angles})))
     assert text.count("0.5") == 2
     assert "with the law" in text
 

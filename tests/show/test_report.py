@@ -9,8 +9,7 @@ import pytest
 from browser import Browser, find
 
 from helisim.base.errors import InputError, StorageError
-from helisim.show.report import write_report
-from helisim.show.report_fit import write_fit_report
+from helisim.show.report import write_fit_report, write_report
 from helisim.study.paper import jr700
 from helisim.study.run import read_run
 from made_run import make_flight, make_model, write_run

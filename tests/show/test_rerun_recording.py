@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 from helisim.base.errors import InputError, StorageError
 from helisim.records.channels import AIR, CHANNELS, IN2, POSITIONS, RATES, Channel, channel
 from helisim.records.record import FlightRecord
-from helisim.show.rerun.recording import GROUPS, write_recording
+from helisim.show.recording import GROUPS, write_recording
 
 SINGLE = 1e-6
 """Rerun keeps poses and shapes in single precision: 6e-8 of the largest number, here below 10."""

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from helisim.show import html
+from helisim.show import page
 from helisim.show.table import (
     PERCENT,
     Cell,
@@ -77,10 +77,10 @@ def test_the_page_shows_the_same_numbers_and_holds_them_in_full():
     """The texts of the terminal, with value and place as attributes; words are escaped."""
     cell = Cell("", 2.776e-17, ".4g", "m", key="ground.x.truth")
     found = table((words("a < b"), words("m"), cell), row("c", "m", 1.0))
-    page = html.table(found)
-    assert "a &lt; b" in page
-    assert 'data-key="ground.x.truth" data-value="2.776e-17">0</td>' in page
-    assert html.table(table()) == ""
+    text = page.table(found)
+    assert "a &lt; b" in text
+    assert 'data-key="ground.x.truth" data-value="2.776e-17">0</td>' in text
+    assert page.table(table()) == ""
 
 
 def test_columns_for_the_page_alone_are_not_on_the_terminal():
@@ -89,7 +89,7 @@ def test_columns_for_the_page_alone_are_not_on_the_terminal():
     found = Table("", columns, ((number(3.0, "g"), words("as said")),))
     assert shown(as_text(found)) == [["speed"], ["m/s"], ["-----"], ["3"]]
     assert as_markdown(found).splitlines()[1:] == ["| ---: |", "| 3 |"]
-    assert re.findall(r"<th\b[^>]*>([^<]*)", html.table(found)) == ["airspeed, m/s", "how"]
+    assert re.findall(r"<th\b[^>]*>([^<]*)", page.table(found)) == ["airspeed, m/s", "how"]
 
 
 def test_long_words_become_cards_of_80_columns():

@@ -7,8 +7,7 @@ import pytest
 from helisim.base.errors import DisplayError, InputError
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
-from helisim.show.drawn_rotor import SLOWED, TILT_GAIN
-from helisim.show.viewer import aim, check_display, prepare_live, watch
+from helisim.show.viewer import SLOWED, TILT_GAIN, aim, check_display, prepare_live, watch
 from helisim.sim import Doublet, Sweep
 from helisim.vehicle import load
 from helisim.vehicle.mirror import mirrored

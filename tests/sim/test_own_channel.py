@@ -10,7 +10,7 @@ from helisim.ident import frequency_response
 from helisim.records.channels import CHANNELS, SERVO_POSITIONS, Channel
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
-from helisim.show.rerun.recording import write_recording
+from helisim.show.recording import write_recording
 from helisim.sim import FlightEnvelope, FlightPlan, Recorder, Sweep, Weather, fly, fly_all, recorder
 from helisim.sim.simulation import simulate
 

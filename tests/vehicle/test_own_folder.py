@@ -69,7 +69,7 @@ def test_names_of_ones_own_are_known_where_it_is_held_and_drawn(jr700, foreign):
     assert model.key("hover").ctrl[model.actuator("rotor").id] == 1.0
     assert [model.actuator(k).name for k in range(model.nu)] == list(ACTUATORS)
     assert suspension_test(own).to_dict() == suspension_test(jr700).to_dict()
-    from helisim.show.rerun.shapes import model_shapes
+    from helisim.show.scene import model_shapes
 
     shapes = model_shapes(model, own.roles)
     assert shapes.radius == own.parameters["main_rotor.radius"]

@@ -263,7 +263,7 @@ def write_recording(
 ) -> None:
     """Write a Rerun recording of flights, and of what a run found from them, and print where."""
     from helisim.cli.progress import Progress
-    from helisim.show.rerun.recording import write_recording
+    from helisim.show.recording import write_recording
     from helisim.vehicle import load
 
     with Progress(len(records), quiet, unit="flight") as advance:

@@ -82,7 +82,7 @@ def add(commands: Any) -> None:
 
 def record_gust(run: Any, path: Path) -> None:
     """Write how the vehicle's own gyro and the designed law reject one gust, side by side."""
-    from helisim.show.rerun.recording import write_recording
+    from helisim.show.recording import write_recording
 
     flights = {"shipped gyro": run.proof.before["gust"], "designed law": run.proof.flights.gust}
     model, roles = run.vehicle.visual_model(), run.vehicle.roles
@@ -102,8 +102,8 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.base.files import make_folder
     from helisim.design.laws import read_law
     from helisim.handling.spec import read_specs
+    from helisim.show import tables
     from helisim.show.design_page import REPORT, write_design_page
-    from helisim.show.design_table import design_table
     from helisim.show.table import as_text
     from helisim.show.terminal import wants_color
     from helisim.study.design_chain import (
@@ -152,7 +152,7 @@ def _run(options: argparse.Namespace) -> int:
     else:
         color = wants_color(sys.stdout)
         flown = None if run.proof is None else flown_figures(run.proof)
-        print(as_text(design_table(run.result, flown), color=color))
+        print(as_text(tables.design(run.result, flown), color=color))
         for miss in (*run.result.misses, *(run.proof.misses if run.proof else ())):
             print(f"- {miss}")
         print_written(options, f"{options.out / LAW}: helisim fly --controller {options.out / LAW}")

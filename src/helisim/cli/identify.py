@@ -255,7 +255,7 @@ def _write(
     if files.matlab is not None:
         fit.to_matlab(files.matlab)
     if files.report is not None:
-        from helisim.show.report_fit import write_fit_report
+        from helisim.show.report import write_fit_report
 
         records = {f"record {k + 1}": record for k, record in enumerate(estimated.records)}
         with Progress(len(records), options.quiet, unit="record") as advance:

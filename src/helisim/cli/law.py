@@ -87,7 +87,7 @@ def _add_lqg(parts: Any) -> None:
 
 def _show(options: argparse.Namespace) -> int:
     from helisim.design.laws import StateSpaceLaw, read_law
-    from helisim.show.laws import law_text
+    from helisim.show.terminal import law_text
 
     law = read_law(options.law)
     period = options.period
@@ -109,15 +109,15 @@ def _lqg(options: argparse.Namespace) -> int:
     from helisim.base.files import check_destination
     from helisim.design.lqg import lqg
     from helisim.handling.closed_loop import ClosedLoop
-    from helisim.show.laws import margins_table
     from helisim.show.table import as_text
+    from helisim.show.tables import loop_margins
     from helisim.study.for_design import identify_for_design
 
     check_destination(options.out, (".toml",))
     tracked, weights = _asked(options)
     plant = identify_for_design(options.source, axes=("lon", "lat", "ped"))
     law = lqg(plant, tracked, weights)
-    print(as_text(margins_table(ClosedLoop(plant, law.linear(plant.period)))))
+    print(as_text(loop_margins(ClosedLoop(plant, law.linear(plant.period)))))
     law.write(options.out)
     print_written(options, str(options.out))
     return 0

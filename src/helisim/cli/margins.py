@@ -94,8 +94,8 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.base.files import check_destination, write_json
     from helisim.handling.measured.loop import DRAWS
     from helisim.handling.measured.margins import margins
-    from helisim.show.measured import measured_table
     from helisim.show.table import as_text, filled
+    from helisim.show.tables import measured_margins
 
     if _says_itself(options):
         return _run_inferred(options)
@@ -121,7 +121,7 @@ def _run(options: argparse.Namespace) -> int:
         advance("margins")
     print(f"{describe(logs)}\n")
     if found.figures:
-        print(as_text(measured_table(found)))
+        print(as_text(measured_margins(found)))
     for remark in found.remarks:
         print(filled(remark))
     if options.json is not None:
@@ -179,11 +179,11 @@ def _run_inferred(options: argparse.Namespace) -> int:
 
 def print_loops(found: "FlownLoops", measured: "MeasuredMargins") -> None:
     """Print the figures of loops as flown, and what is to be known of them."""
-    from helisim.show.measured import measured_table
     from helisim.show.table import as_text, filled
+    from helisim.show.tables import measured_margins
 
     if measured.figures:
-        print(as_text(measured_table(measured)))
+        print(as_text(measured_margins(measured)))
     for remark in (*measured.remarks, *found.remarks):
         print(filled(remark))
 

@@ -42,8 +42,8 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.base.errors import InputError
     from helisim.base.files import check_destination
     from helisim.records.storage import read_record
-    from helisim.show.rerun.recording import write_recording
-    from helisim.show.rerun.scene import knows_rotor
+    from helisim.show.recording import write_recording
+    from helisim.show.scene import knows_rotor
     from helisim.study.run import FLIGHTS, read_run
     from helisim.vehicle import load
 

@@ -13,7 +13,7 @@ from helisim.base.errors import DivergedError, InputError
 from helisim.cli.common import print_written, write_recording
 
 if TYPE_CHECKING:
-    from helisim.show.live_sitl import Watched
+    from helisim.show.viewer import Watched
     from helisim.sitl import Aircraft, Frame, Link, Sensed
 
 _EACH = 10.0
@@ -195,8 +195,7 @@ class Kept:
 @contextmanager
 def window(aircraft: "Aircraft") -> "Iterator[Watched]":
     """Show an aircraft in MuJoCo's viewer as long as the block lasts."""
-    from helisim.show.live_sitl import Watched, seen
-    from helisim.show.viewer import shown
+    from helisim.show.viewer import Watched, seen, shown
 
     flight = seen(aircraft)
     with shown(flight) as window:

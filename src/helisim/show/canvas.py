@@ -1,6 +1,6 @@
 """Drawings by matplotlib, with the panels and colours of the SVG: figures, and PNG.
 
-No pyplot: a figure belongs to whoever asked for it, and is gone with the last name for it.
+No pyplot: a figure belongs to its caller, and is gone with the last name for it.
 """
 
 import io
@@ -12,37 +12,39 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, withStroke
 
 from helisim.base.errors import InputError
-from helisim.show.figure import Mark, Scale
-from helisim.show.svg import LIGHT, WIDTH, Drawing
+from helisim.show.figure import LIGHT, WIDTH, Drawing, Mark, Scale
 
-_DPI = 200
-_SHOWN_DPI = 100
-"""Of a figure on a screen, in pixels of a page; its picture has twice as many."""
+_DPI, _SHOWN_DPI = 200, 100
+"""Dots per inch of a PNG; pixels of a page per inch of a figure on a screen."""
 _INCHES = 4.2 / WIDTH
-"""Of a unit of a drawing: text of 9 points stays readable in a column."""
-_ABOVE, _BELOW = 26.0, 14.0
-"""Units of a drawing around each panel: its legend; what is between it and the next."""
-_AROUND = 50.0
-"""Units above and below all panels: title and horizontal axis."""
-
-_LEGEND: dict[str, Any] = {"handlelength": 1.6, "columnspacing": 1.2, "handletextpad": 0.5}
-_LETTER, _SAMPLE, _ROOM = 5.6, 36.0, 330.0
+"""Inches per unit of a drawing: text of 9 points stays readable in a column."""
+_ABOVE, _BELOW, _AROUND = 26.0, 14.0, 50.0
+"""Units for a panel's legend, between panels, and for title and horizontal axis together."""
+_LETTER, _SAMPLE, _BESIDE = 5.6, 36.0, 330.0
 """Units of an average letter, of a line before a word of the legend, and of both beside the
 panel's label."""
 _ROW = 17.0
 """Points that the label is above a panel, to leave the row below it to the legend."""
-
-_MIDDLE: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 1}
-
+_LEGEND: dict[str, Any] = {
+    "loc": "lower right",
+    "bbox_to_anchor": (1.0, 1.0),
+    "frameon": False,
+    "fontsize": 7.0,
+    "borderaxespad": 0.0,
+    "handlelength": 1.6,
+    "columnspacing": 1.2,
+    "handletextpad": 0.5,
+}
 _STYLE: dict[Any, Any] = {
     "font.size": 8.0,
     "axes.axisbelow": True,
     "axes.edgecolor": LIGHT["frame"],
 }
+_SYMBOLS = {"rings": "o", "squares": "s", "crosses": "x"}
 
 
 class ShownFigure(Figure):
@@ -57,20 +59,26 @@ class ShownFigure(Figure):
 def to_figure(rows: Sequence[Sequence[Drawing]]) -> Figure:
     """Return drawings in rows and columns as one figure."""
     columns = max(map(len, rows))
-    heights = [max(_height(drawing) for drawing in row) for row in rows]
+    heights = [max(sum(_heights(one)) + _AROUND for one in row) for row in rows]
+    size = (columns * WIDTH * _INCHES, sum(heights) * _INCHES)
     with matplotlib.rc_context(_STYLE):
-        figure = ShownFigure(
-            (columns * WIDTH * _INCHES, sum(heights) * _INCHES), _SHOWN_DPI, layout="constrained"
-        )
+        figure = ShownFigure(size, _SHOWN_DPI, layout="constrained")
         parts = figure.subfigures(len(rows), columns, squeeze=False, height_ratios=heights)
         for row, places in zip(rows, parts):
             for drawing, place in zip(row, places):
-                _fill(place, drawing)
+                below = _heights(drawing)
+                grid = place.subplots(len(below), sharex=True, squeeze=False, height_ratios=below)
+                axes = list(grid[:, 0])
+                _draw(axes, drawing)
+                for ax in axes[:-1]:
+                    ax.set_xlabel("")
+                    ax.tick_params(labelbottom=False)
+                place.suptitle(_literal(drawing.title), fontsize=9.5)
     return figure
 
 
 def draw_on(axes: Sequence[Axes], drawings: Sequence[Drawing]) -> Figure:
-    """Draw on axes that there are, a panel on each, in order; return the first one's figure.
+    """Draw on existing axes, a panel on each, in order; return the first one's figure.
 
     Raises:
         InputError: there are more or fewer axes than panels; the message lists the panels.
@@ -102,19 +110,8 @@ def _png(figure: Figure, dpi: int) -> bytes:
     return picture.getvalue()
 
 
-def _height(drawing: Drawing) -> float:
-    return sum(panel.height + _ABOVE + _BELOW for panel in drawing.panels) + _AROUND
-
-
-def _fill(place: SubFigure, drawing: Drawing) -> None:
-    heights = [panel.height + _ABOVE + _BELOW for panel in drawing.panels]
-    grid = place.subplots(len(heights), sharex=True, squeeze=False, height_ratios=heights)
-    axes = list(grid[:, 0])
-    _draw(axes, drawing)
-    for ax in axes[:-1]:
-        ax.set_xlabel("")
-        ax.tick_params(labelbottom=False)
-    place.suptitle(_literal(drawing.title), fontsize=9.5)
+def _heights(drawing: Drawing) -> list[float]:
+    return [panel.height + _ABOVE + _BELOW for panel in drawing.panels]
 
 
 def _draw(axes: Sequence[Axes], drawing: Drawing) -> None:
@@ -124,7 +121,8 @@ def _draw(axes: Sequence[Axes], drawing: Drawing) -> None:
     for ax, panel in zip(axes, drawing.panels):
         for area in panel.areas:
             ax.fill(area.x, area.y, color=LIGHT[area.ground], linewidth=0.0, zorder=0)
-            ax.text(*area.place, area.label, color=LIGHT["soft"], fontsize=7.0, **_MIDDLE)
+            middle: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 1}
+            ax.text(*area.place, area.label, color=LIGHT["soft"], fontsize=7.0, **middle)
         for mark in panel.marks:
             _mark(ax, mark)
         ax.grid(color=LIGHT["grid"], linewidth=0.6)
@@ -134,13 +132,12 @@ def _draw(axes: Sequence[Axes], drawing: Drawing) -> None:
         if panel.threshold is not None:
             ax.axhline(panel.threshold, color=LIGHT["frame"], linewidth=0.7, linestyle=":")
         labels = [mark.label for mark in panel.marks if mark.label]
-        rows = math.ceil(sum(_SAMPLE + _LETTER * len(one) for one in labels) / WIDTH)
+        wide = sum(_SAMPLE + _LETTER * len(one) for one in labels)
+        rows = math.ceil(wide / WIDTH)
         if labels:
-            columns = math.ceil(len(labels) / rows)
-            place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": columns}
-            ax.legend(frameon=False, fontsize=7.0, borderaxespad=0.0, **place, **_LEGEND)
-        words = _LETTER * len(panel.label) + sum(_SAMPLE + _LETTER * len(one) for one in labels)
-        pad = _ROW * rows if labels and words > _ROOM else None
+            ax.legend(ncols=math.ceil(len(labels) / rows), **_LEGEND)
+        crowded = labels and _LETTER * len(panel.label) + wide > _BESIDE
+        pad = _ROW * rows if crowded else None
         ax.set_title(_literal(panel.label), loc="left", fontsize=8.0, pad=pad)
         for start, stop in ((across.low, low), (high, across.high)):
             if start < stop:
@@ -155,20 +152,23 @@ def _mark(ax: Any, mark: Mark) -> None:
     look = {"color": LIGHT[mark.ink], "label": _literal(mark.label) or None}
     if mark.kind == "bars":
         top = mark.y if mark.top is None else mark.top
-        ax.vlines(mark.x, mark.y, top, linewidth=0.9 * mark.width, **look)
+        drawn: Any = ax.vlines(mark.x, mark.y, top, linewidth=0.9 * mark.width, **look)
     elif mark.kind in ("line", "dashes"):
         dashes = (4.0, 2.8) if mark.kind == "dashes" else ()
-        ax.plot(mark.x, mark.y, linewidth=mark.width, dashes=dashes, **look)
+        (drawn,) = ax.plot(mark.x, mark.y, linewidth=mark.width, dashes=dashes, **look)
     else:
-        edge = LIGHT[mark.ink]
-        symbol = {"rings": "o", "squares": "s", "crosses": "x"}.get(mark.kind, "o")
-        face = edge if mark.kind == "dots" else "none"
-        thick = 0.5 if mark.kind == "dots" else 0.5 * mark.width
-        dots: dict[str, Any] = {"linestyle": "none", "marker": symbol, "markeredgewidth": thick}
-        ax.plot(mark.x, mark.y, markerfacecolor=face, markersize=3.2 * mark.width, **dots, **look)
+        (drawn,) = ax.plot(
+            mark.x,
+            mark.y,
+            linestyle="none",
+            marker=_SYMBOLS.get(mark.kind, "o"),
+            markersize=3.2 * mark.width,
+            markerfacecolor=LIGHT[mark.ink] if mark.kind == "dots" else "none",
+            markeredgewidth=0.5 if mark.kind == "dots" else 0.5 * mark.width,
+            **look,
+        )
     if mark.halo:
-        line = ax.lines[-1] if mark.kind != "bars" else ax.collections[-1]
-        line.set_path_effects([withStroke(linewidth=2.5, foreground=LIGHT["paper"]), Normal()])
+        drawn.set_path_effects([withStroke(linewidth=2.5, foreground=LIGHT["paper"]), Normal()])
 
 
 def _literal(text: str) -> str:

@@ -1,32 +1,35 @@
-"""The page of a design: charts with levels, loops, steps, what was foretold and what flew.
+"""The page of a design: charts with levels, loops, steps; asked, predicted, exact and flown.
 
 Nothing is designed or rated here; curves and ratings come with the result and its proof.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from helisim.base.files import atomic_write
 from helisim.design.result import DesignResult, Judged
-from helisim.handling.axis import BY_NAME
-from helisim.handling.criteria import NicholsExclusion, Rating
+from helisim.handling.axis import BY_NAME, axis_of
+from helisim.handling.criteria import NicholsExclusion
 from helisim.handling.curve import Curve
 from helisim.handling.loop import Loop, NoResponse
 from helisim.handling.measured.loop import MeasuredLoop
 from helisim.handling.measured.measured_curve import MeasuredCurve
 from helisim.handling.spec import specs_to_toml
-from helisim.show import html
-from helisim.show.before_after import draw_gust, draw_step
-from helisim.show.chart_drawing import Shown, draw_chart
-from helisim.show.design_rows import proof_table
-from helisim.show.handling_shown import drawing_name, judged
-from helisim.show.loop_drawing import Loops, draw_loops
-from helisim.show.report import as_json
-from helisim.show.svg import Drawing
-from helisim.show.tradeoff_drawing import draw_trade_off
+from helisim.records.record import FlightRecord
+from helisim.show import page, tables
+from helisim.show.charts import (
+    Shown,
+    chart_name,
+    draw_chart,
+    draw_judged,
+    draw_loops,
+    draw_trade_off,
+)
+from helisim.show.figure import Drawing
+from helisim.show.page import paragraph
+from helisim.show.plots import draw_compared
 
 if TYPE_CHECKING:
     from helisim.study.proof.comparison import ComparedCriterion
@@ -34,15 +37,14 @@ if TYPE_CHECKING:
 
 REPORT = "report.html"
 _OPEN = 1e-6
-"""The gain of a loop below which no feedback is meant."""
-
+"""The gain of a loop below which there is no feedback."""
 _ASKED = {
     "hard": "Kept whatever it costs",
     "soft": "To be in Level 1",
     "objective": "As good as the others let it be",
     "check": "Looked at only",
 }
-"""Kind of a specification -> what it was in the design."""
+"""Kind of a specification -> its part in the design."""
 
 
 def write_design_page(
@@ -71,21 +73,29 @@ def write_design_page(
     if proof is not None:
         loops |= {"exact": proof.exact, "flown": proof.measured}
     known = {label: loop for label, loop in loops.items() if loop is not None}
+    specs = page.preformatted(specs_to_toml(result.specs))
+    source = page.preformatted(page.as_json(dict(result.provenance)))
+    trade_offs = page.figures(draw_trade_off(one) for one in result.trade_offs)
     sections = [
         ("criteria", "Handling qualities", _criteria(result, proof)),
         ("numbers", "Asked, predicted, exact, flown", _numbers(result, proof)),
         ("loops", "Broken loops", _loops(known)),
         ("steps", "Before and after", _flights(proof)),
-        ("trade", "What phase margin costs", _trade_offs(result)),
-        ("law", "The law", html.preformatted(result.law.to_toml())),
-        ("asked", "What was asked", html.folded("specs.toml", specs_to_toml(result.specs))),
-        ("provenance", "Provenance", html.folded("the design", as_json(dict(result.provenance)))),
+        ("trade", "What phase margin costs", trade_offs),
+        ("law", "The law", page.preformatted(result.law.to_toml())),
+        ("asked", "What was asked", page.folded("specs.toml", specs)),
+        ("provenance", "Provenance", page.folded("the design", source)),
     ]
-    text = html.page("A control law from identified models", sections, _summary(result, proof))
-    path = Path(path)
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return path
+    title = "A control law from identified models"
+    return page.write_page(Path(path), title, sections, _summary(result, proof))
+
+
+def draw_step(axis: str, before: FlightRecord | None, after: FlightRecord) -> Drawing:
+    """Draw the answer to a step of a stick: stick, angle or velocity, rate, command."""
+    one = axis_of(axis)
+    names = [one.stick, one.angle, *([one.rate] if one.rate else []), one.name]
+    title = f"Step of the {one.word} stick"
+    return draw_compared(f"step_{one.name}", title, names, before, after)
 
 
 def _summary(result: DesignResult, proof: "Proof | None") -> str:
@@ -98,39 +108,36 @@ def _summary(result: DesignResult, proof: "Proof | None") -> str:
     )
     said = list(result.misses)
     if proof is not None:
-        flown = [one for one in proof.table if one.spec.kind in ("hard", "soft") and one.flown]
-        good = sum(one.flown.level == 1 for one in flown if one.flown)
+        flown = [
+            (one.spec.criterion, one.flown.level)
+            for one in proof.table
+            if one.spec.kind in ("hard", "soft") and one.flown
+        ]
+        good = sum(level == 1 for _, level in flown)
         text += f" In flight {good} of {len(flown)} that were measured are in Level 1."
         said += [
-            f"{one.spec.criterion.name} of {one.spec.criterion.word}: Level {one.flown.level} in "
-            "flight"
-            for one in flown
-            if one.flown and one.flown.level > 1
+            f"{criterion.name} of {criterion.word}: Level {level} in flight"
+            for criterion, level in flown
+            if level > 1
         ]
-        said += _stops(proof)
-    return html.paragraph(text, "lead") + html.bullets(said)
-
-
-def _stops(proof: "Proof") -> list[str]:
-    share = proof.flights.stops.share
-    return [
-        f"{name} was at its stops {100.0 * one:.2g} % of the time in rough air"
-        for name, one in share.items()
-    ]
+        said += [
+            f"{name} was at its stops {100.0 * one:.2g} % of the time in rough air"
+            for name, one in proof.flights.stops.share.items()
+        ]
+    return paragraph(text, "lead") + page.bullets(said)
 
 
 def _criteria(result: DesignResult, proof: "Proof | None") -> str:
-    """Return the charts, an axis after the other; curves are in the section of loops."""
-    compared = {} if proof is None else {drawing_name(r.spec.criterion): r for r in proof.table}
+    """Return the charts, an axis after the other, strips together; curves stand with the loops."""
+    compared = {} if proof is None else {chart_name(r.spec.criterion): r for r in proof.table}
     found: dict[str, list[Drawing]] = {}
+    sources: dict[str, str] = {}
     for one in result.judged:
         criterion = one.nominal.criterion
-        chart = criterion.chart()
-        if chart.across.figure:
-            flown = compared.get(drawing_name(criterion))
-            shown = judged(one) + _proved(flown)
-            caption = _verdict(one, flown)
-            drawn = draw_chart(drawing_name(criterion), chart, shown, caption=caption)
+        sources[criterion.name] = criterion.source
+        if criterion.chart().across.figure:
+            flown = compared.get(chart_name(criterion))
+            drawn = draw_judged(one, _proved(flown), _verdict(one, flown))
             found.setdefault(criterion.axis, []).append(drawn)
     lead = (
         "Grey squares: the law before, in the identified model. Rings: the designed law, predicted "
@@ -141,20 +148,18 @@ def _criteria(result: DesignResult, proof: "Proof | None") -> str:
             " Crosses: exact, by linearising the model that flew. Dots: measured in flight, with "
             "95 % intervals."
         )
-    blocks = [_of_one_axis(axis, found[axis]) for axis in BY_NAME if axis in found]
-    sources = {one.nominal.criterion.name: one.nominal.criterion.source for one in result.judged}
     listed = [f"{name.replace('_', ' ')}: {source}" for name, source in sources.items()]
-    return "\n".join(
-        [html.paragraph(lead, "note"), html.folded_list("sources of the criteria", listed), *blocks]
-    )
-
-
-def _of_one_axis(axis: str, drawings: Sequence[Drawing]) -> str:
-    """Return the charts of an axis, strips together."""
-    strips = [one for one in drawings if one.panels[0].bare]
-    others = [one for one in drawings if not one.panels[0].bare]
-    word = BY_NAME[axis].word
-    return html.heading(word.capitalize()) + html.figures(others) + html.figures(strips)
+    blocks = [
+        page.heading(BY_NAME[axis].word.capitalize())
+        + "".join(
+            page.figures(one for one in found[axis] if one.panels[0].bare is strip)
+            for strip in (False, True)
+        )
+        for axis in BY_NAME
+        if axis in found
+    ]
+    folded = page.folded("sources of the criteria", page.bullets(listed))
+    return "\n".join([paragraph(lead, "note"), folded, *blocks])
 
 
 def _verdict(one: Judged, flown: "ComparedCriterion | None") -> str:
@@ -170,16 +175,12 @@ def _verdict(one: Judged, flown: "ComparedCriterion | None") -> str:
 
 
 def _proved(one: "ComparedCriterion | None") -> list[Shown]:
-    """Return what a proof adds to a chart."""
+    """Return the ratings that a proof adds to a chart."""
     if one is None:
         return []
     found = [Shown("exact", one.exact.figures)] if one.exact else []
     if one.flown:
-        ends = {
-            figure.name: (figure.flown.low, figure.flown.high)
-            for figure in one.figures
-            if figure.flown is not None
-        }
+        ends = {f.name: (f.flown.low, f.flown.high) for f in one.figures if f.flown is not None}
         found.append(Shown("flown", one.flown.figures, intervals=ends))
     return found
 
@@ -187,82 +188,66 @@ def _proved(one: "ComparedCriterion | None") -> list[Shown]:
 def _numbers(result: DesignResult, proof: "Proof | None") -> str:
     if proof is None:
         return ""
-    was = {drawing_name(one.nominal.criterion): one for one in result.judged}
-    before = {
-        k: _before(was, drawing_name(one.spec.criterion)) for k, one in enumerate(proof.table)
-    }
-    remarks = list(proof.remarks)
-    for one in proof.table:
-        name = f"{one.spec.criterion.name} of {one.spec.criterion.word}"
-        remarks += [f"{name}, {who}: {why}" for who, why in one.unknown.items()]
-    return html.table(proof_table(proof, before)) + html.folded_list("what is not known", remarks)
-
-
-def _before(was: Mapping[str, Judged], name: str) -> Rating | None:
-    return was[name].before if name in was else None
+    was = {chart_name(one.nominal.criterion): one.before for one in result.judged}
+    before = {k: was.get(chart_name(one.spec.criterion)) for k, one in enumerate(proof.table)}
+    unknown = [
+        f"{one.spec.criterion.name} of {one.spec.criterion.word}, {who}: {why}"
+        for one in proof.table
+        for who, why in one.unknown.items()
+    ]
+    said = page.folded("what is not known", page.bullets([*proof.remarks, *unknown]))
+    return page.table(tables.proof_levels(proof, before)) + said
 
 
 def _loops(loops: Mapping[str, Loop]) -> str:
     """Return the broken loop of each axis, over frequency and as gain over phase."""
-    drawings = []
-    for axis in BY_NAME:
-        curves = {label: _broken(loop, axis) for label, loop in loops.items()}
-        there = {label: one for label, one in curves.items() if one and _closed(one)}
-        if "predicted" in there or "exact" in there:
-            drawings += _of_axis(axis, there)
-    if not drawings:
-        return ""
+    drawings: list[Drawing] = []
+    for axis, one in BY_NAME.items():
+        curves = dict(_closed(loops, axis))
+        if "predicted" in curves or "exact" in curves:
+            lines = {
+                label: [curve.curve() if isinstance(curve, MeasuredCurve) else curve]
+                for label, curve in curves.items()
+            }
+            chart = NicholsExclusion(axis=axis).chart()
+            caption = (
+                f"The loop of {one.word} as gain over phase, and the zone that it is to stay out of"
+            )
+            drawings += [
+                draw_loops(f"loop_{axis}", f"Broken loop, {one.word}", curves),
+                draw_chart(f"nichols_{axis}", chart, curves=lines, caption=caption),
+            ]
     lead = (
         "Each loop is cut at its servo command, all others closed; a loop of negative feedback, "
         "with -1 the critical point. Bars: 95 % intervals of what was measured."
     )
-    return html.paragraph(lead, "note") + html.figures(drawings)
+    return paragraph(lead, "note") + page.figures(drawings) if drawings else ""
 
 
-def _closed(curve: Curve | MeasuredCurve) -> bool:
-    """Return whether a loop is there at all: what rounding leaves of an open one is none."""
-    return bool(np.max(np.abs(curve.response)) > _OPEN)
-
-
-def _of_axis(axis: str, curves: Loops) -> list[Drawing]:
-    word = BY_NAME[axis].word
-    bode = draw_loops(f"loop_{axis}", f"Broken loop, {word}", curves)
-    lines = {label: [_line(curve)] for label, curve in curves.items()}
-    chart = NicholsExclusion(axis=axis).chart()
-    caption = f"The loop of {word} as gain over phase, and the zone that it is to stay out of"
-    return [bode, draw_chart(f"nichols_{axis}", chart, curves=lines, caption=caption)]
-
-
-def _line(curve: Curve | MeasuredCurve) -> Curve:
-    return curve.curve() if isinstance(curve, MeasuredCurve) else curve
-
-
-def _broken(loop: Loop, axis: str) -> Curve | MeasuredCurve | None:
-    """Return the loop of an axis, with its draws if it was measured; None where it isn't known."""
-    try:
-        if isinstance(loop, MeasuredLoop):
-            return loop.curves.broken(axis)
-        return loop.broken(axis)
-    except NoResponse:
-        return None
+def _closed(loops: Mapping[str, Loop], axis: str) -> Iterator[tuple[str, Curve | MeasuredCurve]]:
+    """Yield the known loops of an axis; the rounding error of an open one is none."""
+    for label, loop in loops.items():
+        try:
+            measured = isinstance(loop, MeasuredLoop)
+            curve = loop.curves.broken(axis) if measured else loop.broken(axis)
+        except NoResponse:
+            continue
+        if np.max(np.abs(curve.response)) > _OPEN:
+            yield label, curve
 
 
 def _flights(proof: "Proof | None") -> str:
     if proof is None:
         return ""
     before = proof.before
-    drawings = [
-        draw_step(axis, before.get(f"step_{axis}"), record)
-        for axis, record in proof.flights.steps.items()
-    ]
-    drawings.append(draw_gust(before.get("gust"), proof.flights.gust))
+    steps = proof.flights.steps.items()
+    drawings = [draw_step(axis, before.get(f"step_{axis}"), record) for axis, record in steps]
+    axes = [one for one in BY_NAME.values() if one.rate is not None]
+    names: Sequence[str] = [one.angle for one in axes] + [one.name for one in axes]
+    title = "Through a gust, sticks left alone"
+    drawings.append(draw_compared("gust", title, names, before.get("gust"), proof.flights.gust))
     lead = (
         "Flown on the nonlinear vehicle, the pilot's hands off. Steps are as large as the vehicle "
         "stays linear, so they may differ."
     )
-    return html.paragraph(lead, "note") + html.figures(drawings)
-
-
-def _trade_offs(result: DesignResult) -> str:
-    drawings: Sequence[Drawing] = [draw_trade_off(one) for one in result.trade_offs]
-    return html.figures(drawings)
+    return paragraph(lead, "note") + page.figures(drawings)

@@ -1,4 +1,4 @@
-"""What `plot` and a notebook show of a value: the reports' own figures and tables, one at a time.
+"""The pictures of `plot` and the pages of a notebook: the reports' own figures and tables.
 
 Values find this module by `helisim.base.display`; nobody below imports it.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from html import escape
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,16 +16,17 @@ from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, Modes, Verification
 from helisim.records.channels import CHANNELS, IN1, IN2, RATES
 from helisim.records.record import FlightRecord
-from helisim.show import html, modes, summaries, tables
-from helisim.show.bode_drawing import draw_bode
-from helisim.show.drawings import pair_drawing
+from helisim.show import page, tables
+from helisim.show.figure import DARK, LIGHT, Drawing, colour_variables, drawing_style
+from helisim.show.page import paragraph
 from helisim.show.plots import (
+    draw_bode,
     draw_excitation,
     draw_flight,
     draw_groups,
+    draw_pair,
     draw_verification,
 )
-from helisim.show.svg import DARK, LIGHT, Drawing, colour_variables, drawing_style
 from helisim.show.table import Table
 from helisim.study.identified import IdentifiedModel
 
@@ -41,11 +41,14 @@ if TYPE_CHECKING:
     from helisim.study.run import Run
     from helisim.vehicle import Linearization, Vehicle
 
+Names = Sequence[str] | str | None
+GivenAxes = Sequence["Axes"] | None
+
 _FEW = 4
 """Figures of pairs that a notebook shows unasked."""
 _MEASURED = ("IN1", "IN2", "OUT")
 _OWN_AXES = ("w/col", "q/lon", "p/lat", "r/ped")
-"""The answers that each control is for; with sticks the same."""
+"""The response that each control is for; with sticks the same."""
 _GRID = (0.1, 100.0)
 """rad/s, of an exact model: from the slow modes to beyond the rotor's and the servos'."""
 
@@ -55,36 +58,34 @@ _DARK_PAGES = ('[data-jp-theme-light="false"]', ".vscode-dark", '[data-theme="da
 _VERDICTS = {"light": "--ok: #1f6b33; --bad: #a32014;", "dark": "--ok: #6fcf87; --bad: #ff8f80;"}
 
 
-def plot_record(
-    record: FlightRecord, channels: Sequence[str] | str | None, axes: Sequence[Axes] | None
-) -> Figure:
+def plot_record(record: FlightRecord, channels: Names, axes: GivenAxes) -> Figure:
     """Draw a record's channels, one panel each; by default all, grouped by kind."""
     if channels is None:
-        return _drawn([[_groups(record, _all_measured(record))]], axes)
+        measured = [one.name for one in record.channels if one.kind in _MEASURED]
+        names = measured or list(record.names)
+        return _figure([[draw_groups("flight", _title(record), record, names)]], axes)
     names = [channels] if isinstance(channels, str) else list(channels)
     record.select(names)  # raises for one that there is not
     if not names:
         raise InputError("channels is empty; leave it out for all channels")
-    return _drawn([[draw_flight("flight", _title(record), record, names)]], axes)
+    return _figure([[draw_flight("flight", _title(record), record, names)]], axes)
 
 
-def plot_response(
-    found: FrequencyResponse, pairs: Sequence[str] | str | None, axes: Sequence[Axes] | None
-) -> Figure:
+def plot_response(found: FrequencyResponse, pairs: Names, axes: GivenAxes) -> Figure:
     """Draw magnitude, phase and coherence of each pair, with two random errors as bars."""
     shown = _chosen(found.outputs, found.inputs, pairs)
-    return _drawn(_in_grid(shown, lambda o, i: draw_bode("", o, i, data=found)), axes)
+    return _figure(_in_grid(shown, lambda o, i: draw_bode("", o, i, data=found)), axes)
 
 
-def plot_fit(fit: Fit, pairs: Sequence[str] | str | None, axes: Sequence[Axes] | None) -> Figure:
-    """Draw data, model, and what they differ by, for each pair."""
+def plot_fit(fit: Fit, pairs: Names, axes: GivenAxes) -> Figure:
+    """Draw data, model, and their difference, for each pair."""
     item = IdentifiedModel(fit.structure.name, fit)
     shown = _chosen(fit.structure.outputs, fit.structure.inputs, pairs)
-    return _drawn(_in_grid(shown, lambda o, i: pair_drawing(item, o, i)), axes)
+    return _figure(_in_grid(shown, lambda o, i: draw_pair(item, o, i)), axes)
 
 
 def plot_verification(
-    verification: Verification, records: Sequence[int] | int | None, axes: Sequence[Axes] | None
+    verification: Verification, records: Sequence[int] | int | None, axes: GivenAxes
 ) -> Figure:
     """Draw each record's inputs, and its outputs measured and predicted, side by side."""
     count = len(verification.traces)
@@ -92,57 +93,61 @@ def plot_verification(
     for number in chosen:
         if not (isinstance(number, int) and 0 <= number < count):
             raise InputError(f"there are records 0 to {count - 1}, got {number!r}")
-    drawings = [draw_verification("", verification, k, f"record {k}") for k in chosen]
-    if not drawings:
+    if not chosen:
         raise InputError("records is empty; leave it out for all records")
-    return _drawn(_in_rows(drawings), axes)
+    return _figure(_in_rows(_predicted(verification, chosen)), axes)
 
 
-def plot_linearization(
-    model: Linearization, pairs: Sequence[str] | str | None, axes: Sequence[Axes] | None
-) -> Figure:
+def plot_linearization(model: Linearization, pairs: Names, axes: GivenAxes) -> Figure:
     """Draw magnitude and phase of an exact model, delays included."""
     found = _exact(model)
     shown = _chosen(found.outputs, found.inputs, _own_axes(found) if pairs is None else pairs)
-    return _drawn(_in_grid(shown, lambda o, i: draw_bode("", o, i, identified=found)), axes)
+    return _figure(_in_grid(shown, lambda o, i: draw_bode("", o, i, identified=found)), axes)
 
 
 def plot_ratings(criterion: Criterion, ratings: Any, axes: Axes | None) -> Figure:
     """Draw ratings on the standard chart of their criterion."""
-    from helisim.show import handling_shown  # which imports laws
+    from helisim.show.charts import draw_ratings
 
-    drawing = handling_shown.rating_drawing(criterion, ratings)
-    return _drawn([[drawing]], None if axes is None else [axes])
+    return _figure([[draw_ratings(criterion, ratings)]], None if axes is None else [axes])
 
 
 def plot_design(result: DesignResult) -> Figure:
     """Draw the charts of a design's specifications, and its trade-offs."""
-    from helisim.show import handling_shown
-
-    return _drawn(_in_rows(handling_shown.design_drawings(result)), None)
+    return _figure(_in_rows(_design_drawings(result)), None)
 
 
 def to_html(value: Any) -> str:
     """Return a value as a piece of a page; of one that has none, its `repr`."""
     for kind in type(value).__mro__:
         if kind.__name__ in _PAGES:
-            return _page(*_PAGES[kind.__name__](value))
+            title, *parts = _PAGES[kind.__name__](value)
+            inner = "\n".join(part for part in parts if part)
+            return (
+                f'<div class="helisim">\n<style>\n{_style()}</style>\n<h4>{escape(title)}</h4>\n'
+                f"{inner}\n</div>"
+            )
     return f"<pre>{escape(repr(value))}</pre>"
 
 
 def _record_page(record: FlightRecord) -> tuple[str, ...]:
     flown = record.provenance
-    facts = [f"{len(record)} samples over {record.duration:.4g} s", _sampling(record)]
+    steps = np.diff(record.time)
+    rate = f"steps of {np.min(steps):.3g} to {np.max(steps):.3g} s"
+    if np.ptp(steps) <= 1e-3 * np.median(steps):
+        rate = f"{1.0 / float(np.median(steps)):.4g} Hz"
+    facts = [f"{len(record)} samples over {record.duration:.4g} s", rate]
     facts += [f"{name} {flown[name]}" for name in ("vehicle", "seed", "flight") if name in flown]
+    facts += [str(flown["made_by"])] if flown.get("made_by") else []
     names = [name for name in (*IN2, *RATES) if name in record]
     names = names or [name for name in (*IN1, *record.names) if name in record][:_FEW]
-    made = str(flown.get("made_by", ""))
+    drawn = [draw_groups("flight", _title(record), record, names)] if names else []
     return (
         "Flight record",
-        html.paragraph("; ".join(filter(None, (*facts, made))) + "."),
-        html.paragraph(f"Ended early: {record.ended}." if record.ended else "", "off"),
-        _figures([_groups(record, names)] if names else []),
-        _folded("channels", summaries.channels(record)),
+        paragraph("; ".join(facts) + "."),
+        paragraph(f"Ended early: {record.ended}." if record.ended else "", "off"),
+        _figures(drawn),
+        _folded("channels", tables.channels(record)),
     )
 
 
@@ -150,14 +155,14 @@ def _response_page(found: FrequencyResponse) -> tuple[str, ...]:
     shown = _chosen(found.outputs, found.inputs, None)[:_FEW]
     return (
         f"Frequency response: {', '.join(found.outputs)} over {', '.join(found.inputs)}",
-        html.paragraph(
+        paragraph(
             f"{found.frequency.size} frequencies from {found.frequency[0]:.3g} to "
             f"{found.frequency[-1]:.3g} rad/s, {found.method} method, {len(found.sources)} "
             "record(s)."
         ),
-        _titled(summaries.pairs(found)),
+        _titled(tables.pairs(found)),
         _figures(draw_bode("", o, i, data=found) for o, i in shown),
-        html.bullets(found.flags),
+        page.bullets(found.flags),
     )
 
 
@@ -167,55 +172,55 @@ def _fit_page(fit: Fit) -> tuple[str, ...]:
     shown = _chosen(fit.structure.outputs, fit.structure.inputs, None)[:_FEW]
     return (
         f"Fit: {fit.structure.name}",
-        html.paragraph(
+        paragraph(
             f"{', '.join(fit.costs)} from {low:.3g} to {high:.3g} rad/s, {fit.method} method; "
             f"average cost {fit.cost:.4g}: {fit.judged}."
         ),
-        html.table(tables.fitted(fit)),
-        _folded("modes", modes.of_fit(fit)),
-        _figures(pair_drawing(item, o, i) for o, i in shown),
-        html.bullets(fit.remarks),
+        page.table(tables.fitted(fit)),
+        _folded("modes", tables.fit_modes(fit)),
+        _figures(draw_pair(item, o, i) for o, i in shown),
+        page.bullets(fit.remarks),
     )
 
 
 def _modes_page(found: Modes) -> tuple[str, ...]:
     stable = "stable" if found.stable else "not stable"
     lead = f"{len(found.poles)} poles, {stable}; zeros of {', '.join(found.zeros)}."
-    return ("Modes", html.paragraph(lead), html.table(modes.table(found)))
+    return ("Modes", paragraph(lead), page.table(tables.modes(found)))
 
 
 def _verification_page(verification: Verification) -> tuple[str, ...]:
     good = "acceptable" if verification.acceptable else "not acceptable"
     count = len(verification.traces)
+    shown = tables.verification({"": verification.figures})
+    # without the first column, the names of models: there is one here
+    alone = replace(shown, columns=shown.columns[1:], rows=tuple(row[1:] for row in shown.rows))
     return (
         "Verification",
-        html.paragraph(f"{count} record(s), Theil's coefficient {verification.tic:.3f}: {good}."),
-        html.paragraph(f"{verification.approach}.") if verification.approach else "",
-        html.table(_unnamed(tables.verification({"": verification.figures}))),
-        _figures(
-            draw_verification("", verification, k, f"record {k}") for k in range(min(count, _FEW))
-        ),
+        paragraph(f"{count} record(s), Theil's coefficient {verification.tic:.3f}: {good}."),
+        paragraph(f"{verification.approach}.") if verification.approach else "",
+        page.table(alone),
+        _figures(_predicted(verification, range(min(count, _FEW)))),
     )
 
 
 def _vehicle_page(shown: Vehicle) -> tuple[str, ...]:
     return (
         f"Vehicle: {shown.name}",
-        html.paragraph(f"{len(shown.parameters)} parameters, model digest {shown.digest[:8]}."),
-        html.table(summaries.vehicle(shown)),
+        paragraph(f"{len(shown.parameters)} parameters, model digest {shown.digest[:8]}."),
+        page.table(tables.vehicle(shown)),
         _exact_figures(shown.linearize()),
-        _folded("parameters", summaries.parameters(shown)),
+        _folded("parameters", tables.parameters(shown)),
     )
 
 
 def _linearization_page(model: Linearization) -> tuple[str, ...]:
-    labels = model.system.input_labels
     kind = "sampled" if model.system.dt else "continuous"
     return (
-        f"Linearization: from {', '.join(labels)}",
-        html.paragraph(f"{kind}, {model.system.nstates} states; delays are beside it."),
+        f"Linearization: from {', '.join(model.system.input_labels)}",
+        paragraph(f"{kind}, {model.system.nstates} states; delays are beside it."),
         _exact_figures(model),
-        _folded("modes", summaries.modes(model)),
+        _folded("modes", tables.linear_modes(model)),
     )
 
 
@@ -223,7 +228,7 @@ def _plan_page(plan: FlightPlan) -> tuple[str, ...]:
     drawn = None if plan.excitation is None else draw_excitation("", plan.excitation)
     return (
         f"Flight plan {plan.digest[:8]}" if plan.written else "Flight plan",
-        html.table(summaries.plan(plan)),
+        page.table(tables.plan(plan)),
         _figures([drawn] if drawn is not None and drawn.panels else []),
     )
 
@@ -233,21 +238,24 @@ def _results_page(results: Results) -> tuple[str, ...]:
     judged = f"{len(missed)} tolerance(s) missed" if missed else "all tolerances hold"
     return (
         "Results",
-        html.paragraph(f"Seed {results.seed}; {judged}."),
+        paragraph(f"Seed {results.seed}; {judged}."),
         *(_titled(tables.comparison(table)) for table in results.tables),
         _titled(tables.verification(results.verification)) if results.verification else "",
-        html.bullets(missed),
+        page.bullets(missed),
     )
-
-
-def _design_page(result: DesignResult) -> tuple[str, ...]:
-    from helisim.show import handling_shown
-
-    return handling_shown.design_parts(result)
 
 
 def _run_page(run: Run) -> tuple[str, ...]:
     return _results_page(run.results)
+
+
+def _design_page(result: DesignResult) -> tuple[str, ...]:
+    lead = (
+        f"{len(result.judged)} specifications; every hard and soft one keeps Level 1 in "
+        f"{100.0 * result.share:.3g} % of {result.drawn} models drawn."
+    )
+    drawings = _figures(_design_drawings(result))
+    return ("Design of a control law", paragraph(lead), page.bullets(result.misses), drawings)
 
 
 _PAGES: dict[str, Callable[[Any], tuple[str, ...]]] = {
@@ -266,45 +274,45 @@ _PAGES: dict[str, Callable[[Any], tuple[str, ...]]] = {
 """By name, so that showing a record of one's own imports no simulator."""
 
 
-def _page(title: str, *parts: str) -> str:
-    inner = "\n".join(part for part in parts if part)
-    return (
-        f'<div class="helisim">\n<style>\n{_style()}</style>\n<h4>{escape(title)}</h4>\n'
-        f"{inner}\n</div>"
-    )
-
-
 def _style() -> str:
     light = f"color-scheme: light; {colour_variables(LIGHT)} {_VERDICTS['light']}"
     dark = f"color-scheme: dark; {colour_variables(DARK)} {_VERDICTS['dark']}"
-    own = files("helisim.show").joinpath("notebook.css").read_text(encoding="utf-8")
-    drawn = "\n".join(f".helisim {rule}" for rule in drawing_style().splitlines())
+    own = "\n".join(f".helisim {rule}" for rule in drawing_style().splitlines())
+    light_pages, dark_pages = (
+        ", ".join(f"{one} .helisim" for one in some) for some in (_LIGHT_PAGES, _DARK_PAGES)
+    )
     return (
         f".helisim {{ {light} }}\n"
         f"@media (prefers-color-scheme: dark) {{ .helisim {{ {dark} }} }}\n"
-        f"{_within(_LIGHT_PAGES)} {{ {light} }}\n{_within(_DARK_PAGES)} {{ {dark} }}\n"
-        f"{own}{drawn}\n"
+        f"{light_pages} {{ {light} }}\n{dark_pages} {{ {dark} }}\n"
+        f"{page.asset('notebook.css')}{own}\n"
     )
 
 
-def _within(pages: Iterable[str]) -> str:
-    return ", ".join(f"{page} .helisim" for page in pages)
-
-
 def _figures(drawings: Iterable[Drawing]) -> str:
-    return html.figures(drawings, anchors=False)
+    return page.figures(drawings, anchors=False)
+
+
+def _folded(summary: str, table: Table) -> str:
+    return f"<details><summary>{escape(summary)}</summary>{page.table(table)}</details>"
 
 
 def _titled(table: Table) -> str:
     lead = f": {table.lead}" if table.lead else ""
-    notes = "".join(html.paragraph(f"{label}: {text}") for label, text in table.notes)
-    return html.paragraph(f"{table.title}{lead}") + html.table(table) + notes
+    notes = "".join(paragraph(f"{label}: {text}") for label, text in table.notes)
+    return paragraph(f"{table.title}{lead}") + page.table(table) + notes
 
 
-def _in_rows(drawings: Sequence[Drawing]) -> list[Sequence[Drawing]]:
-    """Return drawings in rows of two or three: a screen has no room for more."""
-    wide = 2 if len(drawings) in (2, 4) else 3
-    return [drawings[k : k + wide] for k in range(0, len(drawings), wide)]
+def _predicted(verification: Verification, records: Iterable[int]) -> list[Drawing]:
+    return [draw_verification("", verification, k, f"record {k}") for k in records]
+
+
+def _design_drawings(result: DesignResult) -> list[Drawing]:
+    """Return the chart of each criterion, laws before and after, and the trade-offs."""
+    from helisim.show.charts import draw_judged, draw_trade_off  # which import laws
+
+    charts = [draw_judged(one) for one in result.judged]
+    return [*charts, *(draw_trade_off(one) for one in result.trade_offs)]
 
 
 def _exact_figures(model: Linearization) -> str:
@@ -313,16 +321,7 @@ def _exact_figures(model: Linearization) -> str:
     return _figures(draw_bode("", o, i, identified=found) for o, i in shown)
 
 
-def _unnamed(table: Table) -> Table:
-    """Return a table without its first column, the names of what is alone here."""
-    return replace(table, columns=table.columns[1:], rows=tuple(row[1:] for row in table.rows))
-
-
-def _folded(summary: str, table: Table) -> str:
-    return f"<details><summary>{escape(summary)}</summary>{html.table(table)}</details>"
-
-
-def _drawn(rows: Sequence[Sequence[Drawing]], axes: Sequence[Axes] | None) -> Figure:
+def _figure(rows: Sequence[Sequence[Drawing]], axes: GivenAxes) -> Figure:
     from helisim.show.canvas import draw_on, to_figure  # matplotlib is slow to import
 
     if axes is None:
@@ -330,9 +329,7 @@ def _drawn(rows: Sequence[Sequence[Drawing]], axes: Sequence[Axes] | None) -> Fi
     return draw_on(axes, [drawing for row in rows for drawing in row])
 
 
-def _chosen(
-    outputs: Sequence[str], inputs: Sequence[str], pairs: Sequence[str] | str | None
-) -> list[tuple[str, str]]:
+def _chosen(outputs: Sequence[str], inputs: Sequence[str], pairs: Names) -> list[tuple[str, str]]:
     """Return pairs such as "p/lat" as output and input. Raises UnknownNameError."""
     known = {f"{output}/{input_}": (output, input_) for output in outputs for input_ in inputs}
     if pairs is None:
@@ -344,6 +341,12 @@ def _chosen(
     if not names:
         raise InputError("pairs is empty; leave it out for all responses")
     return [known[name] for name in names]
+
+
+def _in_rows(drawings: Sequence[Drawing]) -> list[Sequence[Drawing]]:
+    """Return drawings in rows of two or three: a screen is no wider."""
+    wide = 2 if len(drawings) in (2, 4) else 3
+    return [drawings[k : k + wide] for k in range(0, len(drawings), wide)]
 
 
 def _in_grid(
@@ -379,15 +382,6 @@ def _exact(model: Linearization) -> FrequencyResponse:
     )
 
 
-def _all_measured(record: FlightRecord) -> list[str]:
-    measured = [one.name for one in record.channels if one.kind in _MEASURED]
-    return measured or list(record.names)
-
-
-def _groups(record: FlightRecord, names: Sequence[str]) -> Drawing:
-    return draw_groups("flight", _title(record), record, names)
-
-
 def _title(record: FlightRecord) -> str:
     flown = record.provenance.get("excitation")
     if isinstance(flown, dict) and {"kind", "axis"} <= set(flown):
@@ -396,10 +390,3 @@ def _title(record: FlightRecord) -> str:
     if isinstance(mission, dict) and "kind" in mission:
         return f"mission {mission['kind']}"
     return "Flight record"
-
-
-def _sampling(record: FlightRecord) -> str:
-    steps = np.diff(record.time)
-    if np.ptp(steps) <= 1e-3 * np.median(steps):
-        return f"{1.0 / float(np.median(steps)):.4g} Hz"
-    return f"steps of {np.min(steps):.3g} to {np.max(steps):.3g} s"

@@ -1,10 +1,10 @@
 """One table for terminal, page and recording: numbers with their formats, not yet text.
 
-`Table.texts` formats every number once; `as_text` and `as_markdown` here, and
-`helisim.show.html.table`, only lay the texts out.
+`Table.texts` formats every number once; `as_text`, `as_markdown` and `page.table` lay it out.
 """
 
 import math
+import re
 import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ PERCENT = "percent"
 """The format of an uncertainty in percent: two significant digits."""
 
 _ROUNDING = 1e-9
-"""What is smaller than this share of the largest number of its unit in the table prints as 0.
-Nothing that is measured or identified here is known to a billionth, while what rounding of double
-precision leaves of a zero is smaller: a truth of 2.776e-17 m beside offsets of centimetres."""
+"""A number below this share of the largest of its unit in the table prints as 0: nothing measured
+or identified here is known to a billionth, and the rounding error of a zero is smaller."""
 
 NO_BREAK = "\u00a0"
 RESET = "\x1b[0m"
 BOLD, RED, GREEN, FAINT = "\x1b[1m", "\x1b[31m", "\x1b[32m", "\x1b[2m"
+_COLUMN = re.compile(r"(.*?)(<)?(\*)?(?: \[(.*?)\])?(?:=(.*))?")
 _COLOURS = {"verdict": FAINT, "ok": GREEN, "off": RED}
 """Style of a cell -> its colour on a terminal."""
 
@@ -71,6 +71,19 @@ class Cell:
     unit: str = ""
     style: str = ""
     key: str = ""
+
+
+def columns(notation: str) -> tuple[Column, ...]:
+    """Return columns as they are written in short, "parameter<|value|from [rad/s]=lowest|how<*".
+
+    A heading, then "<" for words on the left, "*" for a page only, a unit in brackets, and after
+    "=" the heading of a page.
+    """
+    found = []
+    for one in notation.split("|"):
+        heading, left, page, unit, label = _COLUMN.fullmatch(one).groups()  # type: ignore[union-attr]
+        found.append(Column(heading, bool(left), unit or "", label or "", bool(page)))
+    return tuple(found)
 
 
 def words(text: str, style: str = "", *, key: str = "") -> Cell:
@@ -135,16 +148,12 @@ def formatted(value: float, form: str, *, scale: float = 0.0) -> str:
         return str(value)
     if abs(value) <= _ROUNDING * scale:
         value = 0.0
-    text = _two_digits(value) if form == PERCENT else format(value, form)
+    if form == PERCENT:
+        size = abs(value)
+        sizes = ((1000.0, ".0e"), (10.0, ".0f"), (1.0, ".1f"), (0.0, ".2g"))
+        form = next(form for least, form in sizes if size >= least)
+    text = format(value, form)
     return text.lstrip("+-") if float(text) == 0.0 else text
-
-
-def _two_digits(value: float) -> str:
-    if abs(value) >= 1000.0:
-        return f"{value:.0e}"
-    if abs(value) < 1.0:
-        return f"{value:.2g}"
-    return f"{value:.0f}" if abs(value) >= 10.0 else f"{value:.1f}"
 
 
 def common_form(values: Iterable[float | None], digits: int = 4) -> str:
@@ -156,6 +165,13 @@ def common_form(values: Iterable[float | None], digits: int = 4) -> str:
     if not -4 <= exponent < 7:
         return f".{digits - 1}e"
     return f".{max(digits - 1 - exponent, 0)}f"
+
+
+def interval_form(width: float, usual: str = ".3g") -> str:
+    """Return the format that gives an interval's width two digits; the usual one of no width."""
+    if not (math.isfinite(width) and width > 0.0):
+        return usual
+    return f".{min(max(1 - math.floor(math.log10(width)), 0), 6)}f"
 
 
 def as_text(table: Table, *, color: bool = False) -> str:
@@ -221,13 +237,9 @@ def _columns(table: Table, color: bool) -> list[str]:
     lines = [line(head, plain) for head in heads]
     lines.append("-" * max(map(len, lines)))
     for row, texts in zip(table.rows, rows):
-        lines.append(line(texts, [_code(row[k]) for k in shown]))
+        styles = ((_COLOURS.get(word, "") for word in row[k].style.split()) for k in shown)
+        lines.append(line(texts, [next(filter(None, reversed([*one])), "") for one in styles]))
     return lines
-
-
-def _code(cell: Cell) -> str:
-    codes = [_COLOURS[word] for word in cell.style.split() if word in _COLOURS]
-    return codes[-1] if codes else ""
 
 
 def _cards(table: Table) -> list[str]:

@@ -1,10 +1,13 @@
-"""What the commands print: tables with the sentences around them, in at most 80 columns."""
+"""The text that the commands print: tables with the sentences around them, in 80 columns."""
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TextIO
 
+import numpy as np
+
+from helisim.design.laws import Law
 from helisim.records.channels import IN1
 from helisim.show import tables
 from helisim.show.table import GREEN, NO_BREAK, RED, as_text, filled, formatted, paint
@@ -15,7 +18,7 @@ from helisim.study.results import Results
 from helisim.vehicle import Linearization, Vehicle
 
 _ZERO_POLE = 1e-6
-"""rad/s: smaller eigenvalues are position and heading, which nothing holds."""
+"""rad/s: smaller poles are integrals, such as position and heading, which nothing holds."""
 
 
 def wants_color(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
@@ -26,7 +29,7 @@ def wants_color(stream: TextIO, environment: Mapping[str, str] = os.environ) -> 
 
 
 def render_results(results: Results, *, color: bool = False) -> str:
-    """Return all tables, what else was found, what was left out, and what missed its tolerance."""
+    """Return all tables, other findings, what was left out, and what missed its tolerance."""
     shown = [tables.comparison(table) for table in results.tables]
     if results.verification:
         shown.append(tables.verification(results.verification))
@@ -47,12 +50,8 @@ def render_results(results: Results, *, color: bool = False) -> str:
     return "\n\n".join(blocks)
 
 
-def _list(heading: str, sentences: Sequence[str]) -> str:
-    return "\n".join([heading, *(filled(text, "- ") for text in sentences)])
-
-
 def render_rigs(tests: Sequence[RigTest]) -> str:
-    """Return what the ground tests found, each value beside the truth."""
+    """Return the findings of ground tests, each value beside the truth."""
     return "\n\n".join(as_text(tables.rig(test)) for test in tests)
 
 
@@ -73,21 +72,15 @@ def render_trims(flights: Sequence[Vehicle]) -> str:
 
 
 def render_check(found: VehicleCheck) -> str:
-    """Return how many problems a vehicle has, remarks, and what it is in the hover."""
+    """Return how many problems a vehicle has, remarks, and its figures in the hover."""
     count = len(found.problems)
     said = f"{count} problem{'s' if count > 1 else ''}." if count else "All is well."
     lines = [f"{found.name}: {said}"]
     if found.remarks:
         lines.append(_list("To know:", [str(remark) for remark in found.remarks]))
-    if found.figures is not None:
-        lines += ["", *_figures(found)]
-    return "\n".join(lines)
-
-
-def _figures(found: VehicleCheck) -> Iterator[str]:
-    """Yield the lines of what a vehicle is in the hover."""
     own = found.figures
-    assert own is not None
+    if own is None:
+        return "\n".join(lines)
     pair = f"{NO_BREAK}+-{NO_BREAK}"
     poles = (f"{one.real:.3g}" + f"{pair}{one.imag:.3g}j" * (one.imag > 0.0) for one in own.poles)
     rows = {
@@ -106,27 +99,65 @@ def _figures(found: VehicleCheck) -> Iterator[str]:
         rows[f"{axis} margins"] = (
             f"{left.gain_db:.1f} dB, {left.phase_deg:.0f} deg, crossover {left.crossover:.3g} rad/s"
         )
-    for name, text in rows.items():
-        yield filled(text, f"{name:<24}")
+    return "\n".join([*lines, "", *(filled(text, f"{name:<24}") for name, text in rows.items())])
 
 
 def render_derivatives(linear: Linearization, derivatives: Mapping[str, float]) -> str:
     """Return a hover, its derivatives and its eigenvalues."""
     trim = linear.trim
-    controls = {name: getattr(trim, name) for name in IN1}
+    controls = (f"{name} {formatted(getattr(trim, name), '.4f')}" for name in IN1)
     lines = [
         f"Hover: phi {formatted(trim.phi, '.5f')} rad, theta {formatted(trim.theta, '.5f')} rad",
-        "  controls " + ", ".join(f"{name} {formatted(x, '.4f')}" for name, x in controls.items()),
+        f"  controls {', '.join(controls)}",
         "",
         "Derivatives of the base helicopter (SI, per unit of servo position)",
+        *(f"  {name:<6} {formatted(x, '.6g'):>12}" for name, x in derivatives.items()),
+        "",
+        f"Eigenvalues of {linear.system.name}, rad/s",
     ]
-    lines += [f"  {name:<6} {formatted(x, '.6g'):>12}" for name, x in derivatives.items()]
-    lines += ["", f"Eigenvalues of {linear.system.name}, rad/s"]
     for pole in sorted(linear.system.poles(), key=lambda pole: (abs(pole), pole.imag)):
         if abs(pole) > _ZERO_POLE and pole.imag >= 0.0:
             pair = f" +- {pole.imag:.5g}j" if pole.imag > _ZERO_POLE else ""
             lines.append(f"  {pole.real:.5g}{pair}")
     if linear.delays:
-        waits = ", ".join(f"{name} {delay:.4g} s" for name, delay in linear.delays.items())
-        lines += ["", "Delays before the inputs act, not in the matrices", f"  {waits}"]
+        delays = ", ".join(f"{name} {delay:.4g} s" for name, delay in linear.delays.items())
+        lines += ["", "Delays before the inputs act, not in the matrices", f"  {delays}"]
     return "\n".join(lines)
+
+
+def law_text(law: Law, period: float) -> str:
+    """Return what a law sees, commands and keeps, its poles at its ticks, and what is tuned.
+
+    Args:
+        law: of any kind.
+        period: s, of its ticks.
+
+    Raises:
+        InputError: it can't tick so.
+    """
+    linear = law.linear(period).sampled
+    lines = [
+        f"{law.kind}: {', '.join(linear.inputs)} -> {', '.join(linear.outputs)}",
+        f"{len(linear.a)} states, each {1e3 * period:g} ms",
+    ]
+    upper = [complex(one) for one in np.linalg.eigvals(linear.a) if one.imag >= 0.0]
+    poles = [_pole(one, period) for one in sorted(upper, key=lambda one: -abs(one))]
+    lines += [filled(f"poles, rad/s: {', '.join(poles)}")] if poles else []
+    tuned = law.parameters()
+    width = max(map(len, tuned), default=0)
+    lines += ["", *(f"{name:<{width}}  {value:.6g}" for name, value in tuned.items())]
+    return "\n".join(lines).rstrip()
+
+
+def _pole(z: complex, period: float) -> str:
+    if abs(z) < 1e-9:
+        return "a tick's delay"
+    s = np.log(z) / period
+    if abs(s) < _ZERO_POLE:
+        return "0"
+    turning = f" +- {s.imag:.3g}j" if abs(s.imag) > _ZERO_POLE else ""
+    return f"{s.real:.3g}{turning}"
+
+
+def _list(heading: str, sentences: Sequence[str]) -> str:
+    return "\n".join([heading, *(filled(text, "- ") for text in sentences)])

@@ -1,4 +1,6 @@
-"""Fly the vehicle in MuJoCo's own viewer, in real time."""
+"""Fly the vehicle in MuJoCo's own viewer, in real time, or watch an autopilot fly it."""
+
+from __future__ import annotations
 
 import os
 import sys
@@ -8,11 +10,11 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import DisplayError, DivergedError, InputError
@@ -20,7 +22,6 @@ from helisim.physics.frames import flip
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
-from helisim.show.drawn_rotor import SLOWED, TILT_GAIN, RotorGeoms, drawn_tilt, drawn_turn
 from helisim.sim import Ground, Pilot
 from helisim.sim.excitation import Excitation, check_excitation
 from helisim.sim.injection import injection
@@ -29,6 +30,16 @@ from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.roles import Roles
 from helisim.vehicle.trim import place
+
+if TYPE_CHECKING:
+    from helisim.sitl.aircraft import Aircraft
+    from helisim.sitl.packet import Frame, Sensed
+
+TILT_GAIN = 10.0
+"""The disc is drawn tilted this many times as far: a sweep's half a degree would not be seen."""
+SLOWED = 30.0
+"""Blades are drawn turning this many times slower: 28 turns a second would only flicker."""
+LEGEND = f"disc tilt x {TILT_GAIN:g}, blades {SLOWED:g} times slower, thrust red"
 
 _STAND_OFF = 2.3
 """How many times its height the camera is away, so that the pad below is in the picture."""
@@ -41,12 +52,12 @@ _CLOSING = 5.0
 _ARROW_LENGTH, _ARROW_RADIUS = 0.5, 0.0125
 """In the model's extents: how long a thrust that carries the weight is drawn, and how thick."""
 _THRUST_COLOUR = np.array([0.9, 0.3, 0.1, 1.0], dtype=np.float32)
-
-LEGEND = f"disc tilt x {TILT_GAIN:g}, blades {SLOWED:g} times slower, thrust red"
+_INSTEAD = "record the flight instead: helisim fly --axis lat --out lat.parquet --rerun lat.rrd"
+_STATE = ("qpos", "qvel", "act", "sensordata", "time")
 
 
 class Window(Protocol):
-    """What the loop asks of a viewer."""
+    """The part of a viewer that the loop uses."""
 
     user_scn: mujoco.MjvScene | None
 
@@ -273,9 +284,6 @@ def open_window(flight: LiveFlight) -> Any:
         raise DisplayError(f"can't open a window: {error}; {_INSTEAD}") from None
 
 
-_INSTEAD = "record the flight instead: helisim fly --axis lat --out lat.parquet --rerun lat.rrd"
-
-
 def check_display(
     environment: Mapping[str, str] = os.environ, platform: str = sys.platform
 ) -> None:
@@ -286,20 +294,36 @@ def check_display(
         raise DisplayError(f"no display: neither DISPLAY nor WAYLAND_DISPLAY is set; {_INSTEAD}")
 
 
+def drawn_tilt(a: ArrayLike, b: ArrayLike) -> Rotation:
+    """Return the tip-path plane as drawn, from the hub's axes, forward-right-down.
+
+    Args:
+        a: rearward tilt, rad, (n_time,) or a number.
+        b: rightward tilt, rad, of the same shape.
+    """
+    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    return Rotation.from_rotvec(TILT_GAIN * np.stack([b, a, np.zeros_like(a)], axis=-1))
+
+
+def drawn_turn(time: ArrayLike, speed: float) -> NDArray[np.float64]:
+    """Return how far blades of a speed in rad/s are drawn to have turned, rad; (n_time,) each."""
+    return np.asarray(time, dtype=np.float64) * speed / SLOWED
+
+
 class Rotors:
     """Both rotors as they are drawn, and the arrow of the main rotor's thrust."""
 
     def __init__(self, model: mujoco.MjModel, roles: Roles) -> None:
         where = addresses(model)
-        self.main = RotorGeoms.of(model, roles.body("rotor"))
-        self.tail = RotorGeoms.of(model, roles.body("tail_rotor"))
-        self.direction = model.actuator_user[where.rotor, PARAM.main_direction]
-        self.speeds = model.actuator_user[where.rotor, [PARAM.main_speed, PARAM.tail_speed]]
-        self.tilts = where.state + np.array([STATE.flap_a, STATE.flap_b])
-        self.thrust = model.sensor("rotor").adr[0]
-        extent, mass = model.stat.extent, model.body_subtreemass[model.body_rootid[self.main.body]]
-        self.metres_per_newton = _ARROW_LENGTH * extent / (mass * -model.opt.gravity[2])
-        self.arrow_radius = _ARROW_RADIUS * extent
+        self._main = _RotorGeoms(model, roles.body("rotor"))
+        self._tail = _RotorGeoms(model, roles.body("tail_rotor"))
+        self._direction = model.actuator_user[where.rotor, PARAM.main_direction]
+        self._speeds = model.actuator_user[where.rotor, [PARAM.main_speed, PARAM.tail_speed]]
+        self._tilts = where.state + np.array([STATE.flap_a, STATE.flap_b])
+        self._thrust = model.sensor("rotor").adr[0]
+        extent, mass = model.stat.extent, model.body_subtreemass[model.body_rootid[self._main.body]]
+        self._metres_per_newton = _ARROW_LENGTH * extent / (mass * -model.opt.gravity[2])
+        self._arrow_radius = _ARROW_RADIUS * extent
 
     def draw(
         self, data: mujoco.MjData, scene: mujoco.MjvScene | None, time: float | None = None
@@ -311,17 +335,100 @@ class Rotors:
             scene: for the arrow; None draws none.
             time: s that the rotors have turned, as at their nominal speeds; the flight's if None.
         """
-        tilt = Rotation.from_rotvec(flip(*drawn_tilt(*data.act[self.tilts]).as_rotvec()))
-        main, tail = drawn_turn(data.time if time is None else time, self.speeds)
-        turned = Rotation.from_rotvec([0.0, 0.0, -self.direction * main])
-        self.main.place(data, (tilt * turned).as_matrix())
-        self.tail.place(data, Rotation.from_rotvec([0.0, tail, 0.0]).as_matrix())
+        tilt = Rotation.from_rotvec(flip(*drawn_tilt(*data.act[self._tilts]).as_rotvec()))
+        main, tail = drawn_turn(data.time if time is None else time, self._speeds)
+        turned = Rotation.from_rotvec([0.0, 0.0, -self._direction * main])
+        self._main.place(data, (tilt * turned).as_matrix())
+        self._tail.place(data, Rotation.from_rotvec([0.0, tail, 0.0]).as_matrix())
         if scene is None:
             return
-        hub = data.xpos[self.main.body]
-        up = data.xmat[self.main.body].reshape(3, 3) @ tilt.apply([0.0, 0.0, 1.0])
-        tip = hub + up * self.metres_per_newton * data.sensordata[self.thrust]
+        hub = data.xpos[self._main.body]
+        up = data.xmat[self._main.body].reshape(3, 3) @ tilt.apply([0.0, 0.0, 1.0])
+        tip = hub + up * self._metres_per_newton * data.sensordata[self._thrust]
         arrow, shape = scene.geoms[0], mujoco.mjtGeom.mjGEOM_ARROW
         mujoco.mjv_initGeom(arrow, shape, np.zeros(3), np.zeros(3), np.zeros(9), _THRUST_COLOUR)
-        mujoco.mjv_connector(arrow, shape, self.arrow_radius, hub, tip)
+        mujoco.mjv_connector(arrow, shape, self._arrow_radius, hub, tip)
         scene.ngeom = 1
+
+
+class _RotorGeoms:
+    """The geoms of one rotor, moved in mjData for a picture alone; the next step undoes it."""
+
+    def __init__(self, model: mujoco.MjModel, body: str) -> None:
+        self.body = model.body(body).id
+        self.ids = np.flatnonzero((model.geom_bodyid == self.body) & (model.geom_contype == 0))
+        self.positions = model.geom_pos[self.ids].copy()
+        turns = Rotation.from_quat(model.geom_quat[self.ids], scalar_first=True)
+        self.matrices = turns.as_matrix()
+
+    def place(self, data: mujoco.MjData, turn: NDArray[np.float64]) -> None:
+        """Turn the geoms by a (3, 3) rotation in the body's axes."""
+        frame = data.xmat[self.body].reshape(3, 3) @ turn
+        data.geom_xpos[self.ids] = data.xpos[self.body] + self.positions @ frame.T
+        data.geom_xmat[self.ids] = (frame @ self.matrices).reshape(-1, 9)
+
+
+def seen(aircraft: Aircraft) -> LiveFlight:
+    """Return an aircraft with every part to be seen, where it is; it is shown, not flown."""
+    model = aircraft.vehicle.visual_model(aircraft.ground.put_into)
+    flight = LiveFlight(model, mujoco.MjData(model), None, aircraft.vehicle.roles)
+    _follow(flight, aircraft)
+    return flight
+
+
+class Watched:
+    """Shows an aircraft in a window while a `Backend` flies it: its `on_frame` and `on_wait`."""
+
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        flight: LiveFlight,
+        window: Window,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Show the aircraft as it stands.
+
+        Args:
+            aircraft: that is flown.
+            flight: `seen` of it, which the window shows.
+            window: that shows it.
+            clock: s, rising.
+        """
+        self._aircraft, self._flight, self._window = aircraft, flight, window
+        self._rotors = Rotors(flight.model, flight.roles)
+        self._clock, self._next = clock, -np.inf
+        self._turned = self._time = 0.0
+        self._show()
+
+    def on_frame(self, _frame: Frame, sensed: Sensed) -> bool:
+        """Show a picture when it is time for one; return whether the window was closed."""
+        if self._clock() < self._next:
+            return False
+        self._turned += self._aircraft.rotor_speed * max(0.0, sensed.time - self._time)
+        self._time = sensed.time
+        return self._show()
+
+    def on_wait(self) -> bool:
+        """Return whether the window was closed."""
+        return not self._window.is_running()
+
+    def _show(self) -> bool:
+        if not self._window.is_running():
+            return True
+        with self._window.lock():
+            _follow(self._flight, self._aircraft)
+            self._rotors.draw(self._flight.data, self._window.user_scn, self._turned)
+        self._window.sync()
+        self._next = self._clock() + _FRAME
+        return False
+
+
+def _follow(flight: LiveFlight, aircraft: Aircraft) -> None:
+    """Put the shown model into the state of an aircraft."""
+    model, data = flight.model, flight.data
+    for name in _STATE:
+        setattr(data, name, getattr(aircraft.data, name))
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)

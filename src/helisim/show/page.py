@@ -1,59 +1,67 @@
-"""The few pieces of HTML that the reports are made of; every text is escaped here."""
+"""Self-contained HTML pages of sections, and the pieces that they are made of.
+
+Every text is escaped here. A page fetches nothing and runs no script but its own.
+"""
 
 import base64
 import hashlib
+import json
 from collections.abc import Iterable
 from html import escape
 from importlib.resources import files
-from typing import Literal
+from pathlib import Path
+from string import Template
+from typing import Any, Literal
 
-from helisim.show.svg import Drawing, page_style
+from helisim.base.files import atomic_write
+from helisim.show.figure import Drawing, page_style
 from helisim.show.table import Cell, Table
 
+Section = tuple[str, str, str]
+"""Anchor, heading and inner HTML; a section without any is left out."""
 
-def page(title: str, sections: Iterable[tuple[str, str, str]], head: str) -> str:
-    """Return a whole document that needs nothing but itself.
+
+def write_page(path: Path, title: str, sections: Iterable[Section], head: str) -> Path:
+    """Write a whole document that needs nothing but itself; return its path. Raises StorageError.
 
     Args:
+        path: of the HTML file.
         title: of the document.
-        sections: anchor, heading and inner HTML of each.
+        sections: in order.
         head: inner HTML between the title and the list of sections.
     """
     kept = [section for section in sections if section[2]]
-    links = "".join(f'<a href="#{anchor}">{escape(name)}</a>' for anchor, name, _ in kept)
-    body = "\n".join(
-        f'<section id="{anchor}">\n<h2>{escape(name)}</h2>\n{inner}\n</section>'
-        for anchor, name, inner in kept
+    script = asset("report.js")
+    text = Template(asset("page.html")).substitute(
+        digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        title=escape(title),
+        style=page_style() + asset("report.css"),
+        links="".join(f'<a href="#{anchor}">{escape(name)}</a>' for anchor, name, _ in kept),
+        head=head,
+        body="\n".join(
+            f'<section id="{anchor}">\n<h2>{escape(name)}</h2>\n{inner}\n</section>'
+            for anchor, name, inner in kept
+        ),
+        script=script,
     )
-    style, script = _file("report.css"), _file("report.js")
-    # The policy makes it certain that nothing is fetched, and no other script runs.
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    policy = (
-        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
-        f"script-src 'sha256-{digest}'"
-    )
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<link rel="icon" href="data:,">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{page_style()}{style}</style>\n</head>\n<body>\n"
-        '<nav aria-label="Sections"><button popovertarget="sections">\u2630 Sections</button>'
-        f'<div id="sections" popover>{links}</div></nav>\n'
-        f"<main>\n<h1>{escape(title)}</h1>\n{head}\n{body}\n</main>\n"
-        f"<script>{script}</script>\n</body>\n</html>\n"
-    )
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
 
 
-def _file(name: str) -> str:
+def asset(name: str) -> str:
+    """Return the text of a file that stands beside this module."""
     return files("helisim.show").joinpath(name).read_text(encoding="utf-8")
+
+
+def as_json(data: Any) -> str:
+    """Return data as a person reads it."""
+    return json.dumps(data, indent=2, ensure_ascii=False, default=str)
 
 
 def paragraph(text: str, style: str = "") -> str:
     """Return a paragraph, or nothing for no text."""
-    if not text:
-        return ""
-    return f'<p class="{style}">{escape(text)}</p>' if style else f"<p>{escape(text)}</p>"
+    return f"<p{_style(style)}>{escape(text)}</p>" if text else ""
 
 
 def heading(text: str) -> str:
@@ -67,20 +75,14 @@ def bullets(items: Iterable[str]) -> str:
     return f"<ul>{inner}</ul>" if inner else ""
 
 
-def folded(summary: str, text: str) -> str:
-    """Return text that opens on a click."""
-    return f"<details><summary>{escape(summary)}</summary><pre>{escape(text)}</pre></details>"
-
-
-def folded_list(summary: str, items: Iterable[str]) -> str:
-    """Return a list that opens on a click, or nothing for no items."""
-    inner = bullets(items)
-    return f"<details><summary>{escape(summary)}</summary>{inner}</details>" if inner else ""
-
-
 def preformatted(text: str) -> str:
     """Return text of a file, line by line."""
     return f"<pre>{escape(text)}</pre>"
+
+
+def folded(summary: str, inner: str) -> str:
+    """Return HTML that opens on a click, or nothing for none."""
+    return f"<details><summary>{escape(summary)}</summary>{inner}</details>" if inner else ""
 
 
 def table(shown: Table) -> str:
@@ -102,6 +104,19 @@ def table(shown: Table) -> str:
     )
 
 
+def block(shown: Table) -> str:
+    """Return a table under its title, with its notes."""
+    return "\n".join([heading(shown.title), table(shown), *notes(shown)])
+
+
+def notes(shown: Table) -> list[str]:
+    """Return the notes of a table as paragraphs."""
+    return [
+        paragraph(f"{label[:1].upper()}{label[1:]}: {text}." if label else text, "note")
+        for label, text in shown.notes
+    ]
+
+
 def figures(drawings: Iterable[Drawing], *, anchors: bool = True) -> str:
     """Return drawings side by side as far as the page is wide, or nothing for none.
 
@@ -110,9 +125,9 @@ def figures(drawings: Iterable[Drawing], *, anchors: bool = True) -> str:
         anchors: False leaves out their names, in a page that isn't ours.
     """
     inner = "\n".join(
-        f"<figure{_anchor(drawing) if anchors else ''}>{drawing.inline}"
-        f"<figcaption>{escape(drawing.caption)}</figcaption></figure>"
-        for drawing in drawings
+        f"<figure{f' id={chr(34)}{escape(one.name)}{chr(34)}' if anchors else ''}>{one.inline}"
+        f"<figcaption>{escape(one.caption)}</figcaption></figure>"
+        for one in drawings
     )
     return f'<div class="figures">\n{inner}\n</div>' if inner else ""
 
@@ -128,7 +143,7 @@ def photograph(png: bytes, title: str, caption: str) -> str:
 
 def side_by_side(blocks: Iterable[tuple[str, Literal[1, 2, 4]]]) -> str:
     """Return blocks of HTML beside each other, each with its columns of the four of a wide page."""
-    inner = "\n".join(f'<div class="span{columns}">{block}</div>' for block, columns in blocks)
+    inner = "\n".join(f'<div class="span{columns}">{one}</div>' for one, columns in blocks)
     return f'<div class="blocks">\n{inner}\n</div>' if inner else ""
 
 
@@ -139,10 +154,6 @@ def _cell(cell: Cell, text: str, label: str, side: str) -> str:
     tag, scope = ("th", ' scope="row"') if "name" in cell.style.split() else ("td", "")
     label = f' data-label="{escape(label)}"'
     return f"<{tag}{scope}{style}{label}{key}{value}>{escape(text)}</{tag}>"
-
-
-def _anchor(drawing: Drawing) -> str:
-    return f' id="{escape(drawing.name)}"'
 
 
 def _style(style: str) -> str:

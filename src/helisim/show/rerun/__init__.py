@@ -1,1 +1,0 @@
-"""Flights, and what a run found from them, as a Rerun recording."""
