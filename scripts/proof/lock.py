@@ -10,13 +10,21 @@ Only public names and the command line are used. What is locked is in `lock.json
 
 import argparse
 import dataclasses
+import difflib
 import hashlib
 import inspect
+import io
 import json
 import math
+import os
 import re
+import shlex
 import sys
+import tempfile
+import warnings
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stderr, redirect_stdout
+from fnmatch import fnmatchcase
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -28,6 +36,8 @@ import helisim as hs
 FILE = Path(__file__).with_suffix(".json")
 _UNSTABLE = ("versions", "made_by", "traceback", "source")
 Case = Callable[[], Any]
+FAST = [False]
+"""Whether to leave out what takes long."""
 
 
 def digest(*parts: Any) -> str:
@@ -259,8 +269,6 @@ def records() -> dict[str, Case]:
         return hs.FlightPlan(**{"excitation": doublet, **parts})
 
     def history() -> Any:
-        import tempfile
-
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "steps.csv")
             path.write_text(table, encoding="utf-8")
@@ -536,8 +544,6 @@ def ident() -> dict[str, Case]:
         )
 
     def again() -> Any:
-        import tempfile
-
         with tempfile.TemporaryDirectory() as folder:
             fit_of("example", "rollpitch").save(Path(folder, "a.json"))
             return fitted(hs.load_fit(Path(folder, "a.json")))
@@ -559,13 +565,16 @@ def ident() -> dict[str, Case]:
         "verify parts": partial(verified, "example", "hover", "doublet_lat", segment=3.0),
         "verify ahead": partial(verified, "example", "hover", "doublet_lat", ahead=1.0),
     }
+    cases |= {f"fit {one}": lambda one=one: fitted(fit_of("example", one)) for one in _FITTED}
     cases |= {f"transfer {one}": partial(transfer, one) for one in ("0/1", "1/2", "1/3")}
     cases["transfer factored"] = partial(transfer, "(a)/[zeta,omega]")
-    for name in hs.structures.BUILT_IN:
-        if not name.endswith(("_imu", "heave_inflow")):
-            cases[f"fit {name}"] = lambda name=name: fitted(fit_of("example", name))
+    for name in () if FAST[0] else hs.structures.BUILT_IN:
         cases[f"flown {name}"] = lambda name=name: fitted(fit_of("flown1", name))
     return cases
+
+
+_FITTED = ("heave", "yaw_base", "yaw_sway", "yaw_gyro", "yaw_overall", "rollpitch", "hover")
+_FITTED += ("rollpitch_tied", "rollpitch_inflow", "rollpitch_speeds", "hover_inflow")
 
 
 # reproduce
@@ -586,7 +595,110 @@ def reproduce() -> dict[str, Case]:
         rest = {name: digest(one) for name, one in results.items() if name != "versions"}
         return {"tables": tables, "fits": fits, "flights": kept, **rest}
 
-    return {f"seed {n} flights {n}": partial(numbers, n, n) for n in (1, 2)}
+    return {f"seed {n}": partial(numbers, n, n) for n in ((1,) if FAST[0] else (1, 2))}
+
+
+# commands
+
+COMMANDS = FILE.with_name("lock_commands.txt")
+_ROOT = str(hs.model_folder("jr700").parents[1])
+
+
+def run(words: list[str], folder: Path) -> dict[str, Any]:
+    """Return status and output of a command line in a folder, and what it wrote."""
+    from helisim.cli import main as command
+
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err), warnings.catch_warnings():
+        warnings.simplefilter("default")
+        try:
+            status: Any = command(words)
+        except SystemExit as end:
+            status = end.code
+        except Exception as error:
+            status = f"raised {type(error).__name__}: {error}"
+    written = {
+        str(path.relative_to(folder)): content(path, folder)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+        and before.get(path) != path.stat().st_mtime_ns
+        and "__pycache__" not in path.parts
+    }
+    found = {"status": status, "out": out.getvalue(), "err": err.getvalue(), "files": written}
+    for name in ("out", "err"):
+        found[name] = steady(found[name], folder).splitlines()
+    return {name: one for name, one in found.items() if one or name == "status"}
+
+
+def content(path: Path, folder: Path) -> str:
+    """Return a digest of a written file; of a recording only that it is there."""
+    if path.suffix == ".parquet":
+        try:
+            record = hs.read_record(path)
+        except Exception:
+            return "there"
+        return digest(record.time, record.values, plan_of(record))
+    texts = (
+        ".toml",
+        ".csv",
+        ".json",
+        ".html",
+        ".parm",
+        ".tex",
+        ".m",
+        ".svg",
+        ".txt",
+        ".xml",
+        ".md",
+    )
+    if path.suffix not in texts:
+        return "there"
+    return digest(steady(path.read_text(encoding="utf-8"), folder))
+
+
+def steady(text: str, folder: Path) -> str:
+    """Return text without what differs from run to run, place to place, version to version."""
+    text = text.replace(str(folder), "TMP").replace(_ROOT, "ROOT")
+    text = text.replace(f"helisim {hs.__version__}", "helisim VERSION")
+    text = re.sub(r'"versions": *\{[^}]*\}', '"versions": {}', text)
+    text = re.sub(r"(?m)^\S+\.py:\d+: (\w*Warning)", r"\1", text)
+    text = re.sub(r"(?m)^[^\n]*\d+ of \d+, \d+ s(, [^\n]*)?\n?", "", text)
+    return re.sub(r"\bhelisim(\.\w+)+:", "", text)
+
+
+def commands() -> dict[str, Case]:
+    """Return command lines; the first that is asked for runs all, in order, in one folder."""
+    lines, files, name = [], {}, ""
+    for line in COMMANDS.read_text(encoding="utf-8").splitlines():
+        if line.startswith(("<< ", ">>")):
+            name = line[3:]
+            files[name] = ""
+        elif name:
+            files[name] += line + "\n"
+        elif line.startswith(("helisim", "! ")) and not (FAST[0] and line.startswith("!")):
+            lines.append(line.removeprefix("! "))
+
+    @cache
+    def all_of_them() -> list[dict[str, Any]]:
+        here = Path.cwd()
+        with tempfile.TemporaryDirectory() as made:
+            folder = Path(made).resolve()
+            for name, text in files.items():
+                if name:
+                    (folder / name).write_text(text, encoding="utf-8")
+            try:
+                os.chdir(folder)
+                os.environ["COLUMNS"] = "80"
+                return [run(shlex.split(line)[1:], folder) for line in lines]
+            finally:
+                os.chdir(here)
+
+    named: dict[str, Case] = {}
+    for n, line in enumerate(lines):
+        again = lines[:n].count(line)
+        named[f"{line} ({again + 1})" if again else line] = lambda n=n: all_of_them()[n]
+    return named
 
 
 # names
@@ -644,11 +756,11 @@ GROUPS: dict[str, Callable[[], dict[str, Case]]] = {
     "linear": linear,
     "ident": ident,
     "reproduce": reproduce,
+    "commands": commands,
     "names": names,
 }
-EXACT = {"linear": 1e-12, "ident": 1e-9}
+NEAR = {"linear": 1e-12, "ident": 1e-9}
 """Relative tolerance of the groups whose numbers are written; an optimiser ends in `ident`."""
-FAST: dict[str, Callable[[str], bool]] = {"reproduce": lambda name: name.startswith("seed 1")}
 
 
 def differences(found: Any, kept: Any, near: float, where: str = "") -> Iterator[str]:
@@ -666,7 +778,7 @@ def differences(found: Any, kept: Any, near: float, where: str = "") -> Iterator
             yield f"{where}: {found!r}, locked {kept!r}"
 
 
-def value(group: str, case: Case) -> Any:
+def value(case: Case) -> Any:
     """Return the value of a case as JSON data, an error as its text."""
     try:
         return json.loads(json.dumps(plain(case())))
@@ -674,14 +786,47 @@ def value(group: str, case: Case) -> Any:
         return f"{type(error).__name__}: {error}"
 
 
-def write(kept: dict[str, Any]) -> None:
-    """Write what is locked, a line a case."""
-    lines = ["{"]
+def place(group: str) -> Path:
+    """Return the file that has what is locked of a group."""
+    return FILE.with_name("lock_commands.json") if group == "commands" else FILE
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Return what is locked, by group."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def write(path: Path, kept: dict[str, Any]) -> None:
+    """Write what is locked, a line a case; of commands a line for each of theirs."""
+    indent = 1 if path != FILE else None
+    parts = []
     for group, entries in kept.items():
-        rows = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in entries.items()]
-        lines += [f" {json.dumps(group)}: {{", ",\n".join(rows), " },"]
-    text = "\n".join([*lines[:-1], " }", "}"])
-    FILE.write_text(text + "\n", encoding="utf-8")
+        rows = [
+            f"  {json.dumps(n)}: {json.dumps(one, indent=indent)}" for n, one in entries.items()
+        ]
+        parts.append(f" {json.dumps(group)}: {{\n" + ",\n".join(rows) + "\n }")
+    path.write_text("{\n" + ",\n".join(parts) + "\n}\n", encoding="utf-8")
+
+
+def check(group: str, names: list[str], cases: dict[str, Case], *, whole: bool, show: bool) -> int:
+    """Print how the values of cases differ from what is locked; return the number of cases."""
+    locked, wrong = read(place(group)).get(group, {}), 0
+    for name in [*names, *(sorted(set(locked) - set(cases)) if whole else ())]:
+        found, kept = (value(cases[name]) if name in cases else "no such case"), locked.get(name)
+        texts = list(differences(found, kept, NEAR.get(group, 0.0)))
+        for key in ("out", "err") if group == "commands" and texts and kept else ():
+            pair = (one.get(key, []) for one in (kept, found) if isinstance(one, dict))
+            texts = [text for text in texts if not text.startswith(key)]
+            texts += list(difflib.unified_diff(*pair, "locked", key, n=1, lineterm=""))
+        for text in (
+            texts if show else [*texts[:8], *([f"... {len(texts)} lines"] * (len(texts) > 8))]
+        ):
+            print(text if group == "commands" else f"{group}: {name}: {text}")
+        if texts and group == "commands":
+            print(f"^ commands: {name}\n")
+        wrong += bool(texts)
+    print(f"{group}: {len(names)} cases, {wrong} differ", flush=True)
+    return wrong
 
 
 def main() -> int:
@@ -690,40 +835,33 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("what", choices=("check", "take", "accept", "show"))
-    parser.add_argument("words", nargs="*", help="groups; or a group and names in it")
-    parser.add_argument("--fast", action="store_true", help="a part of each group")
+    parser.add_argument("words", nargs="*", help="groups; or a group and names, such as 'kind *'")
+    parser.add_argument("--fast", action="store_true", help="without what takes long")
+    parser.add_argument("--show", action="store_true", help="print differences whole")
     options = parser.parse_args()
-    kept = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
-    one = options.what in ("accept", "show")
-    groups = options.words[:1] if one else options.words or list(GROUPS)
-    only, wrong = options.words[1:] if one else None, 0
-    for group in groups:
-        locked, cases = kept.setdefault(group, {}), GROUPS[group]()
-        if options.fast and group in FAST:
-            cases = {name: case for name, case in cases.items() if FAST[group](name)}
-        if options.what == "take":
-            locked.clear()
-        for name in only or cases:
-            if options.what == "show":
+    FAST[0] = options.fast
+    named = options.words[1:] if options.what in ("accept", "show") else []
+    wrong = 0
+    for group in options.words[:1] if named else options.words or list(GROUPS):
+        cases = GROUPS[group]()
+        names = [one for one in cases if not named or any(fnmatchcase(one, name) for name in named)]
+        if options.what == "check":
+            wrong += check(group, names, cases, whole=not options.fast, show=options.show)
+        elif options.what == "show":
+            for name in names:
                 raw = cases[name]()
-                print(
-                    json.dumps(plan_of(raw), indent=1) if isinstance(raw, hs.FlightRecord) else raw
-                )
-                continue
-            found = value(group, cases[name])
-            if options.what != "check":
-                locked[name] = found
-                continue
-            for text in differences(found, locked.get(name), EXACT.get(group, 0.0)):
-                print(f"{group}: {name}: {text}")
-                wrong += 1
-        gone = set(locked) - set(cases) if options.what == "check" and not options.fast else ()
-        for name in sorted(gone):
-            print(f"{group}: {name}: no such case any more")
-            wrong += 1
-        print(f"{group}: {len(only or cases)} cases, {wrong} differences so far", flush=True)
-    if options.what in ("take", "accept"):
-        write(kept)
+                record = isinstance(raw, hs.FlightRecord)
+                print(name, json.dumps(plan_of(raw) if record else plain(raw), indent=1))
+        else:
+            kept = read(place(group))
+            entries = kept.setdefault(group, {})
+            for gone in [one for one in entries if one not in cases and not options.fast]:
+                if not named or any(fnmatchcase(gone, name) for name in named):
+                    del entries[gone]
+            entries.update({name: value(cases[name]) for name in names})
+            kept[group] = {name: entries[name] for name in [*cases, *entries] if name in entries}
+            write(place(group), kept)
+            print(f"{group}: {len(names)} cases written", flush=True)
     return 1 if wrong else 0
 
 
