@@ -31,10 +31,9 @@ from scipy.linalg import expm
 
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
-from helisim.handling.axis import axis_of
 from helisim.handling.closed_loop import ClosedLoop, Linear
-from helisim.handling.figures.margins import margins
-from helisim.handling.figures.rejection import HALF_POWER, rejection
+from helisim.handling.figures import HALF_POWER, margins, rejection
+from helisim.handling.loop import axis_of
 from helisim.handling.measured.interval import Interval
 from helisim.handling.measured.margins import MeasuredMargins
 from helisim.logs.dataflash import DataFlash

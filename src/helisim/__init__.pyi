@@ -18,14 +18,14 @@ from helisim.hand import HandFlight as HandFlight
 from helisim.hand import StickFeel as StickFeel
 from helisim.hand.fly import fly_by_hand as fly_by_hand
 from helisim.handling import criteria as criteria
-from helisim.handling.froude import Froude as Froude
+from helisim.handling.criterion import Froude as Froude
 from helisim.handling.measured.cut import Cut as Cut
 from helisim.handling.measured.margins import MeasuredMargins as MeasuredMargins
 from helisim.handling.measured.margins import margins as margins
 from helisim.handling.spec import Spec as Spec
 from helisim.handling.spec import read_specs as read_specs
+from helisim.handling.spec import standard as standard
 from helisim.handling.spec import write_specs as write_specs
-from helisim.handling.standards import standard as standard
 from helisim.ident import ArduPilotModel as ArduPilotModel
 from helisim.ident import Fit as Fit
 from helisim.ident import FrequencyResponse as FrequencyResponse

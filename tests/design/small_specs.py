@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from helisim.handling.chart import ChartAxis
+from helisim.handling.chart import ChartAxis, strip
 from helisim.handling.criteria import Criterion, Limit, Rating, StabilityMargins
-from helisim.handling.criteria.regions import strip
-from helisim.handling.figures.margins import margins
-from helisim.handling.figures.rejection import rejection
+from helisim.handling.figures import margins, rejection
 from helisim.handling.spec import Spec
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from helisim.design.guarded import distance
 from helisim.handling.criteria import Crossover, DisturbanceRejection, Limit, StabilityMargins
-from helisim.handling.curve import Curve
+from helisim.handling.loop import Curve
 
 
 @dataclass

@@ -10,7 +10,7 @@ from helisim import ident
 from helisim.base.errors import UnknownNameError
 from helisim.design.lqg_model import lqg_model
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures.margins import margins
+from helisim.handling.figures import margins
 from helisim.sim import Recorder
 from helisim.study.flights import fly_sweeps
 from helisim.vehicle.motion import addresses

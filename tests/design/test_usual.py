@@ -7,7 +7,7 @@ from test_start import Helicopter
 from helisim.design.usual import usual_specs
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import DisturbanceRejection
-from helisim.handling.figures.rejection import rejection
+from helisim.handling.figures import rejection
 
 
 class Gains:

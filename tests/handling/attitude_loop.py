@@ -4,9 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helisim.handling.axis import axis_of
-from helisim.handling.curve import Curve
-from helisim.handling.loop import GRID, History
+from helisim.handling.loop import GRID, Curve, History, axis_of
 
 
 @dataclass(frozen=True)

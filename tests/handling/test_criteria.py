@@ -9,7 +9,7 @@ from attitude_loop import AttitudeLoop
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.handling import criteria
 from helisim.handling.criteria import Border, Criterion, Limit
-from helisim.handling.criteria.criterion import MOST
+from helisim.handling.criterion import MOST
 
 ALL = [
     criteria.StabilityMargins(axis="lat"),

@@ -4,10 +4,8 @@ import control as ct
 import numpy as np
 import pytest
 
-from helisim.handling.curve import Curve
-from helisim.handling.figures.margins import disk_margin, margins, slope_order
-from helisim.handling.figures.nichols import approach, hexagon
-from helisim.handling.loop import GRID
+from helisim.handling.figures import approach, disk_margin, hexagon, margins, slope_order
+from helisim.handling.loop import GRID, Curve
 
 S = ct.tf("s")
 LOOPS = {

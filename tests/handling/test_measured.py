@@ -7,8 +7,7 @@ import pytest
 import helisim as hs
 from closed_loops import PERIOD, chirp, flown, known_loop
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
-from helisim.handling.curve import Curve
-from helisim.handling.loop import NoResponse
+from helisim.handling.loop import Curve, NoResponse
 from helisim.handling.measured.cut import cuts_by_name
 from helisim.handling.measured.figures import of_broken
 from helisim.handling.measured.interval import intervals

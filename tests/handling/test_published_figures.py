@@ -9,14 +9,20 @@ import pytest
 from scipy.optimize import brentq
 
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.curve import Curve
-from helisim.handling.figures.actuators import limited, onset
-from helisim.handling.figures.bandwidth import bandwidth
-from helisim.handling.figures.history import changed, coupling, quickness, stepped
-from helisim.handling.figures.margins import disk_margin, margins
-from helisim.handling.figures.poles import least_damped
-from helisim.handling.figures.rejection import rejection
-from helisim.handling.loop import GRID
+from helisim.handling.figures import (
+    bandwidth,
+    changed,
+    coupling,
+    disk_margin,
+    least_damped,
+    limited,
+    margins,
+    onset,
+    quickness,
+    rejection,
+    stepped,
+)
+from helisim.handling.loop import GRID, Curve
 
 FINE = np.geomspace(0.05, 300.0, 2000)
 

@@ -9,16 +9,17 @@ from attitude_loop import AttitudeLoop
 from helisim.base.errors import HelisimError, InputError
 from helisim.handling import criteria
 from helisim.handling.criteria import Border, Limit
-from helisim.handling.froude import Froude
+from helisim.handling.criterion import Froude
 from helisim.handling.spec import (
     KINDS,
+    STANDARDS,
     Spec,
     known_criteria,
     read_specs,
     specs_to_toml,
+    standard,
     write_specs,
 )
-from helisim.handling.standards import STANDARDS, standard
 
 EVERY = (
     Spec(criteria.StabilityMargins(axis="lat", phase=Limit(0.7, 0.3)), "hard"),
@@ -71,14 +72,14 @@ def test_what_people_write_is_read(tmp_path):
         ('[[spec]]\ncriterion = "damping"\nkind = "firm"\n', "hard, soft, objective, check"),
         (
             '[[spec]]\ncriterion = "damping"\nhigh = "x"\n',
-            "spec 1, damping: high = 'x'",
+            r"spec 1: damping\.high must be a number above 0, got 'x'",
         ),
         ('[[spec]]\ncriterion = "damping"\nratio = 0.5\n', "two numbers, where Levels 1 and 2"),
         ('[[spec]]\ncriterion = "damping"\nratio = [0.5, 0.5]\n', "can't end at the same value"),
-        ('[[spec]]\ncriterion = "damping"\nlowest = 2.0\n', "unknown number 'lowest'"),
+        ('[[spec]]\ncriterion = "damping"\nlowest = 2.0\n', "unknown setting of damping 'lowest'"),
         (
             '[[spec]]\ncriterion = "stability_margins"\naxis = "lat"\ngain_deg = [6.0, 3.0]\n',
-            "unknown number 'gain_deg'; available: .* phase_deg",
+            "unknown setting of stability_margins 'gain_deg'; available: .* phase_deg",
         ),
         (
             '[[spec]]\ncriterion = "stability_margins"\naxis = "lat"\nphase_deg = [20, 45]\n',
@@ -93,19 +94,28 @@ def test_what_people_write_is_read(tmp_path):
             "phase_deg = 30\n",
             "phase and phase_deg say the same",
         ),
-        ('[[spec]]\ncriterion = "crossover"\naxis = "lat"\n', "it needs frequency"),
-        ('[[spec]]\ncriterion = "crossover"\n', "it needs axis and frequency"),
+        ('[[spec]]\ncriterion = "crossover"\naxis = "lat"\n', "crossover needs frequency"),
+        ('[[spec]]\ncriterion = "crossover"\n', "crossover needs axis and frequency"),
         ('[[spec]]\ncriterion = "disk_margin"\naxis = "rol"\n', "did you mean roll"),
-        ('[[spec]]\ncriterion = "disk_margin"\naxis = 3\n', "axis = 3: expected a text"),
-        ('scale = true\n[[spec]]\ncriterion = "damping"\n', "scale = True: expected a number"),
+        ('[[spec]]\ncriterion = "disk_margin"\naxis = 3\n', "disk_margin.axis must be text, got 3"),
+        ('scale = true\n[[spec]]\ncriterion = "damping"\n', "scale must be a number, got True"),
+        ("[[spec]]\ncriterion = []\n", r"it has criterion = \[\]; there are actuator_onset"),
+        *(
+            (
+                f'[[spec]]\ncriterion = "{name}"\naxis = "lat"\nrate_limit = {value}\n',
+                f"{name}.rate_limit must be a (finite )?number above 0, got {value}",
+            )
+            for name in ("actuator_use", "actuator_onset")
+            for value in ("nan", "inf", "-1.0")
+        ),
         ('scale = -1.0\n[[spec]]\ncriterion = "damping"\n', "above 0"),
         (
             '[[spec]]\ncriterion = "attitude_quickness"\naxis = "lat"\nborder = [1.0]\n',
-            "along, level1, level2",
+            "attitude_quickness.border must be a table",
         ),
         (
             '[[spec]]\ncriterion = "attitude_bandwidth"\naxis = "lat"\nfit = 1\n',
-            "fit = 1: expected true or false",
+            "fit must be true or false, got 1",
         ),
     ],
 )

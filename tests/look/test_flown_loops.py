@@ -12,7 +12,7 @@ from helisim.base.errors import LogError
 from helisim.cli import main
 from helisim.handling.arducopter import ADDED, COMMANDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures.margins import margins
+from helisim.handling.figures import margins
 from helisim.look.systemid.axes import SID_AXES
 from helisim.look.systemid.loops import flown_loops
 from sid_logs import SidLog, _system, chirp

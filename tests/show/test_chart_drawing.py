@@ -9,9 +9,8 @@ import pytest
 
 from helisim.base.errors import InputError
 from helisim.handling.chart import Chart, ChartAxis, ChartLine, Region
-from helisim.handling.criteria import Limit, StabilityMargins
-from helisim.handling.criteria.criterion import Rating
-from helisim.handling.curve import Curve
+from helisim.handling.criteria import Limit, Rating, StabilityMargins
+from helisim.handling.loop import Curve
 from helisim.handling.spec import known_criteria
 from helisim.show.canvas import to_png
 from helisim.show.charts import Shown, clipped_line, clipped_polygon, draw_chart, inside

@@ -21,8 +21,7 @@ from helisim.handling.criteria import (
     NicholsExclusion,
     StabilityMargins,
 )
-from helisim.handling.curve import Curve
-from helisim.handling.loop import NoResponse
+from helisim.handling.loop import Curve, NoResponse
 from helisim.handling.spec import Spec
 from helisim.show.charts import draw_loops
 from helisim.show.design_page import draw_step, write_design_page

@@ -7,7 +7,7 @@ import pytest
 
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.curve import Curve
+from helisim.handling.loop import Curve
 from helisim.records.channels import IN1
 from helisim.sitl.parameter_file import read_parameters
 from helisim.vehicle.folder import model_folder

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
-from helisim.handling.figures.margins import margins
-from helisim.handling.figures.rejection import rejection
+from helisim.handling.figures import margins, rejection
 from helisim.sim import FlightPlan, Pilot, Step, simulate
 from helisim.study.proof.exact import exact_loop
 from helisim.study.proof.hands import hands_off

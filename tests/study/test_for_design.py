@@ -7,9 +7,7 @@ import pytest
 
 from helisim.base.errors import InputError, StorageError
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures.bandwidth import bandwidth
-from helisim.handling.figures.margins import margins
-from helisim.handling.figures.rejection import rejection
+from helisim.handling.figures import bandwidth, margins, rejection
 from helisim.sim import Recorder
 from helisim.study.flights import fly_sweeps
 from helisim.study.for_design import identify_for_design, servos_of

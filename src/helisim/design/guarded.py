@@ -13,7 +13,7 @@ above the border asks for the same, and knows how far it is from that.
 import numpy as np
 
 from helisim.handling.criteria import Criterion, Crossover, DisturbanceRejection
-from helisim.handling.figures.rejection import HALF_POWER
+from helisim.handling.figures import HALF_POWER
 from helisim.handling.loop import Loop
 
 _HUMP = 15.0

@@ -17,8 +17,7 @@ from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem, Response, beside
 from helisim.base.value import FrozenMap, Value
 from helisim.design.drawn import draw
-from helisim.handling.axis import BY_NAME
-from helisim.handling.loop import NoResponse
+from helisim.handling.loop import BY_NAME, NoResponse
 from helisim.ident.fitting.result import Fit
 from helisim.ident.model import evaluate
 from helisim.records.channels import ATTITUDES as ANGLES

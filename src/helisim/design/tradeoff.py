@@ -11,12 +11,9 @@ from helisim.base.value import Value
 from helisim.design.descent import Goal, Point, Trial, Vector, descend
 from helisim.design.guarded import distance
 from helisim.design.problem import Problem, slowest
-from helisim.handling.axis import axis_of
-from helisim.handling.criteria import DisturbanceRejection, StabilityMargins
-from helisim.handling.criteria.rejection import PEAK
-from helisim.handling.figures.margins import margins
-from helisim.handling.figures.rejection import rejection
-from helisim.handling.loop import Loop, NoResponse
+from helisim.handling.criteria import PEAK, DisturbanceRejection, StabilityMargins
+from helisim.handling.figures import margins, rejection
+from helisim.handling.loop import Loop, NoResponse, axis_of
 from helisim.handling.spec import Spec
 
 _POINTS = 6

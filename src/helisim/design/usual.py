@@ -10,15 +10,14 @@ from helisim.handling.criteria import (
     ActuatorUse,
     Crossover,
     DisturbanceRejection,
+    Froude,
     Limit,
     LoadRejection,
     PoleLimits,
 )
-from helisim.handling.figures.rejection import rejection
-from helisim.handling.froude import Froude
+from helisim.handling.figures import rejection
 from helisim.handling.loop import GRID, Loop
-from helisim.handling.spec import Spec
-from helisim.handling.standards import ATTITUDES, standard
+from helisim.handling.spec import ATTITUDES, Spec, standard
 
 BETTER = {"lat": 1.3, "lon": 1.3, "ped": 1.0}
 """Disturbance rejection bandwidth over that of the law before."""

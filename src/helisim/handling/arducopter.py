@@ -20,7 +20,7 @@ from scipy.signal import butter, freqz
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
 from helisim.base.value import FrozenMap, Value
-from helisim.handling.axis import axis_of
+from helisim.handling.loop import axis_of
 from helisim.records.channels import ATTITUDES, RATES
 
 Array = NDArray[np.float64]

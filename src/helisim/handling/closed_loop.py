@@ -15,9 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.linear import Linear, LinearSystem, Response
-from helisim.handling.axis import Axis, axis_of
-from helisim.handling.curve import Curve
-from helisim.handling.loop import GRID, History, NoResponse
+from helisim.handling.loop import GRID, Axis, Curve, History, NoResponse, axis_of
 from helisim.records.channels import IN2
 
 if TYPE_CHECKING:

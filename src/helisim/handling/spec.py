@@ -10,25 +10,42 @@
     phase_deg = [45.0, 22.5]
 
 A limit is a pair, where Level 1 and where Level 2 ends. An angle in degrees ends in `_deg`;
-without it, it is in radians. `scale`, at the top or in a specification, is N of `froude`.
+without it, it is in radians. `scale`, at the top or in a specification, is N of `Froude`.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, dataclass, fields, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 from os import PathLike
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
-from helisim.base.errors import HelisimError, InputError, UnknownNameError
-from helisim.base.files import atomic_write, read_toml, toml_value
+from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.files import atomic_write, read_toml
+from helisim.base.settings import Inline, convert, from_plain, placed, to_plain, toml_text
 from helisim.base.units import RAD_PER_DEG
-from helisim.handling.criteria import Border, Criterion, Limit
+from helisim.handling.chart import Border, Limit
+from helisim.handling.criteria import (
+    TASKS,
+    AttitudeBandwidth,
+    AttitudeHold,
+    AttitudeQuickness,
+    Coupling,
+    Criterion,
+    Damping,
+    DiskMargin,
+    DisturbanceRejection,
+    NicholsExclusion,
+    PoleLimits,
+    StabilityMargins,
+)
+from helisim.handling.loop import axis_of
 
 KINDS = ("hard", "soft", "objective", "check")
 """What a criterion is in a design: kept whatever it costs; brought to Level 1; made as good as
 the others let it be; looked at only."""
-
-_DEGREES = "_deg"
-_BORDER = ("along", "level1", "level2")
+ATTITUDES = ("lat", "lon", "ped")
+STANDARDS = ("margins", "disturbance_rejection", *(f"ads33e_{task}" for task in TASKS))
+"""`margins`: MIL-DTL-9490E and AS94900, hard; `disturbance_rejection`: the US Army's guidelines;
+the rest: ADS-33E-PRF in hover and at low speed, for tasks."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +69,6 @@ class Spec:
         if self.kind not in KINDS:
             raise UnknownNameError("kind of specification", self.kind, KINDS)
 
-    def scaled(self, scale: float) -> "Spec":
-        """Return it for a vehicle that is smaller by a ratio of lengths; see `froude`."""
-        return replace(self, criterion=replace(self.criterion, scale=scale))
-
 
 def known_criteria() -> dict[str, type[Criterion]]:
     """Return criteria by the name that files call them: all that are defined, own ones too."""
@@ -76,133 +89,109 @@ def read_specs(path: str | PathLike[str]) -> tuple[Spec, ...]:
         StorageError: it can't be read, or isn't TOML.
         InputError: a specification is not as it must be: which, what was read, what is expected.
     """
-    try:
-        return specs_from(read_toml(path))
-    except InputError as error:
-        error.args = (f"{path}: {error}",)
-        raise
+    data = read_toml(path)
+    with placed(path):
+        for name in data:
+            if name not in ("scale", "spec"):
+                raise UnknownNameError("entry", name, ("scale", "spec"))
+        tables = data.get("spec")
+        if not (isinstance(tables, list) and tables and all(isinstance(t, dict) for t in tables)):
+            raise InputError(
+                "no specification: each is a table [[spec]] with a criterion and an axis"
+            )
+        scale = convert(float, data.get("scale", 1.0), "scale")
+        return tuple(_spec(k, {"scale": scale, **one}) for k, one in enumerate(tables, start=1))
 
 
 def write_specs(specs: Iterable[Spec], path: str | PathLike[str]) -> None:
     """Write specifications as a TOML file that `read_specs` reads. Raises StorageError."""
-    text = specs_to_toml(specs)
     with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
-def specs_from(data: Mapping[str, Any]) -> tuple[Spec, ...]:
-    """Return specifications from the content of a file. Raises InputError."""
-    known = ("scale", "spec")
-    for name in data:
-        if name not in known:
-            raise UnknownNameError("entry", name, known)
-    tables = data.get("spec")
-    if not (isinstance(tables, list) and tables and all(isinstance(t, dict) for t in tables)):
-        raise InputError("no specification: each is a table [[spec]] with a criterion and an axis")
-    scale = _number(data.get("scale", 1.0), "scale")
-    return tuple(_spec(k, dict(table), scale) for k, table in enumerate(tables, start=1))
+        temporary.write_text(specs_to_toml(specs), encoding="utf-8")
 
 
 def specs_to_toml(specs: Iterable[Spec]) -> str:
     """Return specifications as TOML, numbers that are as they would be anyway left out."""
-    return "\n".join(_table(one) for one in specs)
+    return toml_text({"spec": [_table(one) for one in specs]})
 
 
-def _spec(number: int, table: dict[str, Any], scale: float) -> Spec:
+def _spec(number: int, table: dict[str, Any]) -> Spec:
     """Return one specification, and say which it is if it can't be."""
-    called = f"spec {number}"
-    try:
-        name = table.pop("criterion", None)
-        known = known_criteria()
-        if name is None:
-            raise InputError(f"it says no criterion; there are {', '.join(known)}")
+    known = known_criteria()
+    with placed(f"spec {number}"):
+        name, kind = table.pop("criterion", None), table.pop("kind", "soft")
+        if not isinstance(name, str):
+            said = "says no criterion" if name is None else f"has criterion = {name!r:.60}"
+            raise InputError(f"it {said}; there are {', '.join(known)}")
         if name not in known:
             raise UnknownNameError("criterion", name, known)
-        called = f"spec {number}, {name}"
-        kind = table.pop("kind", "soft")
-        made = known[name](**_values(known[name], {"scale": scale, **table}))
-        return Spec(made, kind)
-    except HelisimError as error:
-        error.args = (f"{called}: {error}",)
-        raise
+        made, hints = known[name], get_type_hints(known[name])
+        names = {one.name: one.name for one in fields(made)}
+        names |= {f"{one}_deg": one for one in made.angles}
+        given: dict[str, Any] = {}
+        for key, item in table.items():
+            if key not in names:
+                raise UnknownNameError(f"setting of {name}", key, names)
+            field = names[key]
+            if field in given:
+                raise InputError(f"{field} and {field}_deg say the same: give one of them")
+            unit, place = RAD_PER_DEG if field != key else 1.0, f"{name}.{key}"
+            if Limit in (get_args(hints[field]) or (hints[field],)):
+                if not (isinstance(item, list) and len(item) == 2):
+                    raise InputError(
+                        f"{place} = {item!r}: expected two numbers, where Levels 1 and 2 end"
+                    )
+                item = Limit(*(convert(float, one, place) * unit for one in item))
+            elif unit != 1.0:
+                item = convert(float, item, place) * unit
+            given[field] = item
+        return Spec(from_plain(made, given, name), kind)
 
 
-def _values(kind: type[Criterion], table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of a criterion. Raises InputError."""
-    own = {one.name: one for one in fields(kind)}
-    names = {name: name for name in own} | {f"{one}{_DEGREES}": one for one in kind.angles}
-    found: dict[str, Any] = {}
-    for key, item in table.items():
-        if key not in names:
-            raise UnknownNameError("number", key, names)
-        name = names[key]
-        if name in found:
-            raise InputError(f"{name} and {name}{_DEGREES} say the same: give one of them")
-        found[name] = _value(item, own[name].type, key, RAD_PER_DEG if key != name else 1.0)
-    needed = [one.name for one in own.values() if one.default is MISSING]
-    missing = [name for name in needed if name not in found]
-    if missing:
-        raise InputError(f"it needs {' and '.join(missing)}")
-    return found
-
-
-def _value(item: Any, kind: Any, key: str, unit: float) -> Any:
-    """Return a field's value from what a file says, as the kind of the field asks."""
-    kinds = get_args(kind) or (kind,)
-    if Border in kinds:
-        return _border(item, key)
-    if Limit in kinds:
-        return _limit(item, key, unit)
-    for plain, expected in _PLAIN.items():
-        if plain in kinds:
-            return _checked(item, plain, key, expected)
-    return _number(item, key) * unit
-
-
-_PLAIN = {str: "a text", bool: "true or false", int: "a whole number"}
-
-
-def _limit(item: Any, key: str, unit: float) -> Limit:
-    if not (isinstance(item, list) and len(item) == 2):
-        raise InputError(f"{key} = {item!r}: expected two numbers, where Levels 1 and 2 end")
-    return Limit(*(_number(one, key) * unit for one in item))
-
-
-def _border(item: Any, key: str) -> Border:
-    if not (isinstance(item, Mapping) and set(item) == set(_BORDER)):
-        raise InputError(
-            f"{key} = {item!r}: expected a table of {', '.join(_BORDER)}, lists of numbers"
-        )
-    corners = (tuple(_number(one, key) for one in item[name]) for name in _BORDER)
-    return Border(*corners)
-
-
-def _number(item: Any, key: str) -> float:
-    if isinstance(item, bool) or not isinstance(item, int | float):
-        raise InputError(f"{key} = {item!r}: expected a number")
-    return float(item)
-
-
-def _checked(item: Any, kind: type, key: str, expected: str) -> Any:
-    if not isinstance(item, kind) or (kind is int and isinstance(item, bool)):
-        raise InputError(f"{key} = {item!r}: expected {expected}")
-    return item
-
-
-def _table(spec: Spec) -> str:
+def _table(spec: Spec) -> dict[str, Any]:
     """Return a specification as a table of TOML."""
     one = spec.criterion
-    lines = ["[[spec]]", f"criterion = {toml_value(one.name)}", f"kind = {toml_value(spec.kind)}"]
-    for field in fields(one):
-        value = getattr(one, field.name)
-        if field.name == "axis" or value != field.default:
-            lines.append(f"{field.name} = {_written(value)}")
-    return "\n".join(lines) + "\n"
+    said = {
+        each.name: getattr(one, each.name)
+        for each in fields(one)
+        if each.name == "axis" or getattr(one, each.name) != each.default
+    }
+    for name, item in said.items():
+        if isinstance(item, Limit):
+            said[name] = [item.level1, item.level2]
+        elif isinstance(item, Border):
+            said[name] = Inline(to_plain(item))
+    return {"criterion": one.name, "kind": spec.kind, **said}
 
 
-def _written(value: Any) -> str:
-    if isinstance(value, Limit):
-        return toml_value([value.level1, value.level2])
-    if isinstance(value, Border):
-        return f"{{ {', '.join(f'{n} = {toml_value(getattr(value, n))}' for n in _BORDER)} }}"
-    return toml_value(value)
+def standard(name: str, *, axes: Sequence[str] = ATTITUDES, scale: float = 1.0) -> tuple[Spec, ...]:
+    """Return a set of specifications.
+
+    Args:
+        name: of a standard; see `STANDARDS`.
+        axes: by their commands or words.
+        scale: N of `Froude`, for vehicles smaller than those that documents speak of.
+
+    Raises:
+        UnknownNameError: there is no such standard or axis.
+    """
+    if name not in STANDARDS:
+        raise UnknownNameError("standard", name, STANDARDS)
+    names = [axis_of(axis).name for axis in axes]
+    attitudes = [axis for axis in names if axis in ATTITUDES]
+    asked: list[tuple[type[Criterion], str, Sequence[str]]]
+    if name == "margins":
+        found = [Spec(PoleLimits(), "hard")]
+        asked = [(StabilityMargins, "hard", names)]
+        asked += [(kind, "check", names) for kind in (NicholsExclusion, DiskMargin)]
+    elif name == "disturbance_rejection":
+        found, asked = [], [(DisturbanceRejection, "soft", names)]
+    else:
+        task = name.removeprefix("ads33e_")
+        found = [Spec(AttitudeBandwidth(axis=axis, task=task)) for axis in attitudes]
+        asked = [(kind, "check", attitudes) for kind in (AttitudeQuickness, AttitudeHold)]
+        cyclic = [axis for axis in names if axis in ("lat", "lon")]
+        asked += [(Coupling, "check", cyclic)] if len(cyclic) == 2 else []
+    found += [Spec(kind(axis=axis), how) for kind, how, on in asked for axis in on]
+    if name.startswith("ads33e"):
+        found.append(Spec(Damping()))
+    return tuple(replace(one, criterion=replace(one.criterion, scale=scale)) for one in found)

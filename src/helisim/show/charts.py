@@ -13,10 +13,9 @@ from scipy.ndimage import distance_transform_edt
 
 from helisim.base.errors import InputError
 from helisim.base.units import decibel
-from helisim.handling.axis import axis_of
 from helisim.handling.chart import Chart, ChartAxis
 from helisim.handling.criteria import Criterion, Rating
-from helisim.handling.curve import Curve
+from helisim.handling.loop import Curve, axis_of
 from helisim.handling.measured.measured_curve import MeasuredCurve
 from helisim.show.figure import Area, Array, Drawing, Ground, Ink, Mark, Panel, Scale, extent
 from helisim.show.plots import DEGREES, beside, decibels, phase_degrees, spread_out

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from helisim.design.result import DesignResult, Judged
-from helisim.handling.axis import BY_NAME, axis_of
 from helisim.handling.criteria import NicholsExclusion
-from helisim.handling.curve import Curve
-from helisim.handling.loop import Loop, NoResponse
+from helisim.handling.loop import BY_NAME, Curve, Loop, NoResponse, axis_of
 from helisim.handling.measured.loop import MeasuredLoop
 from helisim.handling.measured.measured_curve import MeasuredCurve
 from helisim.handling.spec import specs_to_toml

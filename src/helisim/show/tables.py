@@ -10,11 +10,10 @@ import numpy as np
 
 from helisim.base.errors import IdentificationError
 from helisim.base.units import RAD_PER_DEG
-from helisim.handling.axis import axis_of
 from helisim.handling.criteria import Criterion, Limit, LoadRejection, Rating
-from helisim.handling.figures.margins import margins as margins_of
-from helisim.handling.figures.rejection import rejection
-from helisim.handling.loop import Loop, NoResponse
+from helisim.handling.figures import margins as margins_of
+from helisim.handling.figures import rejection
+from helisim.handling.loop import Loop, NoResponse, axis_of
 from helisim.ident import USABLE_COHERENCE, Fit, FittedParameter, FrequencyResponse, Mode, Modes
 from helisim.ident.fitting.modes import mode_notes
 from helisim.ident.verifying.verification import VerificationFigures

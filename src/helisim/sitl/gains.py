@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError
 from helisim.base.linear import Linear
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Rates
-from helisim.handling.axis import BY_NAME, axis_of
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.figures.margins import Margins, margins
-from helisim.handling.figures.rejection import Rejection, rejection
+from helisim.handling.figures import Margins, Rejection, margins, rejection
+from helisim.handling.loop import BY_NAME, axis_of
 from helisim.records.channels import ATTITUDES, IN1, RATES
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from helisim.base.linear import Linear
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS
-from helisim.handling.axis import axis_of
+from helisim.handling.loop import axis_of
 from helisim.records.channels import IN1
 from helisim.sitl.gains import FILTER_HZ, GYRO_HZ, INPUT_TIME, LOOP_RATE, Tuning, tune
 from helisim.sitl.mixing import Controls, Mixer

@@ -18,8 +18,7 @@ from helisim.design.usual import usual_specs
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import Criterion
 from helisim.handling.loop import Loop
-from helisim.handling.spec import Spec, write_specs
-from helisim.handling.standards import ATTITUDES
+from helisim.handling.spec import ATTITUDES, Spec, write_specs
 from helisim.records.channels import AXES
 from helisim.study.flights import Flights
 from helisim.study.for_design import flown_vehicle, identify_for_design

@@ -16,7 +16,7 @@ import numpy as np
 
 from helisim.base.errors import InputError
 from helisim.design.plant import Plant
-from helisim.handling.axis import axis_of
+from helisim.handling.loop import axis_of
 from helisim.ident import Fit, Structure, blocks, identify, in_series, structures
 from helisim.ident.model.structures_inflow import with_inflow
 from helisim.records.channels import AXES

@@ -5,7 +5,7 @@ from os import PathLike
 from pathlib import Path
 
 from helisim.base.errors import InputError, StorageError
-from helisim.handling.axis import axis_of
+from helisim.handling.loop import axis_of
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record
 from helisim.study.flights import FOLDER, RESULTS, Flights, read_kept_sweeps

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from helisim.base.errors import InputError
-from helisim.handling.axis import BY_NAME, Axis, axis_of
+from helisim.handling.loop import BY_NAME, Axis, axis_of
 from helisim.records.channels import IN2
 from helisim.records.record import FlightRecord
 

@@ -5,11 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helisim.handling.curve import Curve
-from helisim.handling.figures.bandwidth import bandwidth
-from helisim.handling.figures.margins import margins
-from helisim.handling.figures.rejection import HALF_POWER, rejection
-from helisim.handling.loop import Loop
+from helisim.handling.figures import HALF_POWER, bandwidth, margins, rejection
+from helisim.handling.loop import Curve, Loop
 from helisim.handling.measured.cut import Cut
 
 UNITS: Mapping[str, str] = {

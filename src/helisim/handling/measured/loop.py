@@ -5,9 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from helisim.base.value import Value
-from helisim.handling.axis import BY_NAME, axis_of
-from helisim.handling.curve import Curve
-from helisim.handling.loop import History, NoResponse
+from helisim.handling.loop import BY_NAME, Curve, History, NoResponse, axis_of
 from helisim.handling.measured.cut import Cut
 from helisim.handling.measured.driven import Complex, Driven, pairs
 from helisim.handling.measured.measured_curve import MeasuredCurve

@@ -10,8 +10,7 @@ import numpy as np
 
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.base.value import Value
-from helisim.handling.axis import BY_NAME, axis_of
-from helisim.handling.loop import NoResponse
+from helisim.handling.loop import BY_NAME, NoResponse, axis_of
 from helisim.handling.measured.cut import PLACES, Cut, cuts_by_name, groups, moving
 from helisim.handling.measured.driven import Driven, estimate_driven
 from helisim.handling.measured.excited import excited_band

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.value import Value
-from helisim.handling.curve import Curve
-from helisim.handling.loop import NoResponse
+from helisim.handling.loop import Curve, NoResponse
 from helisim.handling.measured.driven import Complex
 
 _KNOWN = 0.15

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import LogError
 from helisim.handling.arducopter import ADDED, COMMANDS, ArduCopterLaw
-from helisim.handling.axis import axis_of
+from helisim.handling.loop import axis_of
 from helisim.logs.dataflash import DataFlash, Table
 from helisim.look.systemid.sweeps import FlownSweep
 from helisim.look.systemid.ticks import filled, partners

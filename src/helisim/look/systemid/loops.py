@@ -16,7 +16,7 @@ import numpy as np
 from helisim.base.errors import InputError, LogError
 from helisim.base.value import Value
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
-from helisim.handling.axis import axis_of
+from helisim.handling.loop import axis_of
 from helisim.handling.measured.cut import Cut
 from helisim.handling.measured.margins import MeasuredMargins, margins
 from helisim.look.systemid.cut_rows import OUTPUTS, PIDS, CutRows

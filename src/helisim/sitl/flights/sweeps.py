@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from helisim.base.errors import AutopilotError, InputError, UnknownNameError
-from helisim.handling.axis import axis_of
+from helisim.handling.loop import axis_of
 from helisim.sitl.flights.hold import Hold
 from helisim.sitl.flights.pilot import Pilot, Steps
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.handling.curve import Curve
-from helisim.handling.loop import History, Loop, NoResponse
+from helisim.handling.loop import Curve, History, Loop, NoResponse
 from helisim.sim import Weather
 from helisim.study.proof.exact import ExactLoop, exact_loop
 from helisim.study.truth import air_met

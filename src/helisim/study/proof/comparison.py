@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from helisim.handling.axis import axis_of
 from helisim.handling.criteria import (
     AttitudeBandwidth,
+    Border,
     Criterion,
     DisturbanceRejection,
+    Limit,
+    Rating,
     StabilityMargins,
 )
-from helisim.handling.criteria.criterion import Rating
-from helisim.handling.criteria.limit import Border, Limit
-from helisim.handling.loop import Loop, NoResponse
+from helisim.handling.loop import Loop, NoResponse, axis_of
 from helisim.handling.measured.interval import Interval, interval
 from helisim.handling.measured.loop import MeasuredLoop
 from helisim.handling.spec import Spec

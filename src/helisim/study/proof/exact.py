@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError
 from helisim.base.linear import Response
 from helisim.handling.closed_loop import ClosedLoop
-from helisim.handling.curve import Curve
-from helisim.handling.loop import GRID
+from helisim.handling.loop import GRID, Curve
 from helisim.vehicle import Vehicle
 from helisim.vehicle.sampled import sensed_base
 

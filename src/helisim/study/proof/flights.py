@@ -7,7 +7,7 @@ import numpy as np
 
 from helisim.base.errors import DivergedError, InputError
 from helisim.base.value import FrozenMap
-from helisim.handling.axis import BY_NAME, axis_of
+from helisim.handling.loop import BY_NAME, axis_of
 from helisim.records.record import FlightRecord
 from helisim.sim import (
     FlightPlan,

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.handling.axis import axis_of
-from helisim.handling.curve import Curve
+from helisim.handling.loop import Curve, axis_of
 from helisim.records.channels import ATTITUDES, IN1, RATES
 from helisim.sim import Multisine
 from helisim.study.proof.exact import ExactLoop
