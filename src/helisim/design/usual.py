@@ -10,11 +10,11 @@ from helisim.handling.criteria import (
     ActuatorUse,
     Crossover,
     DisturbanceRejection,
-    Froude,
     Limit,
     LoadRejection,
     PoleLimits,
 )
+from helisim.handling.criterion import Froude
 from helisim.handling.figures import rejection
 from helisim.handling.loop import GRID, Loop
 from helisim.handling.spec import ATTITUDES, Spec, standard
