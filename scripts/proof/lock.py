@@ -411,12 +411,15 @@ def sketch(values: Any) -> list[float]:
     return [float(part @ wave) for part in parts] + [float(np.abs(flat).sum()), flat.size]
 
 
-def system(found: Any) -> dict[str, Any]:
-    """Return names, poles and responses of a python-control StateSpace."""
+def system(found: Any, without: str = "") -> dict[str, Any]:
+    """Return names, period and responses of a python-control StateSpace."""
     a, b, c, d = (np.asarray(getattr(found, name)) for name in "ABCD")
     points = [np.exp(1j * w * found.dt) if found.dt else 1j * w for w in (0.5, 5.0, 50.0)]
     here = [c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d for s in points]
-    labels = {name: list(getattr(found, f"{name}_labels")) for name in ("state", "input", "output")}
+    labels = {
+        name: name != without and list(getattr(found, f"{name}_labels"))
+        for name in ("state", "input", "output")
+    }
     return labels | {"dt": found.dt, "response": [sketch(row) for one in here for row in one]}
 
 
@@ -433,7 +436,7 @@ def linear() -> dict[str, Case]:
             **{"derivatives": one.derivatives, "power": [one.power, one.main_power]},
             **{"servo delays": [one.servo_delay(axis) for axis in ("lat", "ped")]},
             **{"imu": one.imu_offset, "digest": one.digest},
-            "loops": {axis: system(one.loop(axis)) for axis in ("lon", "lat", "ped")},
+            "loops": {axis: system(one.loop(axis), "state") for axis in ("lon", "lat", "ped")},
         }
 
     def trims(name: str) -> Any:
