@@ -8,9 +8,8 @@ from pathlib import Path
 from matplotlib.image import imsave
 
 import helisim as hs
-from helisim.hand import Deflection, HandFlight, KeyboardSticks, Logbook
-from helisim.hand.cockpit import Cockpit
-from helisim.hand.window import GlfwWindow
+from helisim.hand import Deflection, HandFlight, KeyboardSticks
+from helisim.hand.window import Cockpit, GlfwWindow, Logbook
 from helisim.show.viewer import Rotors
 
 _HERE = Path(__file__).parent

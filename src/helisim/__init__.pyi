@@ -16,7 +16,7 @@ from helisim.design.plant import Plant as Plant
 from helisim.design.result import DesignResult as DesignResult
 from helisim.hand import HandFlight as HandFlight
 from helisim.hand import StickFeel as StickFeel
-from helisim.hand.fly import fly_by_hand as fly_by_hand
+from helisim.hand.window import fly_by_hand as fly_by_hand
 from helisim.handling import criteria as criteria
 from helisim.handling.criterion import Froude as Froude
 from helisim.handling.measured.cut import Cut as Cut

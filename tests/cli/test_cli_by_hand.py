@@ -41,7 +41,7 @@ def test_without_a_display_it_says_what_to_do(refused, device):
             ["--keyboard", "--assist", "much"],
             "unknown assist 'much'; available: hover, level, none",
         ),
-        (["--keyboard", "--rate", "2"], "rate must be above 0, at most 1, got 2.0"),
+        (["--keyboard", "--rate", "2"], "rate must be a number above 0 and at most 1, got 2.0"),
         (["--keyboard", "--map", "radio.toml"], "--map is of a joystick: add --joystick"),
         (["--joystick", "--map", "a.toml", "--order", "TAER"], "--map and --order exclude"),
         (["--joystick", "--map", "none.toml"], "none.toml: no such file"),

@@ -7,18 +7,9 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError, StorageError
-from helisim.hand import (
-    HandFlight,
-    Inputs,
-    JoystickMap,
-    JoystickSticks,
-    KeyboardSticks,
-    Logbook,
-)
-from helisim.hand.cockpit import CAMERAS, Cockpit
-from helisim.hand.fly import fly_in
-from helisim.hand.joysticks import Joystick, calibrate, choose, joysticks, read_axes
-from helisim.hand.panel import legend
+from helisim.hand import HandFlight, Inputs, JoystickMap, JoystickSticks, KeyboardSticks
+from helisim.hand.sticks import Joystick, choose, joysticks, read_axes
+from helisim.hand.window import CAMERAS, Cockpit, Logbook, fly_in
 from helisim.records.storage import read_record
 
 
@@ -103,8 +94,8 @@ def test_keys_fly_and_record(fly, tmp_path):
     assert record.provenance["by_hand"]["with"] == "keyboard"
     assert seen.panels[-1][0] < 6.0
     shown = [panel for at, panel, _ in seen.panels if 1.5 < at < 2.5]
-    assert all(panel.gimbals.right_y == 1.0 for panel in shown)
-    assert all(panel.recorded > 0.9 for panel in shown)
+    assert all(dict(panel.readout)["lon"] == "-100 %" for panel in shown)
+    assert all(float(dict(panel.readout)["REC"].split()[0]) > 0.9 for panel in shown)
     said = {panel.message for _, panel, _ in seen.panels}
     assert any("written" in text and "hand.parquet" in text for text in said)
 
@@ -166,7 +157,8 @@ def test_keys_switch_assist_gyro_camera_and_legend(fly, flight):
     off = [dict(panel.readout)["gyro"] for at, panel, _ in seen.panels if 0.22 < at < 0.28]
     assert set(off) == {"off"}
     assert seen.camera_kind == CAMERAS[1]
-    assert seen.panels[0][1].legend == legend(KeyboardSticks())
+    assert seen.panels[0][1].legend[0] == ("W S", "lift")
+    assert ("P", "pause") in seen.panels[0][1].legend
     assert seen.panel.legend == (("F1", "keys"),)
 
 
@@ -202,7 +194,7 @@ def test_a_record_that_can_not_be_written_is_kept(fly, flight, tmp_path, monkeyp
         raise StorageError(f"{path}: can't write it: No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("helisim.hand.logbook.write_record", full)
+        patch.setattr("helisim.hand.window.write_record", full)
         seat.turn(Inputs(pressed=("r",)), 0.01)
         assert "No space left" in seat.panel.message
         with pytest.raises(StorageError, match="1 record not written yet"):
@@ -248,7 +240,7 @@ def test_joysticks_are_found_by_number_or_name(wanted, there, found):
 @pytest.mark.parametrize(
     ("wanted", "there", "said"),
     [
-        ("", [], "no joystick: looked for any.*plug one in.*--keyboard"),
+        ("", [], "no joystick: looked for any.*plug one in.*keys"),
         ("1", [RADIO, PAD], "no joystick '1': there are 0 'OpenTX Radio', 2 'Pad'"),
         ("", [RADIO, PAD], "several joysticks: there are 0 .*say which"),
     ],
@@ -290,29 +282,6 @@ def test_axes_are_read_as_glfw_gives_them():
     assert read_axes(glfw, pad) == (0.1, 0.2, 0.3, 0.4)
     assert read_axes(glfw, Joystick(2, "gone")) is None
     assert read_axes(glfw, Joystick(3, "gone", is_gamepad=True)) is None
-
-
-def test_a_pilot_is_asked_for_one_stick_after_the_other():
-    """Ten readings; a collective that stays up when it is let go does not centre."""
-    middle = (0.0, 0.0, 0.0, 0.0)
-    moves = [middle]
-    for number in (2, 1, 0, 3):  # col, lon, lat, ped of AETR
-        moves += [tuple(sign * (n == number) for n in range(4)) for sign in (-1.0, 1.0)]
-    for let_go, centring in (((0.0, 0.0, 1.0, 0.0), False), (middle, True)):
-        readings = iter([*moves, let_go])
-        asked = []
-        found = calibrate(lambda readings=readings: next(readings), asked.append)
-        assert [axis.number for axis in (found.col, found.lon, found.lat, found.ped)] == [
-            2,
-            1,
-            0,
-            3,
-        ]
-        assert found.centring is centring
-        assert len(asked) == 10
-        assert "collective stick all the way down" in asked[1]
-    with pytest.raises(InputError, match="is gone"):
-        calibrate(lambda: None, asked.append)
 
 
 def test_what_is_drawn_by_hand_changes_no_flight(fly, flight, jr700):

@@ -23,10 +23,8 @@ FLOWN = """
 import subprocess, sys
 import numpy as np
 import helisim as hs
-from helisim.hand.cockpit import Cockpit
-from helisim.hand.fly import fly_in
-from helisim.hand.window import GlfwWindow
-from helisim.hand import HandFlight, KeyboardSticks, Logbook
+from helisim.hand import HandFlight, KeyboardSticks
+from helisim.hand.window import Cockpit, GlfwWindow, Logbook, fly_in
 
 KEYS = [(0.0, "keydown Up"), (0.0, "key r"), (1.5, "keyup Up"), (4.0, "key r"), (5.0, "key Escape")]
 subprocess.run(["xdotool", "mousemove", "100", "100"], check=True)
@@ -72,10 +70,6 @@ def test_keys_of_a_real_window_fly(tmp_path):
     assert pictures.shape == (2, 360, 480, 3)
     assert pictures[0].std() > 20.0
     assert np.abs(pictures[1] - pictures[0]).mean() > 2.0  # it has flown on
-    orange = np.all(np.abs(pictures[1] - [250.0, 140.0, 38.0]) < 8.0, axis=-1)
-    rows, columns = np.nonzero(orange[250:, 300:])  # the sticks' corner
-    assert rows.size > 50
-    assert columns.max() - columns.min() > 60  # both gimbals
 
 
 def test_no_joystick_is_said(tmp_path):

@@ -17,7 +17,6 @@ EPILOG = """\
 by hand:
   helisim view --keyboard --out hand.parquet
   helisim view --joystick --mode 1 --assist level
-  helisim view --joystick radio --calibrate radio.toml
   helisim view --joystick radio --map radio.toml --turbulence light
 W S A D are the left gimbal of a transmitter and the arrows the right one; what
 each does is the mode's and stands in the window, with all other keys. R starts
@@ -62,12 +61,6 @@ def add_by_hand(command: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--map", type=Path, metavar="FILE", help="axes of the joystick, .toml")
     group.add_argument(
-        "--calibrate",
-        type=Path,
-        metavar="FILE",
-        help="ask for one stick after the other, write --map's file, and fly nothing",
-    )
-    group.add_argument(
         "--out",
         type=Path,
         metavar="FILE",
@@ -77,7 +70,7 @@ def add_by_hand(command: argparse.ArgumentParser) -> None:
 
 
 _ONLY_BY_HAND = (
-    *("mode", "assist", "rate", "expo", "deadband", "order", "map", "calibrate", "out"),
+    *("mode", "assist", "rate", "expo", "deadband", "order", "map", "out"),
     *("turbulence", "wind", "wind_from_deg"),
 )
 
@@ -95,13 +88,13 @@ def is_by_hand(options: argparse.Namespace) -> bool:
 
 
 def fly_by_hand(options: argparse.Namespace) -> int:
-    """Fly, or calibrate a joystick, and say what was written. Raises HelisimError."""
+    """Fly and say which records were written. Raises HelisimError."""
     _check(options)
     from helisim.base.files import check_destination
     from helisim.hand import KEY_FEEL, JoystickMap, StickFeel
     from helisim.hand.assist import check_assist
-    from helisim.hand.fly import fly_by_hand
     from helisim.hand.sticks import check_mode
+    from helisim.hand.window import fly_by_hand
     from helisim.show.viewer import check_display
     from helisim.sim import Weather
     from helisim.vehicle import load
@@ -115,8 +108,6 @@ def fly_by_hand(options: argparse.Namespace) -> int:
     air, below = weather(options, Weather()), ground(options)
     out = check_destination(options.out or _DEFAULT_OUT)
     check_display()
-    if options.calibrate is not None:
-        return _calibrate(options.joystick, options.calibrate)
     written = fly_by_hand(
         controlled(load(options.vehicle, parameters=parameters(options)), options),
         joystick=options.joystick,
@@ -146,31 +137,8 @@ def _check(options: argparse.Namespace) -> None:
     if options.keyboard and options.joystick is not None:
         raise InputError("--keyboard and --joystick exclude each other: give one of them")
     if options.joystick is None:
-        for name in ("order", "map", "calibrate"):
+        for name in ("order", "map"):
             if getattr(options, name) is not None:
                 raise InputError(f"--{name} is of a joystick: add --joystick")
     if options.map is not None and options.order is not None:
         raise InputError("--map and --order exclude each other: give one of them")
-
-
-def _calibrate(wanted: str, path: Path) -> int:
-    """Ask for one stick after the other on the terminal, and write the map."""
-    from helisim.base.files import check_destination
-    from helisim.hand.joysticks import calibrate, choose, joysticks, read_axes
-    from helisim.hand.window import start_glfw
-
-    check_destination(path, (".toml",))
-    glfw = start_glfw()
-    found = choose(wanted, joysticks(glfw))
-    print(f"Joystick {found.number}: {found.name}")
-
-    def read() -> tuple[float, ...] | None:
-        glfw.poll_events()
-        return read_axes(glfw, found)
-
-    try:
-        calibrate(read, input).write(path)
-    except EOFError:
-        raise InputError("calibrating takes a terminal: nobody answered") from None
-    print(f"Written: {path}; fly with: helisim view --joystick {found.number} --map {path}")
-    return 0
