@@ -14,7 +14,7 @@ import warnings
 import numpy as np
 
 import helisim as hs
-from helisim.ident.responses.conditioning import CrossControlWarning
+from helisim.ident.frf import CrossControlWarning
 from helisim.sim import Recorder
 from helisim.study.identification import identify_model
 from helisim.study.models import HEAVE, ROLLPITCH_IN1, YAW_BASE

@@ -7,7 +7,7 @@ import numpy as np
 
 from helisim import ident
 from helisim.ident.model.evaluate import response
-from helisim.ident.verifying.verification import Trace
+from helisim.ident.verification import Trace
 from helisim.records.channels import CHANNELS, POSITIONS
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record

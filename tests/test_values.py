@@ -24,7 +24,7 @@ from helisim.handling.measured.interval import Interval
 from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
 from helisim.handling.measured.margins import MeasuredFigure
 from helisim.ident import Reduction
-from helisim.ident.verifying.verification import Trace
+from helisim.ident.verification import Trace
 from helisim.logs import Column
 from helisim.look.systemid import FlownSweep, Inferred, InferredFit, InferredLog, TakenChannel
 from helisim.look.systemid.reading import Sampling

@@ -86,9 +86,13 @@ def test_every_argument_of_the_library_is_an_option(function):
 def test_what_messages_advise_exists():
     """Every option that the identification or the reading of logs names is one of a command."""
     words = set()
-    for room in ("ident", "records"):
-        for path in (Path(helisim.__file__).parent / room).rglob("*.py"):
-            words |= set(re.findall(r"--[a-z][a-z-]+", path.read_text(encoding="utf-8")))
+    for package in ("ident", "records"):
+        for path in (Path(helisim.__file__).parent / package).rglob("*.py"):
+            text = path.read_text(encoding="utf-8")
+            words |= set(re.findall(r"--[a-z][a-z-]+", text))
+            for remedy in re.findall(r'remedy="([^"]+)"', text):
+                names = (part.partition("=")[0] for part in remedy.split(","))
+                words |= {f"--{name.replace('_', '-')}" for name in names}
     known = set()
     for command in ("identify", "frf", "verify"):
         known |= set(parser([command])._actions[-1].choices[command].option_names)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helisim.ident import frequency_response
-from helisim.ident.responses.composite import _COHERENCE_WEIGHT, _Aim, _cost, _step, window_lengths
+from helisim.ident.composite import window_lengths
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -21,29 +21,6 @@ from helisim.records.record import FlightRecord
 def test_window_lengths_follow_the_published_rules(durations, band, lengths):
     """At most half a record and a fifth of all, at least 20 periods of the highest frequency."""
     assert window_lengths(durations, band) == pytest.approx(tuple(lengths), rel=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_composites_step_is_gauss_and_newtons(seed):
-    """-(J'J)^-1 J'r of the residuals, with J by differences: rows of the identity and one more."""
-    random = np.random.default_rng(seed)
-    target = np.array([1.0, 1.0, 0.7, 0.5]) + 0.1 * random.normal(size=4)
-    unit, g2, g2_unit = random.uniform(0.5, 2.0, size=4), 0.6, 0.2
-    z = target + 0.1 * random.normal(size=4)
-    aim = _Aim(target[:, None], unit[:, None], np.array([g2]), np.array([g2_unit]))
-
-    def residuals(at):
-        gxx, gyy, real, imaginary = at * unit
-        coherence = (real**2 + imaginary**2) / (gxx * gyy)
-        misfit = np.sqrt(_COHERENCE_WEIGHT) * (coherence - g2) / g2_unit
-        return np.append(at - target, misfit)
-
-    steps = 1e-6 * np.eye(4)
-    jacobian = np.array([(residuals(z + d) - residuals(z - d)) / 2e-6 for d in steps]).T
-    expected = np.linalg.lstsq(jacobian, -residuals(z), rcond=None)[0]
-    # central differences of 1e-6 are good to 1e-9 here
-    assert _step(z[:, None], aim)[:, 0] == pytest.approx(expected, abs=1e-7)
-    assert _cost(z[:, None], aim)[0] == pytest.approx(np.sum(residuals(z) ** 2), rel=1e-12)
 
 
 def test_a_short_window_takes_part_from_six_periods_upwards():

@@ -19,10 +19,10 @@ from helisim.ident import (
     structures,
     verify,
 )
+from helisim.ident.composite import PERIODS, compose, window_lengths
+from helisim.ident.conditioning import condition, random_error
 from helisim.ident.model.evaluate import response
-from helisim.ident.responses.composite import PERIODS, compose, window_lengths
-from helisim.ident.responses.conditioning import condition, random_error
-from helisim.ident.responses.spectra import cross_spectra
+from helisim.ident.spectra import cross_spectra
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -290,8 +290,8 @@ def test_incoherence_is_told_with_its_figures():
     ("field", "item", "message"),
     [
         ("frequency", [3.0, 2.0, 1.0], "frequenc"),
-        ("frequency", "low", "can't read the frequency response"),
-        ("response", {"real": [1.0]}, "can't read the frequency response"),
+        ("frequency", "low", r"response\.frequency must be an array of numbers, got 'low'"),
+        ("response", {"real": [1.0]}, r"response\.response must be an array of numbers"),
         ("surprise", 1.0, "unknown field"),
     ],
 )

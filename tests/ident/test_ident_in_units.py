@@ -11,8 +11,7 @@ import pytest
 from helisim.base.errors import InputError
 from helisim.base.user_units import UserUnits, parts, unit_text
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
-from helisim.ident.in_units import fit_in, response_in
-from helisim.ident.model.dimensions import dimensions
+from helisim.ident.in_units import dimensions, fit_in
 from helisim.ident.model.evaluate import response
 from helisim.records.channels import CHANNELS
 
@@ -49,11 +48,11 @@ def exact(name, scale=1.0, units=True):
 def test_parameters_are_those_of_data_in_the_same_units(name, scale):
     """A fit in SI, shown in other units, is the fit of a response that was recorded in them."""
     structure = structures.named(name).with_starts(VALUES[name])
-    shown = fit_in(identify(exact(name), structure, searches=1), ALL)
+    shown, notes = fit_in(identify(exact(name), structure, searches=1), ALL)
     recorded = identify(exact(name, scale, units=False), structure, searches=2)
-    for one in shown.parameters:  # exact data: the searches end within their tolerance
+    for one in shown:  # exact data: the searches end within their tolerance
         assert one.value == pytest.approx(recorded[one.name].value, rel=1e-4), one.name
-    assert shown.notes == ()
+    assert notes == ()
 
 
 @pytest.mark.parametrize(
@@ -81,11 +80,11 @@ def test_hover_derivatives_have_the_units_of_flight_dynamics(name, unit, factor)
         output_units=("rad/s", "rad/s", "m/s", "m/s"),
     )
     fit = identify(frf, structure)
-    shown = fit_in(fit, ALL)
-    (one,) = (parameter for parameter in shown.parameters if parameter.name == name)
+    shown, notes = fit_in(fit, ALL)
+    (one,) = (parameter for parameter in shown if parameter.name == name)
     assert one.unit == unit
     assert one.value == pytest.approx(fit[name].value * factor, rel=1e-12)
-    assert "X_a, Y_b" in shown.notes[0]
+    assert "X_a, Y_b" in notes[0]
 
 
 @pytest.mark.parametrize("name", sorted(set(structures.BUILT_IN) - {"yaw_gyro", "yaw_sway"}))
@@ -111,13 +110,13 @@ def test_what_a_structure_does_not_tell_stays_and_is_told():
         outputs=("turn",),
     )
     fit = identify(frf, structure.renamed({"ped": "nose", "r": "turn"}), searches=1)
-    shown = fit_in(fit, ALL)
-    by_name = {one.name: one for one in shown.parameters}
+    shown, notes = fit_in(fit, ALL)
+    by_name = {one.name: one for one in shown}
     assert by_name["N_ped"].value == fit["N_ped"].value
     assert by_name["N_ped"].unit == "1/s^2"
-    assert "N_ped" in shown.notes[0]
+    assert "N_ped" in notes[0]
     assert list(by_name) == list(structure.names)
-    bare = response_in(fit.data, ALL)
+    bare = fit.data.in_units(ALL)
     assert np.array_equal(bare.response, fit.data.response)
     assert bare.output_units == ("",)
 
@@ -133,7 +132,7 @@ def test_a_root_tells_no_unit():
 
 def test_a_response_is_shown_in_units_and_means_the_same():
     """A gain in rad/s by the range is so many deg/s by percent; python-control agrees on both."""
-    shown = response_in(exact("yaw_base"), ALL)
+    shown = exact("yaw_base").in_units(ALL)
     assert (shown.input_units, shown.output_units) == (("%",), ("deg/s",))
     plant = control.tf([73.0 * DEG / 100], [1.0, 1.0])
     wanted = plant(1j * OMEGA) * np.exp(-0.05j * OMEGA)

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from test_ident_local_restated import COUNT, SPACING, lines
 
-from helisim.ident.responses.local_bands import (
+from helisim.ident.local import (
     WIDTHS,
     Task,
-    _laid_out,
-    _transients,
-    _Weights,
     estimate_bands,
+    transients,
 )
+from helisim.ident.scatter import LineWeights
 
 FREQUENCY = np.geomspace(0.3, 6.0, 60)
 
@@ -24,16 +23,16 @@ def task(made, *, active=()):
     return Task(made, [0, 1], [2, 3], list(active), 2, FREQUENCY)
 
 
-def test_transients_are_estimated_where_they_are():
+def testtransients_are_estimated_where_they_are():
     """Of seven times the disturbance below 1.2 rad/s, none above; and none in trimmed flights."""
 
     def early(flight, w):
         return np.where(w < 1.2, 2.0, 0.0) * np.array([[1.0], [-1.0j]]) * (1.0 + flight)
 
-    found = _transients(task(lines(smooth, early, noise=0.3)))
+    found = transients(task(lines(smooth, early, noise=0.3)))
     assert np.all(found[FREQUENCY < 0.8])
     assert not np.any(found[FREQUENCY > 4.0])
-    assert not np.any(_transients(task(lines(smooth, noise=0.3))))
+    assert not np.any(transients(task(lines(smooth, noise=0.3))))
 
 
 def test_a_band_has_lines_enough_and_four_widths_at_most():
@@ -72,10 +71,10 @@ def test_every_width_is_near_a_smooth_response_and_errs_as_its_weights_say():
                 for flight in range(2):
                     kept = []
                     for width in (one, other):
-                        part = bands.weights[k][width]
+                        first, value = bands.weights[k][width]
                         row = np.zeros((2, COUNT.max() + 99), dtype=complex)
-                        begin = part.first[flight]
-                        row[:, begin : begin + part.value.shape[2]] = part.value[:, flight]
+                        begin = first[flight]
+                        row[:, begin : begin + value.shape[2]] = value[:, flight]
                         kept.append(row)
                     total += np.real(np.sum(kept[0] * kept[1].conj(), axis=1))
                 # weights are kept in single precision
@@ -109,9 +108,9 @@ def test_with_references_responses_are_ratios():
 
 def test_weights_side_by_side_begin_at_the_first_line_of_any():
     """Each keeps its place; where one has no weight there is none."""
-    one = _Weights(np.array([3, 7]), np.full((1, 2, 2), 1.0 + 2.0j, dtype=np.complex64))
-    two = _Weights(np.array([2, 9]), np.full((1, 2, 3), 5.0, dtype=np.complex64))
-    both = _laid_out([one, two], [1, 4])
+    one = np.array([3, 7]), np.full((1, 2, 2), 1.0 + 2.0j, dtype=np.complex64)
+    two = np.array([2, 9]), np.full((1, 2, 3), 5.0, dtype=np.complex64)
+    both = LineWeights.side_by_side([1, 4], [one, two])
     assert list(both.part) == [1, 4]
     assert list(both.first) == [2, 7]
     assert np.array_equal(both.value[0, 0, 0], [0.0, 1.0 + 2.0j, 1.0 + 2.0j, 0.0, 0.0])

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from helisim.ident.responses.local_choice import choose, smoothed
-from helisim.ident.responses.local_fit import fit_band
-from helisim.ident.responses.local_lines import Lines, flight_lines
-from helisim.ident.responses.local_scatter import LineWeights, LocalScatter
+from helisim.ident.local import choose, smoothed
+from helisim.ident.local_fit import Lines, fit_band, flight_lines
+from helisim.ident.scatter import LineWeights, LocalScatter
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import helisim as hs
 from helisim.base.errors import InputError, StorageError
 from helisim.ident import FrequencyResponse, frequency_response, identify, load_response, structures
-from helisim.ident.responses.response_file import is_response
+from helisim.ident.response import is_response
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 from swept_logs import HEAVE, flown
@@ -99,7 +99,7 @@ def test_columns_without_headings_are_named_by_the_caller(tmp_path):
     assert found.response[0, 0] == pytest.approx(EXACT, rel=1e-9)
     assert found.coherence[0, 0] == pytest.approx(COHERENCE)
     assert not is_response(path)
-    with pytest.raises(InputError, match=r"bare\.txt.*no headings.*--columns"):
+    with pytest.raises(InputError, match=r"bare\.txt.*no headings.*columns='freq"):
         load_response(path, unnamed="p/lat")
 
 

@@ -17,13 +17,13 @@ from scipy.signal import butter, detrend
 import helisim.ident
 from helisim.base.errors import IdentificationError, InputError
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures, verify
+from helisim.ident.conditioning import random_error
 from helisim.ident.fitting.bounds import accuracy
 from helisim.ident.fitting.cost import Cost
 from helisim.ident.fitting.points import select
 from helisim.ident.model.evaluate import response
 from helisim.ident.model.transfer import first_order_delay, second_order_delay, transfer_function
-from helisim.ident.responses.conditioning import random_error
-from helisim.ident.responses.spectra import cross_spectra
+from helisim.ident.spectra import cross_spectra
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

@@ -11,7 +11,7 @@ from helisim.ident import FrequencyResponse, frequency_response, identify, struc
 from helisim.ident.fitting.cost import Cost
 from helisim.ident.fitting.points import select
 from helisim.ident.model.evaluate import response
-from helisim.ident.responses.scatter import _lobe
+from helisim.ident.scatter import hann_lobe
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -121,8 +121,8 @@ def test_the_windows_lobe_holds_its_power():
     """
     length = 7.0
     offset = np.linspace(-8.0, 8.0, 40001) * 2.0 * np.pi / length
-    lobe = _lobe(offset, length)
+    lobe = hann_lobe(offset, length)
     held = np.sum(lobe**2) * (offset[1] - offset[0]) / (2.0 * np.pi * 0.375 * length)
     assert 1.0 - held == pytest.approx(1.4e-5, abs=0.1e-5)
-    bins = _lobe(np.array([0.0, 1.0, -1.0, 2.0]) * 2.0 * np.pi / length, length)
+    bins = hann_lobe(np.array([0.0, 1.0, -1.0, 2.0]) * 2.0 * np.pi / length, length)
     assert bins == pytest.approx([3.5, 1.75, 1.75, 0.0], abs=1e-5)

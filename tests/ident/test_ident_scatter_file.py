@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
-from helisim.ident.responses.local_scatter import LineWeights, LocalScatter
-from helisim.ident.responses.scatter_file import _digest, scatter_from_plain, scatter_to_plain
+from helisim.ident.scatter import (
+    LineWeights,
+    LocalScatter,
+    _digest,
+    scatter_from_plain,
+    scatter_to_plain,
+)
 
 RESPONSE = np.ones((1, 1, 2), dtype=complex)
 MODEL = LocalScatter(

@@ -6,8 +6,8 @@ from scipy.signal import ZoomFFT, lfilter
 
 from helisim.base.errors import IdentificationError, InputError
 from helisim.ident import frequency_response
-from helisim.ident.responses.conditioning import random_error
-from helisim.ident.responses.spectra import _kernel, cross_spectra, segment_starts
+from helisim.ident.conditioning import random_error
+from helisim.ident.spectra import _kernel, cross_spectra, segment_starts
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

@@ -13,7 +13,7 @@ from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, identify, structures, verify
 from helisim.ident.model.evaluate import matrices, response, state_space
 from helisim.ident.model.simulation import delayed, simulate
-from helisim.ident.verifying.verification import Approach, overall_theil, theil
+from helisim.ident.verification import Approach, overall_theil, theil
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

@@ -17,7 +17,7 @@ from held import held
 
 from helisim.base.errors import InputError
 from helisim.ident import Structure, verify
-from helisim.ident.verifying.verification import ACCEPTABLE_TIC, theil
+from helisim.ident.verification import ACCEPTABLE_TIC, theil
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 from helisim.show.plots import draw_verification

@@ -45,8 +45,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.base.files import check_destination
-    from helisim.ident.in_units import response_in
-    from helisim.ident.responses.response_file import save_response
+    from helisim.ident.response import save_response
 
     for path, suffix in ((options.json, ".json"), (options.csv, ".csv")):
         if path is not None:
@@ -58,7 +57,7 @@ def _run(options: argparse.Namespace) -> int:
         logs, _, frf, _ = estimate(options, Signals.of(options), advance)
     print(f"{describe(logs)}\n")
     print("\n".join(_table(frf)))
-    shown = response_in(frf, units) if units else frf
+    shown = frf.in_units(units) if units else frf
     for found, path, more in (
         (frf, options.json, {"logs": reports(logs)}),
         (shown, options.csv, {}),

@@ -59,7 +59,7 @@ def given_response(
     Raises:
         HelisimError: a file can't be read, or can't be used beside the others.
     """
-    from helisim.ident.responses.response_file import is_response, load_response
+    from helisim.ident.response import is_response, load_response
 
     named, bare = _apart(options.logs)
     columns = options.columns

@@ -139,7 +139,7 @@ def _fitted(
     """Fit a structure, print it under what is said, and write it. Return the exit status."""
     from helisim.ident import identify, reduce
     from helisim.ident.fitting.export import fit_text
-    from helisim.ident.in_units import ShownParameters, fit_in
+    from helisim.ident.in_units import fit_in
 
     frf, reduction = estimated.response, None
     with (
@@ -157,10 +157,10 @@ def _fitted(
     print(f"band {low:.4g} to {high:.4g} rad/s, {how}\n")
     if reduction is not None:
         print(wrapped(str(reduction), indent=2))
-    shown = fit_in(fit, units) if units else ShownParameters(tuple(fit.parameters.values()), ())
-    print(wrapped("\n".join([fit_text(fit, shown.parameters), *shown.notes]), indent=2))
+    shown, notes = fit_in(fit, units) if units else (tuple(fit.parameters.values()), ())
+    print(wrapped("\n".join([fit_text(fit, shown), *notes]), indent=2))
     print_suspicions(options, fit, estimated.logs)
-    _write(options, estimated, fit, reduction, shown.parameters, files)
+    _write(options, estimated, fit, reduction, shown, files)
     return 0 if fit.converged and fit.acceptable and not fit.degenerate else 1
 
 

@@ -58,8 +58,7 @@ def add(commands: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     from helisim.base.files import check_destination, write_json
     from helisim.ident import load_fit, verify
-    from helisim.ident.in_units import verification_in
-    from helisim.ident.verifying.verify import refuse_seen
+    from helisim.ident.verify import refuse_seen
     from helisim.records.provenance import made_by
 
     units = chosen_units(options)
@@ -83,7 +82,7 @@ def _run(options: argparse.Namespace) -> int:
             )
         advance("simulation")
     print(f"{describe(logs)}\n")
-    print(verification_in(verification, units) if units else verification)
+    print(verification.in_units(units) if units else verification)
     if options.json is not None:
         data = {
             **verification.to_dict(),

@@ -11,16 +11,18 @@ from helisim.ident.fitting.modes import Mode, Modes
 from helisim.ident.fitting.reduction import Reduction, reduce
 from helisim.ident.fitting.result import Fit, load_fit
 from helisim.ident.fitting.suspicion import suspicions
+from helisim.ident.frf import (
+    ClosedLoopWarning,
+    CrossControlWarning,
+    RecordQualityWarning,
+    frequency_response,
+)
 from helisim.ident.model import blocks, structures
 from helisim.ident.model.series import in_series
 from helisim.ident.model.structure import Parameter, Structure
-from helisim.ident.responses.conditioning import CrossControlWarning
-from helisim.ident.responses.frf import ClosedLoopWarning, frequency_response
-from helisim.ident.responses.record_checks import RecordQualityWarning
-from helisim.ident.responses.response import USABLE_COHERENCE, FrequencyResponse
-from helisim.ident.responses.response_file import load_response
-from helisim.ident.verifying.verification import Verification
-from helisim.ident.verifying.verify import verify
+from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse, load_response
+from helisim.ident.verification import Verification
+from helisim.ident.verify import verify
 
 __all__ = [
     "USABLE_COHERENCE",

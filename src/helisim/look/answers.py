@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.trend import without_trend
-from helisim.ident.responses.response import USABLE_COHERENCE
+from helisim.ident.response import USABLE_COHERENCE
 from helisim.logs.report import LogFinding
 from helisim.look.excitation import FoundExcitation
 from helisim.look.order import simplest

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from helisim.base.errors import UnknownNameError
-from helisim.base.user_units import CONTROL, Powers, parts
+from helisim.base.user_units import CONTROL, Powers, UserUnits, parts
 
 Kind = Literal["IN1", "IN2", "OUT", "SERVO", "OTHER"]
 
@@ -147,3 +147,16 @@ def signal_powers(name: str, unit: str, *, is_input: bool) -> Powers | None:
     powers = parts(unit or (standard.unit if standard else ""))
     control = is_input or (standard is not None and standard.kind in ("IN1", "IN2", "SERVO"))
     return {CONTROL: 1} if powers == {} and control else powers
+
+
+def signal_in(units: UserUnits, name: str, unit: str, *, is_input: bool) -> tuple[str, float]:
+    """Return how a channel's unit is written in the given units, and how many are one in SI.
+
+    Args:
+        units: to show it in.
+        name: of the channel.
+        unit: SI; it stays where its powers aren't known.
+        is_input: as for `signal_powers`.
+    """
+    powers = signal_powers(name, unit, is_input=is_input)
+    return units.shown(powers) if powers else (unit, 1.0)

@@ -16,7 +16,7 @@ from helisim.handling.figures import rejection
 from helisim.handling.loop import Loop, NoResponse, axis_of
 from helisim.ident import USABLE_COHERENCE, Fit, FittedParameter, FrequencyResponse, Mode, Modes
 from helisim.ident.fitting.modes import mode_notes
-from helisim.ident.verifying.verification import VerificationFigures
+from helisim.ident.verification import VerificationFigures
 from helisim.records.channels import IN1
 from helisim.records.record import FlightRecord
 from helisim.show.table import (

@@ -14,7 +14,7 @@ from helisim import ident
 from helisim.base.errors import InputError
 from helisim.base.files import read_json, write_json
 from helisim.base.value import Value
-from helisim.ident.verifying.verification import Approach, Trace
+from helisim.ident.verification import Approach, Trace
 from helisim.records.provenance import made_by
 
 FORMAT = "helisim fits, version 1"

@@ -9,7 +9,7 @@ from helisim.base.display import Displayed
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import read_json
 from helisim.base.value import FrozenMap
-from helisim.ident.verifying.verification import VerificationFigures
+from helisim.ident.verification import VerificationFigures
 from helisim.sim.plain import from_plain
 from helisim.sim.rigs import RigTest
 from helisim.study.comparison import ComparisonTable

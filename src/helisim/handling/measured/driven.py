@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from helisim.base.value import Value
 from helisim.handling.measured.cut import Cut
 from helisim.handling.measured.errors import error_root
-from helisim.ident.responses.frf import frequency_response
-from helisim.ident.responses.local_scatter import LocalScatter
+from helisim.ident.frf import frequency_response
+from helisim.ident.scatter import LocalScatter
 from helisim.records.record import FlightRecord
 
 Complex = NDArray[np.complex128]

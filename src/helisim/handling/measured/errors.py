@@ -9,7 +9,7 @@ was injected, exactly.
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.ident.responses.local_scatter import LocalScatter
+from helisim.ident.scatter import LocalScatter
 
 Complex = NDArray[np.complex128]
 

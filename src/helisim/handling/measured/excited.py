@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import IdentificationError
-from helisim.ident.responses.local_lines import flight_lines
+from helisim.ident.local_fit import flight_lines
 from helisim.records.record import FlightRecord
 
 _EDGE = 0.05

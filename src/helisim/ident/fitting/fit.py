@@ -16,7 +16,7 @@ from helisim.ident.fitting.points import Band, select
 from helisim.ident.fitting.result import Fit
 from helisim.ident.fitting.search import Minimum, refine, search
 from helisim.ident.model.structure import Structure
-from helisim.ident.responses.response import FrequencyResponse
+from helisim.ident.response import FrequencyResponse
 from helisim.records.provenance import one_blas_thread, plain
 
 _AT_BOUND = 1e-6

@@ -9,7 +9,7 @@ from helisim.base.errors import IdentificationError, InputError
 from helisim.ident.fitting.fitted import FittedParameter, matrix_from_plain, matrix_to_plain
 from helisim.ident.fitting.misfit import Misfit
 from helisim.ident.model.structure import Structure
-from helisim.ident.responses.response import FrequencyResponse
+from helisim.ident.response import FrequencyResponse
 
 if TYPE_CHECKING:
     from helisim.ident.fitting.result import Fit

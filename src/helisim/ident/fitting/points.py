@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident.model.paths import connected
 from helisim.ident.model.structure import Structure
-from helisim.ident.responses.response import USABLE_COHERENCE, FrequencyResponse
+from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse
 
 PHASE_WEIGHT = 0.01745
 """Weight of a squared phase error in deg^2 against a squared magnitude error in dB^2."""

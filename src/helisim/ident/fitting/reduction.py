@@ -23,7 +23,7 @@ from helisim.ident.fitting.verdicts import CRAMER_RAO_LIMIT, INSENSITIVITY_LIMIT
 from helisim.ident.model.evaluate import response
 from helisim.ident.model.structure import Structure
 from helisim.ident.model.structure_toml import DELAYS
-from helisim.ident.responses.response import FrequencyResponse
+from helisim.ident.response import FrequencyResponse
 
 ACCEPTED_RISE = 1.0
 """Rise of the average cost up to which a reduced model counts as good as the full one: an

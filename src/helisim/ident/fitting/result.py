@@ -23,7 +23,7 @@ from helisim.ident.fitting.remarks import remarks
 from helisim.ident.model.evaluate import matrices, proper_part, response, state_space
 from helisim.ident.model.structure import Structure
 from helisim.ident.model.structure_toml import delay_places
-from helisim.ident.responses.response import FrequencyResponse
+from helisim.ident.response import FrequencyResponse
 from helisim.records.provenance import versions
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from helisim.base.units import DB_PER_NEPER
 from helisim.ident.fitting.points import PHASE_WEIGHT
 from helisim.ident.fitting.trials import DEGREES, Kind, trials
 from helisim.ident.model.structure import Structure
-from helisim.ident.responses.response import FrequencyResponse
+from helisim.ident.response import FrequencyResponse
 
 if TYPE_CHECKING:
     from helisim.ident.fitting.result import Fit

@@ -10,7 +10,7 @@ import numpy as np
 
 from helisim.ident.model.structure import Structure
 from helisim.ident.model.transfer import coefficients, transfer_function
-from helisim.ident.responses.response import FrequencyResponse
+from helisim.ident.response import FrequencyResponse
 
 if TYPE_CHECKING:
     from helisim.ident.fitting.result import Fit

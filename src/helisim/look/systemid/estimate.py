@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from helisim.ident import CrossControlWarning, FrequencyResponse, RecordQualityWarning
-from helisim.ident.responses.frf import ClosedLoopWarning, frequency_response
+from helisim.ident.frf import ClosedLoopWarning, frequency_response
 from helisim.look.systemid.fits import InferredFit
 from helisim.records.record import FlightRecord
 

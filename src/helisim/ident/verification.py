@@ -2,14 +2,17 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
-from helisim.base.value import FrozenMap, Value
+from helisim.base.settings import check, from_plain, to_plain
+from helisim.base.user_units import UserUnits
+from helisim.base.value import Value
+from helisim.records.channels import signal_in
 
 if TYPE_CHECKING:
     from helisim.base.display import Axes, Figure
@@ -56,14 +59,13 @@ class Approach:
     @property
     def in_brief(self) -> str:
         """How, in a few words behind "predicted"; nothing where each record is whole."""
-        return {
-            "whole": "",
-            "segments": f"in segments of {self.length_s:.3g} s",
-            "ahead": f"{self.ahead_s:.3g} s ahead",
-        }[self.kind]
+        segments = f"in segments of {self.length_s:.3g} s"
+        return {"whole": "", "segments": segments, "ahead": f"{self.ahead_s:.3g} s ahead"}[
+            self.kind
+        ]
 
     def __str__(self) -> str:
-        told = ""
+        told = grows = ""
         if self.pole is not None:
             real, imaginary = self.pole
             pair = f" +- {abs(imaginary):.3g}j" if imaginary else ""
@@ -71,7 +73,7 @@ class Approach:
                 f"unstable: its pole {real:.3g}{pair} rad/s doubles an error in "
                 f"{self.doubling_s:.3g} s; "
             )
-        grows = "" if self.pole is None else f", over which one grows {self.growth:.2g} times"
+            grows = f", over which one grows {self.growth:.2g} times"
         how = {
             "whole": f"each record predicted whole, up to {self.length_s:.4g} s{grows}, from one "
             "initial state",
@@ -84,22 +86,13 @@ class Approach:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Approach":
-        """Read what `to_dict` wrote. Raises KeyError or TypeError."""
-        pole = data["pole"]
-        return cls(
-            kind=data["kind"],
-            length_s=float(data["length_s"]),
-            ahead_s=float(data["ahead_s"]),
-            pole=None if pole is None else (float(pole[0]), float(pole[1])),
-            estimated=int(data["estimated"]),
-            samples=int(data["samples"]),
-        )
+        """Return what `to_dict` wrote. Raises InputError."""
+        return from_plain(cls, data, "approach", lenient=True)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
-        pole = None if self.pole is None else list(self.pole)
         told = {"doubling_s": self.doubling_s, "growth": self.growth, "message": str(self)}
-        return {**asdict(self), "pole": pole, **told}
+        return {**to_plain(self), **told}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -132,10 +125,7 @@ class Trace(Value):
         if np.size(self.telling) == 0:
             about = np.asarray(self.measured, dtype=np.float64)
             object.__setattr__(self, "telling", about - np.mean(about, axis=0))
-        for name in _ARRAYS:
-            array = np.array(getattr(self, name), dtype=np.float64)
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        check(self)
 
     @property
     def residual(self) -> NDArray[np.float64]:
@@ -161,9 +151,6 @@ class Trace(Value):
     def tic(self) -> NDArray[np.float64]:
         """Theil's inequality coefficient of each output's telling motion, (n_out,)."""
         return theil(self.telling, self.telling - self.residual)
-
-
-_ARRAYS = ("time", "inputs", "measured", "predicted", "bias", "starts", "telling")
 
 
 def root_mean_square(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -223,14 +210,8 @@ class VerifiedRecord:
     tic: Mapping[str, float]
     bias: Mapping[str, float]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data."""
-        found = {name: dict(getattr(self, name)) for name in ("j_rms", "tic", "bias")}
-        return {"duration_s": self.duration_s, **found}
-
     def __post_init__(self) -> None:
-        for name in ("j_rms", "tic", "bias"):
-            object.__setattr__(self, name, FrozenMap(getattr(self, name)))
+        check(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,14 +243,9 @@ class VerificationFigures:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON data."""
-        return {
-            "j_rms": self.j_rms,
-            "tic": self.tic,
-            "acceptable": self.acceptable,
-            "outputs": [asdict(one) for one in self.outputs],
-            "records": [one.to_dict() for one in self.records],
-            "approach": self.approach and self.approach.to_dict(),
-        }
+        plain = {"j_rms": self.j_rms, "tic": self.tic, "acceptable": self.acceptable}
+        approach = self.approach and self.approach.to_dict()
+        return {**plain, **to_plain(self), "approach": approach}
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,24 +278,30 @@ class Verification(Value, Displayed):
     quiet: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("j_rms_by_output", "tic_by_output"):
-            object.__setattr__(self, name, FrozenMap(getattr(self, name)))
+        check(self)
 
     def __repr__(self) -> str:
-        judged = "acceptable" if self.acceptable else f"above {ACCEPTABLE_TIC}"
         return (
             f"Verification({', '.join(self.outputs)} of {len(self.traces)} record(s), "
-            f"TIC {self.tic:.3f}: {judged})"
+            f"TIC {self.tic:.3f}: {self._judged})"
         )
 
     @property
     def acceptable(self) -> bool:
         """Whether Theil's coefficient is at most 0.25."""
-        return self.figures.acceptable
+        return self.tic <= ACCEPTABLE_TIC
+
+    @property
+    def _judged(self) -> str:
+        return "acceptable" if self.acceptable else f"above {ACCEPTABLE_TIC}"
 
     @property
     def figures(self) -> VerificationFigures:
-        """What is left of it without the time histories, as results keep it."""
+        """The figures alone, as results hold them."""
+
+        def by_output(values: NDArray[np.float64]) -> dict[str, float]:
+            return dict(zip(self.outputs, values.tolist()))
+
         return VerificationFigures(
             j_rms=self.j_rms,
             tic=self.tic,
@@ -336,13 +318,33 @@ class Verification(Value, Displayed):
             records=tuple(
                 VerifiedRecord(
                     duration_s=float(trace.time[-1] - trace.time[0]),
-                    j_rms=dict(zip(self.outputs, trace.j_rms.tolist())),
-                    tic=dict(zip(self.outputs, trace.tic.tolist())),
-                    bias=dict(zip(self.outputs, trace.bias.tolist())),
+                    j_rms=by_output(trace.j_rms),
+                    tic=by_output(trace.tic),
+                    bias=by_output(trace.bias),
                 )
                 for trace in self.traces
             ),
             approach=self.approach,
+        )
+
+    def in_units(self, units: UserUnits) -> "Verification":
+        """Return the verification with its outputs in the given units."""
+        shown = [
+            signal_in(units, name, unit, is_input=False)
+            for name, unit in zip(self.outputs, self.units)
+        ]
+        factor = np.array([many for _, many in shown])
+        rms = {name: self.j_rms_by_output[name] * many for name, many in zip(self.outputs, factor)}
+        scaled = ("measured", "predicted", "bias", "telling")
+        return replace(
+            self,
+            units=tuple(unit for unit, _ in shown),
+            traces=tuple(
+                replace(trace, **{name: getattr(trace, name) * factor for name in scaled})
+                for trace in self.traces
+            ),
+            j_rms=float(np.sqrt(np.mean(np.square(list(rms.values()))))),
+            j_rms_by_output=rms,
         )
 
     def plot(
@@ -372,20 +374,13 @@ class Verification(Value, Displayed):
     def __str__(self) -> str:
         lines = [f"{'output':<8}  {'unit':<6}  {'J_rms':>10}  {'TIC':>6}"]
         for name, unit in zip(self.outputs, self.units):
+            tic = self.tic_by_output[name]
+            mark = f"  above {ACCEPTABLE_TIC}" if tic > ACCEPTABLE_TIC else ""
+            mark = "  hardly moved" if name in self.quiet else mark
             lines.append(
-                f"{name:<8}  {unit:<6}  {self.j_rms_by_output[name]:10.4g}  "
-                f"{self.tic_by_output[name]:6.3f}{self._mark(name)}"
+                f"{name:<8}  {unit:<6}  {self.j_rms_by_output[name]:10.4g}  {tic:6.3f}{mark}"
             )
-        lines.append(
-            f"all       {'':<6}  {self.j_rms:10.4g}  {self.tic:6.3f}  "
-            f"{'acceptable' if self.acceptable else f'above {ACCEPTABLE_TIC}'}"
-        )
+        lines.append(f"all       {'':<6}  {self.j_rms:10.4g}  {self.tic:6.3f}  {self._judged}")
         if self.approach is not None:
             lines += [textwrap.fill(part, _WIDTH) for part in str(self.approach).split("; ")]
         return "\n".join(lines)
-
-    def _mark(self, name: str) -> str:
-        """Return what is to be said of an output beside its coefficient."""
-        if name in self.quiet:
-            return "  hardly moved"
-        return f"  above {ACCEPTABLE_TIC}" if self.tic_by_output[name] > ACCEPTABLE_TIC else ""

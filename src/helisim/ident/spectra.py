@@ -6,7 +6,6 @@ transform on a logarithmic grid): no interpolation, no energy spent outside the 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +54,7 @@ class Spectra:
 
     def block(self, rows: Sequence[str], columns: Sequence[str]) -> NDArray[np.complex128]:
         """Return G between named signals, (n_freq, n_row, n_column)."""
-        i = [self.names.index(name) for name in rows]
-        j = [self.names.index(name) for name in columns]
+        i, j = ([self.names.index(name) for name in names] for names in (rows, columns))
         return self.matrix[:, i, :][:, :, j]
 
     def windowed(self, names: Sequence[str]) -> NDArray[np.complex128]:
@@ -72,9 +70,13 @@ def cross_spectra(
     windows: Sequence[float],
     overlap: float,
 ) -> list[Spectra]:
-    """Average the cross spectra of records, for each window length.
+    """Return the averaged cross spectra of records, one for each window length.
 
-    No window crosses from one record to the next.
+    No window crosses from one record to the next. Windows hang over both ends of a record, so
+    that each sample counts the same: sweeps end at their highest frequency, and a window that
+    fades out there biases the response by its slope times the vehicle's group delay. Beyond its
+    ends a record is taken to be in trim, and it is faded into that over one period of the lowest
+    frequency (5 % of the record at most).
 
     Args:
         records: of the flights, each with all signals.
@@ -82,42 +84,24 @@ def cross_spectra(
         frequency: (n_freq,) rad/s.
         windows: lengths, s.
         overlap: share of a window that the next one covers at least.
-
-    Windows hang over both ends of a record, so that each sample counts the same: sweeps end at
-    their highest frequency, and a window that fades out there biases the response by its slope
-    times the vehicle's group delay. Beyond its ends a record is taken to be in trim, and it is
-    faded into that over one period of the lowest frequency (5 % of the record at most).
     """
-    levelled = [_level(record, names, frequency[0]) for record in records]
+    levelled = []
+    for record in records:
+        step = record.sample_time
+        fade = _fade(len(record), 2.0 * np.pi / (frequency[0] * step))
+        levelled.append((without_trend(record.select(names)) * fade[:, None], fade, step))
     return [_averaged(levelled, names, frequency, window, overlap) for window in windows]
 
 
-class _Levelled(NamedTuple):
-    """A record between trim and trim: detrended columns, faded at both ends."""
-
-    columns: NDArray[np.float64]
-    fade: NDArray[np.float64]
-    step: float
-
-
-def _level(record: FlightRecord, names: Sequence[str], lowest: float) -> _Levelled:
-    step = record.sample_time
-    fade = _fade(len(record), 2.0 * np.pi / (lowest * step))
-    columns = without_trend(record.select(names)) * fade[:, None]
-    return _Levelled(columns, fade, step)
-
-
 def _averaged(
-    records: Sequence[_Levelled],
+    records: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], float]],
     names: Sequence[str],
     frequency: NDArray[np.float64],
     window: float,
     overlap: float,
 ) -> Spectra:
-    """Return the spectra of one window length."""
-    pieces: list[NDArray[np.complex128]] = []
-    begins: list[NDArray[np.float64]] = []
-    shared: list[NDArray[np.float64]] = []
+    """Return the spectra of one window length, of columns with their fade and sample time."""
+    pieces, begins, shared = [], [], []
     kernels: dict[float, NDArray[np.complex128]] = {}
     powers: dict[tuple[int, float], NDArray[np.float64]] = {}
     for columns, fade, step in records:
@@ -164,10 +148,10 @@ def segment_starts(samples: int, length: int, overlap: float) -> NDArray[np.intp
 
 def _fade(samples: int, period: float) -> NDArray[np.float64]:
     """Return a taper of both ends by half a cosine, (n_time,)."""
-    length = min(period, 0.05 * samples)
     distance = np.arange(samples) + 0.5
     distance = np.minimum(distance, distance[::-1])
-    return 0.5 - 0.5 * np.cos(np.pi * np.clip(distance / length, 0.0, 1.0))
+    share = np.clip(distance / min(period, 0.05 * samples), 0.0, 1.0)
+    return 0.5 - 0.5 * np.cos(np.pi * share)
 
 
 def _kernel(length: int, step: float, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -180,12 +164,9 @@ def _kernel(length: int, step: float, frequency: NDArray[np.float64]) -> NDArray
     coarse = np.exp(-1j * np.outer(np.arange(blocks) * (_BLOCK * step), frequency))
     fine = np.exp(-1j * np.outer(np.arange(_BLOCK) * step, frequency))
     phases = (coarse[:, None, :] * fine[None, :, :]).reshape(-1, frequency.size)[:length]
-    phases *= (step * _hann(length))[:, None]
+    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+    phases *= (step * hann)[:, None]
     return phases
-
-
-def _hann(length: int) -> NDArray[np.float64]:
-    return 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
 
 
 def _transform(

@@ -10,7 +10,6 @@ explained by r and drops out. Each pair is then described by conditioned spectra
 coherence, random error and composite windows are the same formulas for both methods.
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,18 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import IdentificationError
-from helisim.ident.responses.spectra import Spectra
-
-CROSS_CONTROL_LIMIT = 0.5
-"""Mean coherence between inputs above which the estimate is doubtful (Tischler and Remple)."""
-
-CROSS_CONTROL_SINGULAR = 0.98
-"""Mean coherence between inputs above which they can't be told apart: the condition number
-of their spectral matrix exceeds 100."""
-
-
-class CrossControlWarning(UserWarning):
-    """Inputs moved together, so the responses to each are separated poorly."""
+from helisim.ident.spectra import Spectra
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +54,7 @@ class Conditioned:
 def coherence(
     gxx: NDArray[np.float64], gyy: NDArray[np.float64], gxy: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """Return |Gxy|^2 / (Gxx Gyy), kept within [0, 1].
-
-    Args:
-        gxx: power of the input, of any shape, such as (n_out, n_in, n_freq).
-        gyy: power of the output, of the same shape.
-        gxy: their cross spectrum, of the same shape.
-    """
+    """Return |Gxy|^2 / (Gxx Gyy) of spectra of one shape, kept within [0, 1]."""
     return np.clip(np.abs(gxy) ** 2 / (gxx * gyy), 0.0, 1.0)
 
 
@@ -81,11 +63,10 @@ def random_error(
 ) -> NDArray[np.float64]:
     """Return the normalised random error of the response, sqrt(1 - g2) / (|g| sqrt(2 n_e)).
 
-    n_e = n_d / C_eps^2 is the equivalent number of independent windows.
-
     Args:
         coherence: of any shape, such as (n_out, n_in, n_freq).
-        averages: n_e, one number or one for each coherence.
+        averages: n_e = n_d / C_eps^2, the equivalent number of independent windows, one number
+            or one for each coherence.
     """
     bounded = np.clip(coherence, 1e-12, 1.0)
     return np.sqrt((1.0 - bounded) / (bounded * 2.0 * averages))
@@ -98,31 +79,32 @@ def condition(
     others: Sequence[str],
     reference: Sequence[str] | None,
 ) -> Conditioned:
-    """Return the conditioned spectra of outputs over inputs, with `others` removed."""
+    """Return the conditioned spectra of outputs over inputs, with `others` removed.
+
+    Raises:
+        IdentificationError: the inputs are fully coherent.
+    """
     active = [*inputs, *others]
     guu = spectra.block(active, active)
     gyu = spectra.block(outputs, active)
     gyy = spectra.block(outputs, outputs)
-    explained, weight = guu, None
+    explained, projection, driving = guu, None, active
     if reference is not None:
         projection = _right_divide(
             spectra.block(active, reference), spectra.block(reference, reference)
         )
-        explained = projection @ spectra.block(reference, active)
-        weight = _adjoint(projection)
-    driving = active if reference is None else list(reference)
-    inverse = _right_divide(_identity_like(explained), explained)
-    weight = inverse if weight is None else weight @ inverse
+        explained, driving = projection @ spectra.block(reference, active), list(reference)
+    one = np.broadcast_to(np.eye(len(active), dtype=np.complex128), explained.shape)
+    weight = _right_divide(one, explained)
+    if projection is not None:
+        weight = _adjoint(projection) @ weight
     response = spectra.block(outputs, driving) @ weight
     window_weight = spectra.scale * np.matmul(
         weight.transpose(0, 2, 1), spectra.windowed(driving).conj()
     )
-    residual = _residual(response, guu, gyu, gyy)
-    noise = np.clip(
-        np.real(np.diagonal(residual, axis1=1, axis2=2)),
-        1e-14 * np.real(np.diagonal(gyy, axis1=1, axis2=2)),
-        None,
-    )
+    predicted = response @ _adjoint(gyu)
+    residual = gyy - predicted - _adjoint(predicted) + response @ guu @ _adjoint(response)
+    noise = np.clip(_power(residual), 1e-14 * _power(gyy), None)
     own = _own_power(explained)[:, None, : len(inputs)]
     wanted = response[:, :, : len(inputs)]
     signal = np.real(np.sum((response @ explained) * response.conj(), axis=2))
@@ -141,82 +123,37 @@ def condition(
 def cross_control(spectra: Spectra, inputs: Sequence[str]) -> NDArray[np.float64]:
     """Return the coherence between inputs, (n_in, n_in, n_freq)."""
     matrix = spectra.block(inputs, inputs)
-    power = np.real(np.diagonal(matrix, axis1=1, axis2=2))
+    power = _power(matrix)
     return _frequency_last(np.abs(matrix) ** 2 / (power[:, :, None] * power[:, None, :]))
-
-
-def gate(
-    cross: NDArray[np.float64], inputs: Sequence[str], frequency: NDArray[np.float64]
-) -> tuple[str, ...]:
-    """Judge the coherence between inputs; return the warnings that were raised.
-
-    Args:
-        cross: (n_in, n_in, n_freq) coherence between the inputs.
-        inputs: their names.
-        frequency: (n_freq,) rad/s.
-
-    Raises:
-        IdentificationError: two inputs moved as one.
-    """
-    flags = []
-    for i, first in enumerate(inputs):
-        for j, second in enumerate(inputs[:i]):
-            mean = float(np.mean(cross[i, j]))
-            worst = frequency[int(np.argmax(cross[i, j]))]
-            message = (
-                f"inputs {second!r} and {first!r} have a mean cross-control coherence of "
-                f"{mean:.2f} (largest at {worst:.3g} rad/s)"
-            )
-            advice = "add records where the other input is swept, or sweep with less off-axis input"
-            if mean > CROSS_CONTROL_SINGULAR:
-                raise IdentificationError(
-                    f"{message}, so their effects can't be told apart; {advice}, "
-                    "or leave out the one that is known to have no effect (of --inputs)"
-                )
-            if mean > CROSS_CONTROL_LIMIT:
-                flags.append(f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}")
-    for flag in flags:
-        warnings.warn(
-            flag, CrossControlWarning, stacklevel=4
-        )  # past `one_blas_thread`, to the caller
-    return tuple(flags)
 
 
 def _adjoint(matrix: NDArray) -> NDArray[np.complex128]:
     return matrix.conj().transpose(0, 2, 1)
 
 
+def _power(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the diagonals of spectral matrices, (n_freq, n)."""
+    return np.real(np.diagonal(matrix, axis1=1, axis2=2))
+
+
+def _frequency_last(array: NDArray) -> NDArray:
+    return np.ascontiguousarray(np.moveaxis(array, 0, -1))
+
+
 def _right_divide(
     left: NDArray[np.complex128], hermitian: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
     """Return left @ hermitian^-1, with the signals scaled to unit power first."""
-    scale = 1.0 / np.sqrt(np.real(np.diagonal(hermitian, axis1=1, axis2=2)))
+    scale = 1.0 / np.sqrt(_power(hermitian))
     scaled = hermitian * scale[:, :, None] * scale[:, None, :]
     try:
-        return (
-            _adjoint(np.linalg.solve(scaled, _adjoint(left * scale[:, None, :])))
-            * (scale[:, None, :])
-        )
+        solved = np.linalg.solve(scaled, _adjoint(left * scale[:, None, :]))
     except np.linalg.LinAlgError:
         raise IdentificationError(
             "the inputs are fully coherent, so their effects can't be told apart; "
             "leave one out, or add records where they move independently"
         ) from None
-
-
-def _identity_like(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    return np.broadcast_to(np.eye(matrix.shape[-1], dtype=np.complex128), matrix.shape)
-
-
-def _residual(
-    response: NDArray[np.complex128],
-    guu: NDArray[np.complex128],
-    gyu: NDArray[np.complex128],
-    gyy: NDArray[np.complex128],
-) -> NDArray[np.complex128]:
-    """Return the spectra of y - H u, (n_freq, n_out, n_out)."""
-    explained = response @ _adjoint(gyu)
-    return gyy - explained - _adjoint(explained) + response @ guu @ _adjoint(response)
+    return _adjoint(solved) * scale[:, None, :]
 
 
 def _disturbance(
@@ -233,22 +170,18 @@ def _disturbance(
     some of the disturbance: in each window by its leverage, times how many windows overlap.
     """
     given = spectra.windowed(active)
-    left = spectra.windowed(outputs) - response @ given
+    residual = spectra.windowed(outputs) - response @ given
     power = np.sum(np.abs(given) ** 2 / np.mean(np.abs(given) ** 2, axis=2, keepdims=True), axis=1)
     faint = 1.0 / (1.0 + power)
     leverage = np.real(np.sum(weight * given, axis=1))
     overlap = np.sum(spectra.energy) / spectra.averages
-    kept = spectra.energy * np.clip(1.0 - overlap * leverage, 0.2, 1.0)
-    faint *= spectra.scale * np.sum(spectra.energy) / np.sum(faint * kept, axis=1, keepdims=True)
-    return np.matmul(left * faint[:, None, :], _adjoint(left))
+    free = spectra.energy * np.clip(1.0 - overlap * leverage, 0.2, 1.0)
+    faint *= spectra.scale * np.sum(spectra.energy) / np.sum(faint * free, axis=1, keepdims=True)
+    return np.matmul(residual * faint[:, None, :], _adjoint(residual))
 
 
 def _own_power(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return the power of each input that no other input explains, 1 / (G^-1)_ii."""
-    scale = np.sqrt(np.real(np.diagonal(matrix, axis1=1, axis2=2)))
+    scale = np.sqrt(_power(matrix))
     inverse = np.linalg.inv(matrix / (scale[:, :, None] * scale[:, None, :]))
-    return scale**2 / np.real(np.diagonal(inverse, axis1=1, axis2=2))
-
-
-def _frequency_last(array: NDArray) -> NDArray:
-    return np.ascontiguousarray(np.moveaxis(array, 0, -1))
+    return scale**2 / _power(inverse)

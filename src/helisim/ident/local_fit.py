@@ -1,4 +1,12 @@
-"""Least squares in a band of lines: the response, a transient for each flight, and their pole.
+"""Least squares in a band of a record's lines: the response, transients, and their common pole.
+
+A record of T seconds, transformed whole and without a window, has a line every 2 pi / T rad/s.
+At a line an output is
+
+    Y = G(j w) U + T(w) + E ,
+
+exactly: G is the vehicle, T a smooth function of frequency that the state at the record's start
+and end gives (the transient), E the disturbance, which is nearly independent from line to line.
 
 Around w0 the response of all signals to the driving ones is a polynomial of ln(w / w0), the same
 for all flights, since responses are smooth on a logarithmic scale down to the lowest line; the
@@ -10,12 +18,14 @@ found by a linear fit of A Y = B U + T, the disturbance's part in it taken out, 
 Gauss and Newton's for the error of Y itself. Given the pole, the estimate is linear in the lines.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
-from helisim.ident.responses.local_lines import Lines
+from helisim.records.record import FlightRecord
 
 ORDER = 2
 """Order of the response's polynomial: an even one is as unbiased as the next odd one, at less
@@ -38,6 +48,71 @@ _NEAREST = 0.5
 
 _FURTHEST = 10.0
 """Half widths between a pole and the middle at most: beyond, it is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """The lines of all flights, from the level (line 0) up to a highest frequency.
+
+    Attributes:
+        names: the signals.
+        spacing: (n_flight,) rad/s between lines.
+        count: (n_flight,) how many lines a flight has.
+        values: (n_flight, n_line, n_signal), scaled so that |Z|^2 is a one-sided spectrum; zero
+            where a flight has fewer lines than another.
+    """
+
+    names: tuple[str, ...]
+    spacing: NDArray[np.float64]
+    count: NDArray[np.intp]
+    values: NDArray[np.complex128]
+
+    def places(self, names: Sequence[str]) -> list[int]:
+        """Return where signals are in `values`."""
+        return [self.names.index(name) for name in names]
+
+    def within(
+        self, low: NDArray[np.float64], high: NDArray[np.float64]
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the first line at or above `low` and how many reach to `high`, each flight.
+
+        Line 0, the level, is never among them.
+
+        Args:
+            low: (n_freq,) rad/s.
+            high: (n_freq,) rad/s.
+
+        Returns:
+            (n_freq, n_flight) each.
+        """
+        first = np.ceil(low[:, None] / self.spacing - 1e-9).astype(np.intp)
+        last = np.floor(high[:, None] / self.spacing + 1e-9).astype(np.intp)
+        first = np.maximum(first, 1)
+        return first, np.maximum(np.minimum(last, self.count - 1) - first + 1, 0)
+
+
+def flight_lines(records: Sequence[FlightRecord], names: Sequence[str], highest: float) -> Lines:
+    """Return the lines of records, each less its mean level.
+
+    Args:
+        records: of the flights, each with all signals.
+        names: of the signals.
+        highest: lines up to it are taken, rad/s.
+    """
+    spacing = np.array([2.0 * np.pi / (len(one) * one.sample_time) for one in records])
+    each = []
+    for record, step in zip(records, spacing):
+        columns = record.select(names)
+        lines = fft.rfft(columns - columns.mean(axis=0), axis=0)
+        # the line at half the sampling rate is not one-sided
+        most = min((len(record) - 1) // 2, int(highest / step) + 1) + 1
+        scale = record.sample_time * np.sqrt(step / np.pi)
+        each.append(np.asarray(lines[:most]) * scale)
+    count = np.array([one.shape[0] for one in each], dtype=np.intp)
+    values = np.zeros((len(each), int(count.max()), len(names)), dtype=np.complex128)
+    for flight, one in enumerate(each):
+        values[flight, : one.shape[0]] = one
+    return Lines(tuple(names), spacing, count, values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +158,6 @@ def fit_band(
         poles: give the responses a common pole where the lines ask for one.
     """
     band = _gather(lines, drive, response, frequency, half)
-    least = _NEAREST * lines.spacing.min() / half
     solved = _solve(band, None, transient=transient)
     fit = _band_fit(band, solved)
     if not poles:
@@ -92,21 +166,31 @@ def fit_band(
     at = np.flatnonzero((worth > _WORTH) & fit.fits)
     if not at.size:
         return fit
-    part, pole = band.only(at), _kept_off(pole[at], least[at])
-    for iteration in range(_ITERATIONS + 1):
+    least = (_NEAREST * lines.spacing.min() / half)[at]
+    part = _Band(**{one.name: getattr(band, one.name)[at] for one in fields(band)})
+    pole = _kept_off(pole[at], least)
+    solved = _solve(part, pole, transient=transient)
+    for _ in range(_ITERATIONS):
+        pole = _kept_off(pole + _pole_step(part, solved, pole), least)
         solved = _solve(part, pole, transient=transient)
-        if iteration < _ITERATIONS:
-            pole = _kept_off(pole + _pole_step(part, solved, pole), least[at])
     found = _band_fit(part, solved)
-    fallen = _power_ratio(fit, at, found)
+    before, after = (
+        np.real(np.diagonal(residual, axis1=1, axis2=2)) * freedom[:, None]
+        for residual, freedom in (
+            (fit.residual[at], fit.freedom[at]),
+            (found.residual, found.freedom),
+        )
+    )
+    fallen = np.mean(before / np.maximum(after, 1e-300) - 1.0, axis=1)
     better = (fallen * found.freedom > _WORTH) & found.fits
-    _put(fit, at[better], found, better)
+    for one in fields(fit):
+        getattr(fit, one.name)[at[better]] = getattr(found, one.name)[better]
     return fit
 
 
 @dataclass(frozen=True, eq=False)
 class _Band:
-    """The lines around each frequency, (n_freq, n_flight n_line, ...), times the kernel's root.
+    """The lines around each frequency, (n_freq, n_flight, n_line, ...), times the kernel's root.
 
     `terms` are the powers of ln(w / w0), `offset` is (w - w0) / half, `ratio` is w / w0; `left`
     and `right` are the driving and the responding signals. `first` is (n_freq, n_flight).
@@ -119,10 +203,6 @@ class _Band:
     terms: NDArray[np.float64]
     left: NDArray[np.complex128]
     right: NDArray[np.complex128]
-
-    def only(self, index: NDArray[np.intp]) -> "_Band":
-        """Return the band at some of the frequencies."""
-        return _Band(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +217,7 @@ class _Solved:
         solution: (n_freq, n_column, n_response).
         remainder: (n_freq, n_row, n_response).
         loose: (n_freq, n_row) what of a disturbance's power in each line remains.
+        freedom: (n_freq,) equivalent number of lines that the remainder averages.
         fits: as in `BandFit`.
     """
 
@@ -147,12 +228,8 @@ class _Solved:
     solution: NDArray[np.complex128]
     remainder: NDArray[np.complex128]
     loose: NDArray[np.float64]
+    freedom: NDArray[np.float64]
     fits: NDArray[np.bool_]
-
-    @property
-    def freedom(self) -> NDArray[np.float64]:
-        """Equivalent number of lines that the remainder averages, (n_freq,)."""
-        return np.sum(self.loose, axis=1)
 
     def cleared(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return (n_freq, n_row, n) values without what the fit could explain of them."""
@@ -210,6 +287,7 @@ def _solve(band: _Band, pole: NDArray[np.complex128] | None, *, transient: bool)
     every = inverse @ adjoint
     solution = every @ right
     taken = taken + np.real(np.sum(design * every.swapaxes(1, 2), axis=2))
+    loose = kernel * np.clip(1.0 - taken, 0.0, 1.0)
     return _Solved(
         over=over.reshape(n_freq, -1),
         basis=basis,
@@ -217,7 +295,8 @@ def _solve(band: _Band, pole: NDArray[np.complex128] | None, *, transient: bool)
         every=every,
         solution=solution,
         remainder=right - design @ solution,
-        loose=kernel * np.clip(1.0 - taken, 0.0, 1.0),
+        loose=loose,
+        freedom=np.sum(loose, axis=1),
         fits=fits,
     )
 
@@ -237,7 +316,7 @@ def _orthonormal(
 ) -> NDArray[np.complex128]:
     """Return orthonormal terms of a transient, (n_freq, n_flight, n_line, TRANSIENT).
 
-    Where a flight has fewer lines than terms, the ones left are zero: nothing remains of it.
+    Where a flight has fewer lines than terms, the others are zero: nothing remains of it.
     """
     terms: list[NDArray[np.complex128]] = []
     for power in range(TRANSIENT):
@@ -246,8 +325,8 @@ def _orthonormal(
         for _ in range(2):
             for done in terms:
                 term = term - done * np.sum(done.conj() * term, axis=2, keepdims=True)
-        left = np.linalg.norm(term, axis=2, keepdims=True)
-        terms.append(np.where(left > 1e-6 * size, term / np.maximum(left, 1e-300), 0.0))
+        rest = np.linalg.norm(term, axis=2, keepdims=True)
+        terms.append(np.where(rest > 1e-6 * size, term / np.maximum(rest, 1e-300), 0.0))
     return np.stack(terms, axis=-1)
 
 
@@ -293,10 +372,10 @@ def _pole_step(
 
 
 def _fitted(band: _Band, solved: _Solved) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Return what the fit explains, (n_freq, n_row, n_response), and the size of what is left."""
-    left = solved.remainder
-    fitted = band.right.reshape(left.shape) - left
-    size = np.linalg.norm(left, axis=1) / np.sqrt(np.maximum(solved.freedom, 1.0))[:, None]
+    """Return what the fit explains, (n_freq, n_row, n_response), and the remainder's size."""
+    rest = solved.remainder
+    fitted = band.right.reshape(rest.shape) - rest
+    size = np.linalg.norm(rest, axis=1) / np.sqrt(np.maximum(solved.freedom, 1.0))[:, None]
     least = 1e-12 * np.linalg.norm(fitted, axis=1) + 1e-300
     return fitted, np.maximum(size, least)[:, None, :]
 
@@ -310,10 +389,8 @@ def _kept_off(place: NDArray[np.complex128], least: NDArray[np.float64]) -> NDAr
 
 def _band_fit(band: _Band, solved: _Solved) -> BandFit:
     n_drive = band.left.shape[3]
-    every = solved.every[:, :n_drive]
-    weight = every * band.root.reshape(band.root.shape[0], 1, -1)
-    left = solved.remainder
-    residual = left.swapaxes(1, 2) @ left.conj()
+    weight = solved.every[:, :n_drive] * band.root.reshape(band.root.shape[0], 1, -1)
+    residual = solved.remainder.swapaxes(1, 2) @ solved.remainder.conj()
     return BandFit(
         first=band.first,
         gain=solved.solution[:, :n_drive].swapaxes(1, 2),
@@ -322,20 +399,3 @@ def _band_fit(band: _Band, solved: _Solved) -> BandFit:
         freedom=solved.freedom,
         fits=solved.fits & (solved.freedom > 0.0),
     )
-
-
-def _put(into: BandFit, index: NDArray[np.intp], part: BandFit, taken: NDArray[np.bool_]) -> None:
-    for name in BandFit.__dataclass_fields__:
-        getattr(into, name)[index] = getattr(part, name)[taken]
-
-
-def _power_ratio(before: BandFit, index: NDArray[np.intp], after: BandFit) -> NDArray[np.float64]:
-    """Return by which share of itself the residual was larger before, mean over signals."""
-    old, new = (
-        np.real(np.diagonal(residual, axis1=1, axis2=2)) * freedom[:, None]
-        for residual, freedom in (
-            (before.residual[index], before.freedom[index]),
-            (after.residual, after.freedom),
-        )
-    )
-    return np.mean(old / np.maximum(new, 1e-300) - 1.0, axis=1)

@@ -1,0 +1,416 @@
+"""Estimates the frequency response of a vehicle from its flight records, which it checks first."""
+
+import hashlib
+import json
+import math
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.base.errors import IdentificationError, InputError
+from helisim.base.note import Option
+from helisim.ident.composite import Windows, window_lengths
+from helisim.ident.local import Local
+from helisim.ident.response import FrequencyResponse
+from helisim.records.channels import Channel
+from helisim.records.provenance import one_blas_thread
+from helisim.records.quality import at_stop, frozen_runs, spikes
+from helisim.records.record import FlightRecord
+
+POINTS_PER_DECADE = 80
+"""Density of the frequency grid; 20 points of it a response go into a fit."""
+
+ESTIMATORS = ("local", "windows")
+"""Names of the estimators."""
+
+CROSS_CONTROL_LIMIT = 0.5
+"""Mean coherence between inputs above which the estimate is doubtful (Tischler and Remple)."""
+
+CROSS_CONTROL_SINGULAR = 0.98
+"""Mean coherence between inputs above which they can't be told apart: the condition number
+of their spectral matrix exceeds 100."""
+
+_COMPARED = 8
+"""Every so many frequencies the direct estimate is compared with the joint one."""
+
+_LEAST_COHERENCE = 0.2
+"""Below it the joint estimate is too wild for a comparison."""
+
+_FEWEST_APART = 2
+"""Feedback's bias is smooth: one frequency of those compared is chance."""
+
+_LEAST_GAP = 0.005
+"""A smaller gap, as a fraction of the response, is of no weight: no fit trusts a point more."""
+
+_CHANCE = 12.0
+"""A squared gap over its variance that chance exceeds once in 160 000 comparisons."""
+
+_LONGEST_STOP = 1.0
+"""s, for which an input may be at its stop in a record."""
+
+_NOT_THE_FLIGHT = ("made_by", "versions", "ended", "log", "part")
+"""Keys of a provenance that do not say which flight it is."""
+
+
+class ClosedLoopWarning(UserWarning):
+    """The direct and the joint estimate disagree, so the direct one is biased by feedback."""
+
+
+class CrossControlWarning(UserWarning):
+    """Inputs moved together, so the responses to each are separated poorly."""
+
+
+class RecordQualityWarning(UserWarning):
+    """A record has spikes, frozen runs, or inputs that stay at their stops."""
+
+
+@one_blas_thread()
+def frequency_response(
+    records: FlightRecord | Sequence[FlightRecord],
+    *,
+    inputs: str | Sequence[str],
+    outputs: str | Sequence[str],
+    band: tuple[float, float],
+    conditioning: str | Sequence[str] | None = None,
+    reference: str | Sequence[str] | None = None,
+    estimator: str | None = None,
+    windows: float | Sequence[float] | None = None,
+    overlap: float = 0.75,
+    use_ended: bool = False,
+) -> FrequencyResponse:
+    """Estimate frequency responses from one record or several pooled ones.
+
+    Args:
+        records: flights; their spectra are averaged, so sweeps of different axes separate
+            the axes' effects.
+        inputs: the inputs wanted.
+        outputs: the outputs wanted.
+        band: lowest and highest frequency, rad/s.
+        conditioning: further inputs that were active; their effect is removed.
+        reference: signals outside the loop (sticks, the sweep), at least as many as active
+            inputs. Given, the joint input-output method is used, which feedback and gusts do
+            not bias.
+        estimator: "local", the local polynomial and rational method, which windows don't smear
+            and transients don't bias; or "windows", CIFER's composite of Hann windows. The
+            default is local, unless window lengths are given.
+        windows: one window length or several, s; five by the published rules if none is given.
+        overlap: share of a window that the next one covers at least.
+        use_ended: True takes records of flights that were terminated early
+            (`FlightRecord.ended`) too.
+
+    Raises:
+        InputError: an argument is out of range or a channel does not exist.
+        IdentificationError: the records are too short, an input is constant, inputs moved
+            as one, or a flight was terminated early.
+    """
+    flights = (records,) if isinstance(records, FlightRecord) else tuple(records)
+    wanted, measured, others, references = (
+        (names,) if isinstance(names, str) else tuple(names or ())
+        for names in (inputs, outputs, conditioning, reference)
+    )
+    _check_names(flights, wanted, measured, others, references)
+    if not use_ended:
+        refuse_truncated(flights)
+    _check_band(flights, band)
+    if not 0.0 <= overlap <= 0.95:
+        raise InputError(f"overlap is {overlap}, expected 0 to 0.95; 0.75 to 0.8 is enough")
+    driving = (*wanted, *others, *references)
+    signals = tuple(dict.fromkeys((*driving, *measured)))
+    _check_motion(flights, driving, "input")
+    _check_motion(flights, measured, "output")
+    name = _estimator_name(estimator, windows)
+    durations = [len(flight) * flight.sample_time for flight in flights]
+    lengths = window_lengths(durations, band, windows)
+    count = max(32, math.ceil(POINTS_PER_DECADE * math.log10(band[1] / band[0])) + 1)
+    frequency = np.geomspace(band[0], band[1], count)
+    method = (
+        Local(flights, signals, frequency)
+        if name == "local"
+        else Windows(flights, signals, frequency, windows=lengths, overlap=overlap)
+    )
+    cross = method.cross_control((*wanted, *others))
+    flags = _warned(_faults(flights, signals), RecordQualityWarning)
+    flags += _warned(_coherent(cross, (*wanted, *others), frequency), CrossControlWarning)
+    if references:
+        between = method.cross_control(references)
+        flags += _warned(_coherent(between, references, frequency), CrossControlWarning)
+
+    def estimated(names: tuple[str, ...]) -> FrequencyResponse:
+        found = method.estimate(wanted, measured, others, names)
+        return FrequencyResponse(
+            frequency=frequency,
+            response=found.response,
+            coherence=found.coherence,
+            multiple_coherence=found.multiple,
+            cross_control_coherence=cross[: len(wanted), : len(wanted)],
+            random_error=found.random_error,
+            inputs=wanted,
+            outputs=measured,
+            input_units=tuple(flights[0].unit(name) for name in wanted),
+            output_units=tuple(flights[0].unit(name) for name in measured),
+            conditioning=others,
+            reference=names,
+            estimator=name,
+            windows=method.windows,
+            flags=flags,
+            sources=tuple(map(record_digest, flights)),
+            spans=tuple(filter(None, map(flight_span, flights))),
+            scatter=found.scatter,
+        )
+
+    if not references:
+        return estimated(())
+    joint, direct = estimated(references), estimated(())
+    apart = _warned(_disagreements(joint, direct), ClosedLoopWarning)
+    return replace(joint, direct=direct, flags=flags + apart)
+
+
+def _warned(flags: Iterable[str], category: type[Warning]) -> tuple[str, ...]:
+    """Warn of each, and return all."""
+    found = tuple(flags)
+    for flag in found:
+        warnings.warn(flag, category, stacklevel=4)  # past `one_blas_thread`, to the caller
+    return found
+
+
+def _disagreements(joint: FrequencyResponse, direct: FrequencyResponse) -> Iterator[str]:
+    """Yield where the joint and the direct estimate disagree.
+
+    They differ where the gap is larger than both errors together, and larger than chance
+    explains, half a percent at least: both see the same disturbance, so the gap's own error is
+    the smaller one.
+    """
+    assert joint.scatter is not None
+    assert direct.scatter is not None
+    index = np.arange(0, joint.frequency.size, _COMPARED)
+    shape = (len(joint.outputs), len(joint.inputs), index.size)
+    place = np.indices(shape).reshape(3, -1)
+    at = (place[0], place[1], index[place[2]])
+    each = (joint.scatter, direct.scatter, joint.scatter.minus(direct.scatter))
+    own, other, between = (one.variance(*at) for one in each)
+    gap = np.abs(joint.response[at] - direct.response[at]) ** 2
+    least = np.square(_LEAST_GAP * np.abs(joint.response[at]))
+    chance = np.maximum(own + other, _CHANCE * between)
+    found = (gap > np.maximum(least, chance)) & joint.usable(_LEAST_COHERENCE)[at]
+    relative = np.where(found, np.sqrt(gap) / np.abs(joint.response[at]), 0.0)
+    for pair, apart in zip(joint.pairs, relative.reshape(-1, index.size)):
+        count, worst = np.count_nonzero(apart), int(np.argmax(apart))
+        if count >= min(_FEWEST_APART, index.size):
+            yield (
+                f"direct and joint estimates of {pair} disagree beyond their errors at "
+                f"{count} of {index.size} frequencies, by {100.0 * apart[worst]:.0f} % at "
+                f"{joint.frequency[index[worst]]:.3g} rad/s: feedback carries disturbances into "
+                "the input, which biases the direct estimate; use the joint one, and check that "
+                "the reference is outside the loop"
+            )
+
+
+def _coherent(
+    cross: NDArray[np.float64], inputs: Sequence[str], frequency: NDArray[np.float64]
+) -> Iterator[str]:
+    """Yield which inputs moved together, by the coherence between them, (n_in, n_in, n_freq).
+
+    Raises:
+        IdentificationError: two inputs moved as one.
+    """
+    advice = "add records where the other input is swept, or sweep with less off-axis input"
+    for i, first in enumerate(inputs):
+        for j, second in enumerate(inputs[:i]):
+            mean = float(np.mean(cross[i, j]))
+            worst = frequency[int(np.argmax(cross[i, j]))]
+            message = (
+                f"inputs {second!r} and {first!r} have a mean cross-control coherence of "
+                f"{mean:.2f} (largest at {worst:.3g} rad/s)"
+            )
+            if mean > CROSS_CONTROL_SINGULAR:
+                raise IdentificationError(
+                    f"{message}, so their effects can't be told apart; {advice}, "
+                    "or leave out of the inputs the one that is known to have no effect",
+                    remedy="inputs",
+                )
+            if mean > CROSS_CONTROL_LIMIT:
+                yield f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}"
+
+
+def _estimator_name(estimator: str | None, windows: float | Sequence[float] | None) -> str:
+    name = estimator or ("local" if windows is None else "windows")
+    if name not in ESTIMATORS:
+        raise InputError(f"estimator is {name!r}, expected one of: {', '.join(ESTIMATORS)}")
+    if name != "windows" and windows is not None:
+        raise InputError(
+            f"window lengths were given to the {name!r} estimator, which has no windows; "
+            "leave them out, or ask for estimator='windows'",
+            remedy="estimator=windows",
+        )
+    return name
+
+
+def _check_names(
+    flights: tuple[FlightRecord, ...],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    others: tuple[str, ...],
+    reference: tuple[str, ...],
+) -> None:
+    if not flights:
+        raise InputError("no records were given; expected at least one FlightRecord")
+    for position, flight in enumerate(flights):
+        if not isinstance(flight, FlightRecord):
+            raise InputError(
+                f"record {position} is a {type(flight).__name__}, expected a FlightRecord"
+            )
+    if not inputs or not outputs:
+        raise InputError("expected at least one input and one output")
+    names = (*inputs, *others, *outputs)
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(
+            f"each channel has one role, but these have several: {', '.join(repeated)}"
+        )
+    if reference and len(reference) < len(inputs) + len(others):
+        raise InputError(
+            f"{len(reference)} reference(s) for {len(inputs) + len(others)} active inputs; the "
+            "joint method needs at least as many references as inputs and conditioning inputs",
+            remedy=(Option("reference", "A,B"),),
+        )
+    for flight in flights:
+        for name in (*names, *reference):
+            flight.unit(name)
+
+
+def _check_band(flights: Sequence[FlightRecord], band: tuple[float, float]) -> None:
+    try:
+        low, high = (float(edge) for edge in band)
+    except (TypeError, ValueError):
+        raise InputError(f"band is {band!r}, expected two frequencies in rad/s") from None
+    if not (math.isfinite(low) and math.isfinite(high) and 0.0 < low < high):
+        raise InputError(f"band is {low} to {high} rad/s, expected 0 < lower < upper, finite")
+    nyquist = min(math.pi / flight.sample_time for flight in flights)
+    if high >= nyquist:
+        raise InputError(
+            f"the band ends at {high:.4g} rad/s, but samples resolve only {nyquist:.4g} rad/s; "
+            "lower the band's upper edge or record faster",
+            remedy="band=LO HI",
+        )
+
+
+def _check_motion(flights: Sequence[FlightRecord], names: Sequence[str], role: str) -> None:
+    """Raise IdentificationError for a channel that varies by no more than rounding anywhere."""
+    for name in names:
+        every = [flight[name] for flight in flights]
+        if not any(float(np.ptp(one)) > 1e-12 * float(np.max(np.abs(one))) for one in every):
+            raise IdentificationError(
+                f"{role} {name!r} is constant in every record; nothing can be identified from "
+                f"it: sweep it, or leave it out of the {role}s"
+            )
+
+
+def refuse_truncated(flights: Sequence[FlightRecord]) -> None:
+    """Raise IdentificationError if a flight was terminated early: its end is no response."""
+    ended = [(number, one.ended) for number, one in enumerate(flights, start=1) if one.ended]
+    if ended:
+        number, why = ended[0]
+        more = f", and {len(ended) - 1} more such" if len(ended) > 1 else ""
+        raise IdentificationError(
+            f"record {number} is of a flight that was terminated early, because {why}{more}; "
+            "leave it out, or use it as it is, with use_ended=True",
+            remedy="use_ended",
+        )
+
+
+def _faults(flights: Sequence[FlightRecord], names: Sequence[str]) -> Iterator[str]:
+    """Yield what is wrong with the named channels of records."""
+    for number, flight in enumerate(flights, start=1):
+        for channel in flight.channels:
+            if channel.name in names:
+                for what in _channel_faults(flight, channel):
+                    yield f"record {number}: {channel.name!r} {what}"
+
+
+def _channel_faults(flight: FlightRecord, channel: Channel) -> Iterator[str]:
+    values, time = flight[channel.name], flight.time
+    out = np.flatnonzero(spikes(values))
+    if out.size:
+        yield (
+            f"has {out.size} samples that are spikes, the first at {time[out[0]]:.6g} s; "
+            "interpolate them, with helisim.screen(record, repair='spikes')"
+        )
+    runs = frozen_runs(values) if channel.kind == "OUT" else ()
+    if runs:
+        yield (
+            f"is frozen, in {len(runs)} places, first from "
+            f"{time[runs[0].first]:.6g} to {time[runs[0].last]:.6g} s; leave that out, "
+            "with helisim.screen(record, repair='frozen')"
+        )
+    stopped = np.flatnonzero(at_stop(values)) if channel.kind in ("IN1", "IN2") else np.array([])
+    lost = stopped.size * flight.duration / (len(flight) - 1)
+    if lost > _LONGEST_STOP:
+        yield (
+            f"is at its stop for {lost:.4g} s, first at {time[stopped[0]]:.6g} s: what the "
+            "vehicle does then, or the servo, isn't linear; leave that out, with record.slice"
+        )
+
+
+# Which records a fit has seen, so that a verification can refuse them. A record is known by a
+# digest of its numbers, and a part of one by its flight and its time: a simulated flight by what
+# its provenance says was flown, a log by the digest of its file. So a record that was cut,
+# resampled or repaired by helisim is known still. One that has no provenance, or was cut by
+# another program, is known only whole.
+
+
+class FlightSpan(NamedTuple):
+    """The part of a flight that a record holds.
+
+    Attributes:
+        flight: digest of what says which flight it is.
+        start: time of the first sample, s.
+        stop: time of the last sample, s.
+    """
+
+    flight: str
+    start: float
+    stop: float
+
+
+def record_digest(record: FlightRecord) -> str:
+    """Return a short digest of a record's time and values."""
+    digest = hashlib.blake2b(record.time.tobytes(), digest_size=12)
+    digest.update(record.values.tobytes())
+    return digest.hexdigest()
+
+
+def flight_span(record: FlightRecord) -> FlightSpan | None:
+    """Return which part of which flight a record is; None where its provenance does not say."""
+    flown = {key: x for key, x in record.provenance.items() if key not in _NOT_THE_FLIGHT}
+    log = record.provenance.get("log")
+    if not flown and isinstance(log, Mapping):
+        if any(one["kind"] == "reset" for one in log.get("findings", ())):
+            return None  # its time begins anew, so it does not say which part this is
+        flown = {"log": log.get("digest")}
+    if not flown:
+        return None
+    text = json.dumps(flown, sort_keys=True).encode()
+    flight = hashlib.blake2b(text, digest_size=12).hexdigest()
+    return FlightSpan(flight, float(record.time[0]), float(record.time[-1]))
+
+
+def share_seen(record: FlightRecord, spans: Sequence[tuple[str, float, float]]) -> float:
+    """Return the share of a record's time that is in the given parts of flights, 0 to 1.
+
+    Args:
+        record: to look for.
+        spans: of one fit, each a `FlightSpan`; where two overlap, that time counts once.
+    """
+    own = flight_span(record)
+    if own is None:
+        return 0.0
+    seen, reached = 0.0, own.start
+    for flight, start, stop in sorted(spans):
+        if flight == own.flight:
+            seen += max(min(stop, own.stop) - max(start, reached), 0.0)
+            reached = max(reached, min(stop, own.stop))
+    return seen / (own.stop - own.start)

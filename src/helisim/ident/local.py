@@ -1,0 +1,519 @@
+"""The local polynomial method: frequency responses from whole records, without windows.
+
+A window smears a response over its main lobe, two lines either way of a transform as long as the
+window, which near a lightly damped mode or at the lowest frequencies is more than the random
+error. Here each flight is transformed whole, and around each frequency Y = G(w) U + T(w) + E is
+solved by least squares over the lines of all flights: G a polynomial, common to all; T the
+transient, a polynomial for each flight (R. Pintelon and J. Schoukens, System Identification: A
+Frequency Domain Approach, 2nd ed., 2012, ch. 7). Where the lines ask for it, both have a pole in
+common, found from all signals together: the local rational method (T. McKelvey and G. Guerin,
+"Non-parametric frequency response estimation using a local rational model", SYSID 2012). With a
+reference, outputs and inputs are estimated as responses to it, by the same weights, and divided:
+under feedback those responses are damped, and so smooth, even where the vehicle is unstable.
+
+How wide the band is, the data choose, by mean-square errors. A polynomial's bias grows with the
+width of its band to the power ORDER + 2, so each width's bias follows from how far it is from the
+next narrower one: squared, less the variance of that difference, averaged over neighbouring
+frequencies. It doesn't fall where the band gets wider. The narrowest's own follows from the next
+one's by the same law. Of a single band that is wider than its middle frequency nothing is known:
+its bias is stated as the whole response. The bias that is left is stated with the errors.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helisim.ident.local_fit import ORDER, TRANSIENT, BandFit, Lines, fit_band, flight_lines
+from helisim.ident.scatter import Estimate, LineWeights, LocalScatter
+from helisim.records.record import FlightRecord
+
+WIDTHS: NDArray[np.float64] = 0.06 * 2.0 ** np.arange(7, dtype=np.float64)
+"""Half widths of the band over its middle: 0.06 to 3.84."""
+
+WIDEST = 1.0
+"""Beyond it a band is only used where the lines allow one narrower at most: of a single one
+nobody knows the bias."""
+
+_MOST = 4
+"""Widths that are compared at a frequency."""
+
+_PLENTY = 100.0
+"""Lines for each parameter in a band beyond which no wider one is asked."""
+
+_SPARE = 1.5
+"""Lines that a band needs for each parameter: the kernel lets two of three count."""
+
+_FREE = 4.0
+"""Lines beyond the parameters, to see what is left."""
+
+_TRANSIENT_RATIO = 1.5
+"""Transients are estimated where their lines hold so much more power than the disturbance."""
+
+_TRANSIENT_STEP = 4
+"""At every so many frequencies it is looked for transients."""
+
+_CHUNK = 100_000
+"""Numbers of a design that are worked on at once."""
+
+_SHARPNESS = 2.0
+"""Power by which smaller mean-square errors count more in the average of widths."""
+
+_LEAST = 0.05
+"""A width with a smaller share is left out."""
+
+_ASYMPTOTIC = 0.5
+"""A band wider than this has no law for its bias: the next wider one's counts in full."""
+
+_DOUBT = 0.5
+"""Shares of a difference's variance that its square must exceed it by to be stated as a bias: the
+mean over neighbours is of two or three independent ones."""
+
+_FLOOR = 0.005**2
+"""Squared relative differences with a smaller variance are equally well known."""
+
+_NOISE_FREEDOM = 5.0
+"""The disturbance's spectrum is taken from the narrowest band with so many spare lines."""
+
+_NOISE_WIDTH = 0.15
+"""Over which share of the frequency that spectrum is averaged further."""
+
+_STUDENT = 2.5
+"""A spectrum that averages n lines is stated larger by this over n: then three standard deviations
+hold 98.9 % of the errors, as if it were known (Student's distribution, complex, n of 8 to 30)."""
+
+_POWER_WIDTH = 0.2
+_POWER_LINES = 12
+"""Inputs' spectra are averaged over this share of the frequency, and so many lines at least."""
+
+_AVERAGES = 8.0
+"""No coherence is larger than what so many averages would need for the random error."""
+
+
+class Local:
+    """The lines of records, for any responses between their signals.
+
+    Args:
+        records: of the flights, each with all signals.
+        names: of the signals.
+        frequency: (n_freq,) rad/s.
+    """
+
+    windows: tuple[float, ...] = ()
+
+    def __init__(
+        self,
+        records: Sequence[FlightRecord],
+        names: Sequence[str],
+        frequency: NDArray[np.float64],
+    ) -> None:
+        self._frequency = frequency
+        self._lines = flight_lines(records, names, float(frequency[-1] * (1.0 + WIDTHS[-1])))
+
+    def cross_control(self, names: Sequence[str]) -> NDArray[np.float64]:
+        """Return the coherence between signals, (n_name, n_name, n_freq)."""
+        matrix = _power(self._lines, self._lines.places(names), self._frequency)
+        power = np.real(np.diagonal(matrix, axis1=1, axis2=2))
+        product = np.maximum(power[:, :, None] * power[:, None, :], 1e-300)
+        return np.moveaxis(np.abs(matrix) ** 2 / product, 0, 2)
+
+    def estimate(
+        self,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        others: Sequence[str],
+        reference: Sequence[str],
+    ) -> Estimate:
+        """Return the responses, averaged over the widths of the band, with their errors."""
+        active, frequency = (*inputs, *others), self._frequency
+        if tuple(reference) == active:
+            reference = ()
+        task = Task(
+            lines=self._lines,
+            drive=self._lines.places(reference or active),
+            output=self._lines.places(outputs),
+            active=self._lines.places(active) if reference else [],
+            n_in=len(inputs),
+            frequency=frequency,
+        )
+        bands = estimate_bands(task)
+        noise = _noise(bands, frequency)
+        level = np.real(np.diagonal(noise, axis1=1, axis2=2)).T
+        choice = choose(
+            bands.gain, bands.shared(), level, bands.valid, WIDTHS, frequency, widest=WIDEST
+        )
+        response = np.sum(choice.share * bands.gain, axis=0)
+        weights = bands.packed(choice.share)
+        scatter = LocalScatter(frequency, weights, choice.share, noise, choice.bias, choice.spread)
+        o, i, w = np.indices(response.shape).reshape(3, -1)
+        variance = scatter.variance(o, i, w).reshape(response.shape)
+        relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
+        coherence, multiple = _coherence(task, bands, response, level)
+        return Estimate(
+            response=response,
+            coherence=np.minimum(coherence, 1.0 / (1.0 + _AVERAGES * relative)),
+            multiple=multiple,
+            random_error=np.sqrt(0.5 * relative),
+            scatter=scatter,
+        )
+
+
+def _noise(bands: "Bands", frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the spectra of the outputs' disturbances, (n_freq, n_out, n_out)."""
+    enough = bands.valid & (bands.freedom >= _NOISE_FREEDOM)
+    last = bands.valid.shape[0] - 1 - np.argmax(bands.valid[::-1], axis=0)
+    taken = np.where(np.any(enough, axis=0), np.argmax(enough, axis=0), last)
+    at = np.arange(frequency.size)
+    freedom = bands.freedom[taken, at]
+    raw = np.moveaxis(bands.residual[taken, at], 0, 2)
+    mean = smoothed(raw, frequency, freedom, _NOISE_WIDTH)
+    # a Gaussian averages as a flat band of 3.5 standard deviations does; the kernel, of 1.6 halves
+    pooled = freedom * np.maximum(1.0, 3.5 * _NOISE_WIDTH / (1.6 * WIDTHS[taken]))
+    return np.moveaxis(mean * (1.0 + _STUDENT / np.maximum(pooled, 1.0)), 2, 0)
+
+
+def _power(
+    lines: Lines, places: list[int], frequency: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Return the spectra between signals around each frequency, (n_freq, n_signal, n_signal)."""
+    spread = 0.5 * _POWER_LINES / np.sum(1.0 / lines.spacing)
+    low = np.maximum(frequency - np.maximum(_POWER_WIDTH * frequency, spread), 0.0)
+    high = frequency + np.maximum(_POWER_WIDTH * frequency, 2.0 * spread - (frequency - low))
+    first, count = lines.within(low, high)
+    values = lines.values[:, :, places]
+    product = np.einsum("ela,elb->elab", values, values.conj())
+    total = np.concatenate([np.zeros_like(product[:, :1]), np.cumsum(product, axis=1)], axis=1)
+    flight = np.arange(lines.spacing.size)
+    summed = np.sum(total[flight, first + count] - total[flight, first], axis=1)
+    return summed / np.maximum(np.sum(count, axis=1), 1)[:, None, None]
+
+
+def _coherence(
+    task: "Task",
+    bands: "Bands",
+    response: NDArray[np.complex128],
+    noise: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the partial and the multiple coherence, by the outputs' noise, (n_out, n_freq).
+
+    Signal and disturbance are spectra over whole records, as windows would average them.
+    """
+    power = _power(task.lines, task.drive, task.frequency)
+    into = bands.active_gain
+    explained = into @ power @ into.conj().swapaxes(1, 2)
+    # the power of each input that no other input explains
+    scale = np.sqrt(np.maximum(np.real(np.diagonal(explained, axis1=1, axis2=2)), 1e-300))
+    inverse = np.linalg.pinv(explained / (scale[:, :, None] * scale[:, None, :]), hermitian=True)
+    own = scale**2 / np.maximum(np.real(np.diagonal(inverse, axis1=1, axis2=2)), 1.0)
+    level = np.maximum(noise, 1e-300)
+    signal = np.abs(response) ** 2 * own[:, : task.n_in].T[None, :, :]
+    full = bands.full_gain
+    all_signal = np.real(np.einsum("foi,fij,foj->of", full, explained, full.conj()))
+    return (
+        np.clip(signal / (signal + level[:, None, :]), 0.0, 1.0),
+        np.clip(all_signal / (all_signal + level), 0.0, 1.0),
+    )
+
+
+class Task(NamedTuple):
+    """What is estimated.
+
+    Attributes:
+        lines: of the flights.
+        drive: places of the driving signals: the references, or the inputs that were active.
+        output: places of the outputs.
+        active: with references, places of the inputs that were active; else empty.
+        n_in: how many of the inputs are wanted, the first ones.
+        frequency: (n_freq,) rad/s.
+    """
+
+    lines: Lines
+    drive: list[int]
+    output: list[int]
+    active: list[int]
+    n_in: int
+    frequency: NDArray[np.float64]
+
+
+class Bands(NamedTuple):
+    """The responses by every width.
+
+    Attributes:
+        gain: (n_width, n_out, n_in, n_freq), zero where a width isn't used.
+        valid: (n_width, n_freq) where it is used.
+        residual: (n_width, n_freq, n_out, n_out) spectra of y - H u.
+        freedom: (n_width, n_freq) equivalent number of lines that it averages.
+        full_gain: (n_freq, n_out, n_active) the narrowest width's, conditioning inputs too.
+        active_gain: (n_freq, n_active, n_drive) its response of the inputs to the references.
+        weights: for each frequency, by the number of each width that is used, the first lines,
+            (n_flight,), and the weights, (n_in, n_flight, n_line).
+    """
+
+    gain: NDArray[np.complex128]
+    valid: NDArray[np.bool_]
+    residual: NDArray[np.complex128]
+    freedom: NDArray[np.float64]
+    full_gain: NDArray[np.complex128]
+    active_gain: NDArray[np.complex128]
+    weights: tuple[dict[int, tuple[NDArray[np.intp], NDArray[np.complex64]]], ...]
+
+    def shared(self) -> NDArray[np.float64]:
+        """Return the covariance between widths for a unit disturbance.
+
+        (n_width, n_width, n_in, n_freq).
+        """
+        n_width, _, n_in, n_freq = self.gain.shape
+        shared = np.zeros((n_width, n_width, n_in, n_freq))
+        for f, weights in enumerate(self.weights):
+            widths = sorted(weights)
+            value = LineWeights.side_by_side(widths, [weights[width] for width in widths]).value
+            flat = value.reshape(len(widths), n_in, -1).swapaxes(0, 1)
+            product = np.real(flat @ flat.conj().swapaxes(1, 2))
+            shared[np.ix_(widths, widths, range(n_in), [f])] = product.transpose(1, 2, 0)[..., None]
+        return shared
+
+    def packed(self, share: NDArray[np.float64]) -> tuple[LineWeights, ...]:
+        """Return the weights of the widths that have a share at each frequency.
+
+        Args:
+            share: (n_width, n_out, n_in, n_freq).
+        """
+        packed = []
+        for f, weights in enumerate(self.weights):
+            used = [width for width in sorted(weights) if np.any(share[width, ..., f])]
+            packed.append(LineWeights.side_by_side(used, [weights[width] for width in used]))
+        return tuple(packed)
+
+
+def estimate_bands(task: Task) -> Bands:
+    """Fit every width at every frequency where the lines allow it."""
+    transient = transients(task)
+    valid = _usable_widths(task, transient)
+    n_width, n_freq = valid.shape
+    n_out, n_drive = len(task.output), len(task.drive)
+    n_active = len(task.active) or n_drive
+    found = Bands(
+        gain=np.zeros((n_width, n_out, task.n_in, n_freq), dtype=np.complex128),
+        valid=valid,
+        residual=np.zeros((n_width, n_freq, n_out, n_out), dtype=np.complex128),
+        freedom=np.zeros((n_width, n_freq)),
+        full_gain=np.zeros((n_freq, n_out, n_active), dtype=np.complex128),
+        active_gain=np.zeros((n_freq, n_active, n_drive), dtype=np.complex128),
+        weights=tuple({} for _ in range(n_freq)),
+    )
+    for width in range(n_width)[::-1]:
+        for chosen, with_transient in _chunks(task, valid[width], transient, WIDTHS[width]):
+            fit = _fit(task, chosen, width, transient=with_transient)
+            gain, into, weight, residual = _responses(task, fit)
+            ok = fit.fits | (np.sum(valid[:, chosen], axis=0) == 1)
+            valid[width, chosen] = ok
+            k = chosen[ok]
+            found.gain[width][:, :, k] = np.moveaxis(gain[ok, :, : task.n_in], 0, 2)
+            found.residual[width, k] = residual[ok]
+            found.freedom[width, k] = fit.freedom[ok]
+            found.full_gain[k], found.active_gain[k] = gain[ok], into[ok]
+            for f, at in zip(np.flatnonzero(ok), k):
+                found.weights[at][width] = fit.first[f], weight[f, : task.n_in]
+    return found
+
+
+def _responses(task: Task, fit: BandFit) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Return the outputs' responses to all active inputs, from those to the driving signals.
+
+    With references r the inputs follow as u = R r, and H = H_yr R*(R R*)^-1 in the metric of r;
+    what is left of y - H u is the disturbance, whatever feedback carries of it into u.
+
+    Returns:
+        H, (n_freq, n_out, n_active); R; H's weights; the spectra of y - H u.
+    """
+    n_out, n_freq = len(task.output), fit.gain.shape[0]
+    if not task.active:
+        same = np.broadcast_to(np.eye(len(task.drive)), (n_freq,) + 2 * (len(task.drive),))
+        weight = fit.weight.astype(np.complex64)
+        return fit.gain, same.astype(np.complex128), weight, fit.residual
+    into = fit.gain[:, n_out:]
+    back = np.linalg.pinv(into, rcond=1e-10)
+    gain = fit.gain[:, :n_out] @ back
+    weight = np.einsum("fra,frel->fael", back, fit.weight).astype(np.complex64)
+    one = np.broadcast_to(np.eye(n_out), (n_freq, n_out, n_out))
+    rest = np.concatenate([one, -gain], axis=2)
+    return gain, into, weight, rest @ fit.residual @ rest.conj().swapaxes(1, 2)
+
+
+def _fit(
+    task: Task, chosen: NDArray[np.intp], width: int, *, transient: bool, poles: bool = True
+) -> BandFit:
+    frequency = task.frequency[chosen]
+    responding, half = [*task.output, *task.active], WIDTHS[width] * frequency
+    return fit_band(
+        task.lines, task.drive, responding, frequency, half, transient=transient, poles=poles
+    )
+
+
+def _usable_widths(task: Task, transient: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which widths have lines enough, (n_width, n_freq): the narrowest and some more."""
+    needed = _SPARE * (len(task.drive) * (ORDER + 1) + _FREE)
+    lines = np.zeros((WIDTHS.size, task.frequency.size), dtype=np.intp)
+    for width, relative in enumerate(WIDTHS):
+        half = relative * task.frequency
+        _, count = task.lines.within(task.frequency - half, task.frequency + half)
+        lost = np.where(transient, TRANSIENT, 0)[:, None]
+        lines[width] = np.sum(np.maximum(count - lost, 0), axis=1)
+    enough = lines >= needed
+    enough[-1] |= ~np.any(enough, axis=0)
+    narrowest = np.argmax(enough, axis=0)
+    number = np.arange(WIDTHS.size)[:, None]
+    within = (WIDTHS[:, None] <= WIDEST) | (number <= narrowest + 1)
+    plenty = np.roll(lines >= _PLENTY * len(task.drive) * (ORDER + 1), 1, axis=0)
+    plenty[0] = False
+    return enough & within & (number < narrowest + _MOST) & (~plenty | (number == narrowest))
+
+
+def _chunks(
+    task: Task, valid: NDArray[np.bool_], transient: NDArray[np.bool_], relative: float
+) -> list[tuple[NDArray[np.intp], bool]]:
+    """Return groups of frequencies that are worked on together, of similar numbers of lines."""
+    n_flight, columns = task.lines.spacing.size, len(task.drive) * (ORDER + 1)
+    columns += len(task.output) + len(task.active)
+    groups = []
+    for with_transient in (False, True):
+        rest = np.flatnonzero(valid & (transient == with_transient))
+        while rest.size:
+            widest = 2.0 * relative * task.frequency[rest] / np.min(task.lines.spacing) + 1.0
+            size = (np.arange(rest.size) + 1) * widest * n_flight * columns
+            small = (size <= _CHUNK) & (task.frequency[rest] <= 1.5 * task.frequency[rest[0]])
+            count = max(int(np.count_nonzero(small)), 1)
+            groups.append((rest[:count], with_transient))
+            rest = rest[count:]
+    return groups
+
+
+def transients(task: Task) -> NDArray[np.bool_]:
+    """Return where transients are to be estimated, (n_freq,).
+
+    Their lines are compared with the disturbance's, where there are enough for both. Flights
+    that begin and end in trim have none, and at the lowest frequencies could not afford them.
+    """
+    all_on = np.ones(task.frequency.size, dtype=np.bool_)
+    valid = _usable_widths(task, all_on)
+    ratio, counted = np.zeros(task.frequency.size), np.zeros(task.frequency.size)
+    narrowest = np.argmax(valid, axis=0)
+    for width in range(WIDTHS.size):
+        looked = np.zeros(task.frequency.size, dtype=np.bool_)
+        looked[::_TRANSIENT_STEP] = narrowest[::_TRANSIENT_STEP] == width
+        for chosen, _ in _chunks(task, looked, all_on, WIDTHS[width]):
+            whole = _fit(task, chosen, width, transient=False, poles=False)
+            less = _fit(task, chosen, width, transient=True, poles=False)
+            more, power = (
+                np.real(np.diagonal(fit.residual, axis1=1, axis2=2)) * fit.freedom[:, None]
+                for fit in (whole, less)
+            )
+            spent = (whole.freedom - less.freedom)[:, None]
+            ok = whole.fits & less.fits & (less.freedom > 1.0) & (spent[:, 0] > 0.5)
+            with np.errstate(all="ignore"):
+                each = (more - power) / spent / (power / less.freedom[:, None])
+            counted[chosen[ok]] = less.freedom[ok]
+            ratio[chosen[ok]] = np.mean(each[ok], axis=1)
+    if not np.any(counted):
+        return ~all_on
+    mean = smoothed(ratio, task.frequency, counted, 0.35)
+    known = smoothed(np.ones_like(ratio), task.frequency, counted, 0.35) > 0.5
+    overall = np.sum(ratio * counted) / np.sum(counted)
+    return np.where(known, mean, overall) > _TRANSIENT_RATIO
+
+
+class Choice(NamedTuple):
+    """Shares of the widths in the estimate, (n_width, n_out, n_in, n_freq).
+
+    `bias` and `spread`, (n_out, n_in, n_freq) each, are the systematic error that is left, and
+    the standard deviation of the widths' responses around their mean.
+    """
+
+    share: NDArray[np.float64]
+    bias: NDArray[np.float64]
+    spread: NDArray[np.float64]
+
+
+def choose(
+    gain: NDArray[np.complex128],
+    shared: NDArray[np.float64],
+    power: NDArray[np.float64],
+    valid: NDArray[np.bool_],
+    widths: NDArray[np.float64],
+    frequency: NDArray[np.float64],
+    *,
+    widest: float = np.inf,
+) -> Choice:
+    """Weigh the widths at every frequency.
+
+    Args:
+        gain: (n_width, n_out, n_in, n_freq) response by each width.
+        shared: (n_width, n_width, n_in, n_freq) covariance between widths for a unit disturbance.
+        power: (n_out, n_freq) spectra of the outputs' disturbances.
+        valid: (n_width, n_freq) where a width could be used, at least one a frequency.
+        widths: (n_width,) relative half widths, increasing.
+        frequency: (n_freq,) rad/s.
+        widest: a width beyond it only tells the bias of the narrowest, which may be wider itself.
+    """
+    n_width = widths.size
+    narrowest = np.argmax(valid, axis=0)
+    at = np.arange(frequency.size)
+    size = np.abs(gain[narrowest, :, :, at].transpose(1, 2, 0))
+    size = np.maximum(size, 1e-300)
+    own = np.einsum("ccif->cif", shared)
+    squared, sure = np.zeros(gain.shape), np.zeros(gain.shape)
+    for width in range(n_width):
+        # the next narrower width that is valid, itself if none is
+        numbers = np.where(valid[:width], np.arange(width)[:, None], -1)
+        before = np.max(numbers, axis=0, initial=-1)
+        before = np.where(before < 0, width, before)
+        gap = np.abs(gain[width] - gain[before, :, :, at].transpose(1, 2, 0)) ** 2
+        between = own[width] + own[before, :, at].T - 2.0 * shared[width, before, :, at].T
+        chance = np.maximum(between, 0.0) * power[:, None, :] / size**2
+        counted = valid[width] & (narrowest < width)
+        known = np.where(counted, 1.0 / (chance + _FLOOR) ** 2, 0.0)
+        mean = smoothed(gap / size**2 - chance, frequency, known, 0.5 * widths[width])
+        law = np.where(counted, 1.0 - (widths[before] / widths[width]) ** (ORDER + 2), 1.0)
+        doubt = _DOUBT * smoothed(chance, frequency, known, 0.5 * widths[width])
+        for found, value in ((squared, mean), (sure, mean - doubt)):
+            found[width] = np.where(counted, np.maximum(value, 0.0) / law**2, 0.0) * size**2
+    following = np.minimum(narrowest + 1, n_width - 1)
+    law = (widths[narrowest] / widths[following]) ** (2 * (ORDER + 2))
+    law = np.where(widths[narrowest] > _ASYMPTOTIC, 1.0, law)
+    for found in (squared, sure):
+        np.maximum.accumulate(found, axis=0, out=found)
+        found += law * found[following, :, :, at].transpose(1, 2, 0)
+    error = own[:, None] * power[:, None, :] + squared
+    offered = valid & ((widths[:, None] <= widest) | (np.arange(n_width)[:, None] == narrowest))
+    error = np.where(offered[:, None, None, :], np.maximum(error, 1e-300), np.inf)
+    share = (np.min(error, axis=0) / error) ** _SHARPNESS
+    share /= np.sum(share, axis=0)
+    share = np.where(share < _LEAST, 0.0, share)
+    share /= np.sum(share, axis=0)
+    mean = np.sum(share * gain, axis=0)
+    spread = np.sum(share * np.abs(gain - mean) ** 2, axis=0)
+    bias = np.sqrt(np.sum(share * sure, axis=0))
+    alone = (np.sum(valid, axis=0) == 1) & (widths[narrowest] > widest)
+    bias[..., alone] = np.maximum(bias, np.abs(mean))[..., alone]
+    return Choice(share, bias, np.sqrt(spread))
+
+
+def smoothed(
+    values: NDArray,
+    frequency: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    width: float,
+) -> NDArray:
+    """Return the mean over neighbouring frequencies, by a Gaussian of the frequency's logarithm.
+
+    Args:
+        values: (..., n_freq).
+        frequency: (n_freq,) rad/s.
+        weight: (..., n_freq) what each counts; all zero gives zeros.
+        width: standard deviation of the Gaussian.
+    """
+    apart = np.subtract.outer(np.log(frequency), np.log(frequency)) / width
+    kernel = np.exp(-0.5 * apart**2)
+    total = np.maximum(weight @ kernel, 1e-300)
+    return np.where(weight > 0.0, values * weight, 0.0) @ kernel / total

@@ -1,1 +1,0 @@
-"""From flight records to frequency responses, with the errors that they have."""

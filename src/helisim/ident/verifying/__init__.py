@@ -1,1 +1,0 @@
-"""Fitted models against flights that no fit has seen."""
