@@ -54,7 +54,7 @@ class Conditioned:
 def coherence(
     gxx: NDArray[np.float64], gyy: NDArray[np.float64], gxy: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """Return |Gxy|^2 / (Gxx Gyy) of spectra of one shape, kept within [0, 1]."""
+    """Return |Gxy|^2 / (Gxx Gyy), of (n_out, n_in, n_freq) each, within [0, 1]."""
     return np.clip(np.abs(gxy) ** 2 / (gxx * gyy), 0.0, 1.0)
 
 

@@ -176,8 +176,11 @@ def hann_lobe(offset: NDArray[np.float64], length: float) -> NDArray[np.float64]
     """Return the transform of a Hann window around its own middle, real.
 
     Args:
-        offset: from the frequency, rad/s, of any shape.
+        offset: (n_point, n_grid) from the frequency, rad/s, or of any shape.
         length: of the window, s.
+
+    Returns:
+        (n_point, n_grid), as the offset.
     """
     bins = offset * (length / (2.0 * np.pi))
     # sinc(x) / (1 - x^2) with its limit 1/2 at x = 1.
