@@ -19,10 +19,8 @@ from helisim.base.value import FrozenMap, Value, same
 from helisim.design.phases import Step
 from helisim.design.result import Judged
 from helisim.design.tradeoff import TradeOff
-from helisim.handling.measured.driven import Driven
 from helisim.handling.measured.interval import Interval
-from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
-from helisim.handling.measured.margins import MeasuredFigure
+from helisim.handling.measured.margins import Driven, MeasuredFigure, MeasuredLoop
 from helisim.ident import Reduction
 from helisim.ident.verification import Trace
 from helisim.logs import Column
@@ -162,7 +160,7 @@ def values(jr700, tmp_path_factory):
         "Trace": item.verification.traces[0],
         "Cut": cut,
         "MeasuredMargins": hs.MeasuredMargins(
-            MeasuredLoop(MeasuredCurves((driven,), (cut,))),
+            MeasuredLoop((driven,), (cut,)),
             (MeasuredFigure("DRP", "lat", "sensors", "dB", Interval(3.0, 2.5, 3.5)),),
             ("short",),
         ),

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 import helisim as hs
-from helisim.handling.measured.figures import Asked
+from helisim.handling.measured.interval import Asked
 from helisim.study.proof.exact import exact_loop
 from helisim.study.proof.hands import hands_off
 from helisim.study.proof.sweeps import SWEEPS, sweep

@@ -19,7 +19,7 @@ from helisim.hand import StickFeel as StickFeel
 from helisim.hand.window import fly_by_hand as fly_by_hand
 from helisim.handling import criteria as criteria
 from helisim.handling.criterion import Froude as Froude
-from helisim.handling.measured.cut import Cut as Cut
+from helisim.handling.measured.margins import Cut as Cut
 from helisim.handling.measured.margins import MeasuredMargins as MeasuredMargins
 from helisim.handling.measured.margins import margins as margins
 from helisim.handling.spec import Spec as Spec

@@ -1,5 +1,7 @@
 """What is measured of closed loops, against python-control's margins of the loops flown."""
 
+from types import SimpleNamespace
+
 import control
 import numpy as np
 import pytest
@@ -8,9 +10,8 @@ import helisim as hs
 from closed_loops import PERIOD, chirp, flown, known_loop
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.handling.loop import Curve, NoResponse
-from helisim.handling.measured.cut import cuts_by_name
-from helisim.handling.measured.figures import of_broken
-from helisim.handling.measured.interval import intervals
+from helisim.handling.measured.interval import Asked, intervals
+from helisim.handling.measured.margins import cuts_by_name
 from helisim.records.channels import Channel
 from helisim.records.record import FlightRecord
 
@@ -87,8 +88,8 @@ def test_a_record_late_against_what_was_injected_is_put_right():
     """A latency that is named is taken out of the phase, exactly."""
     record = flown(known_loop(), seed=3, noise=0.05)
     cut = hs.Cut("lat", "actuators", "lat_disturbance", None, "lat")
-    straight = hs.margins(record, cuts=cut, **CROSSOVER).loop.curves.driven[0]
-    late = hs.margins(record, cuts=cut, late={"lat": 0.02}, **CROSSOVER).loop.curves.driven[0]
+    straight = hs.margins(record, cuts=cut, **CROSSOVER).loop.driven[0]
+    late = hs.margins(record, cuts=cut, late={"lat": 0.02}, **CROSSOVER).loop.driven[0]
     np.testing.assert_allclose(
         late.response, straight.response * np.exp(0.02j * straight.frequency), rtol=1e-12
     )
@@ -116,7 +117,8 @@ def test_a_gain_margin_is_that_of_a_crossing_that_was_seen(measured):
     _, _, turn, _ = control.margin(known_loop())
     curve = measured.loop.broken("lat")
     inside = (curve.frequency > 4.4) & (curve.frequency < 2.0 * turn)
-    found = of_broken(Curve(curve.frequency[inside], curve.response[inside]))
+    seen = Curve(curve.frequency[inside], curve.response[inside])
+    found = Asked("broken", "lat", "actuators")(SimpleNamespace(broken=lambda *_: seen))
     assert found["gain_margin"] == pytest.approx(measured.figure("gain_margin", "lat").value)
 
 

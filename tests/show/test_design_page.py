@@ -181,7 +181,7 @@ def test_a_design_that_did_not_fly_has_a_page(tmp_path):
 
 def test_a_loop_as_measured_has_bars_of_its_draws(proof):
     """They hold the curve, on the turn of the others, and reach as far as 95 % of the draws."""
-    curve = proof.measured.curves.broken("lat")
+    curve = proof.measured.measured("broken", "lat")
     drawing = draw_loops("a", "a", {"exact": Roll(5.1).broken("lat"), "flown": curve})
     for panel in drawing.panels:
         (bars,) = [mark for mark in panel.marks if mark.kind == "bars"]

@@ -11,8 +11,7 @@ from helisim.cli.logs import MAP_HELP, add_log_options, describe, located, read_
 from helisim.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from helisim.handling.measured.cut import Cut
-    from helisim.handling.measured.margins import MeasuredMargins
+    from helisim.handling.measured.margins import Cut, MeasuredMargins
     from helisim.look.systemid.loops import FlownLoops
 
 _EPILOG = f"""\
@@ -92,8 +91,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.base.files import check_destination, write_json
-    from helisim.handling.measured.loop import DRAWS
-    from helisim.handling.measured.margins import margins
+    from helisim.handling.measured.margins import DRAWS, margins
     from helisim.show.table import as_text, filled
     from helisim.show.tables import measured_margins
 
@@ -190,7 +188,7 @@ def print_loops(found: "FlownLoops", measured: "MeasuredMargins") -> None:
 
 def _cuts(options: argparse.Namespace) -> "tuple[Cut, ...] | None":
     """Return the cuts that the options say; None if the channels' names shall say them."""
-    from helisim.handling.measured.cut import Cut
+    from helisim.handling.measured.margins import Cut
 
     injected, total, returned = (
         names(text) for text in (options.injected, options.total, options.returned)

@@ -16,7 +16,7 @@ from helisim.base.units import decibel
 from helisim.handling.chart import Chart, ChartAxis
 from helisim.handling.criteria import Criterion, Rating
 from helisim.handling.loop import Curve, axis_of
-from helisim.handling.measured.measured_curve import MeasuredCurve
+from helisim.handling.measured.margins import MeasuredCurve
 from helisim.show.figure import Area, Array, Drawing, Ground, Ink, Mark, Panel, Scale, extent
 from helisim.show.plots import DEGREES, beside, decibels, phase_degrees, spread_out
 
@@ -220,7 +220,7 @@ def draw_loops(name: str, title: str, curves: Loops, *, caption: str = "") -> Dr
         if own:
             other, reference = omega, phase
         if isinstance(curve, MeasuredCurve):
-            at, ratio = spread_out(omega), curve.drawn / curve.response
+            at, ratio = spread_out(omega), curve.samples / curve.response
             for marks, values, off, word in (
                 (gains, decibels(line), decibel(np.abs(ratio)), label),
                 (phases, phase, np.rad2deg(np.angle(ratio)), ""),

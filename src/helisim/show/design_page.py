@@ -12,8 +12,7 @@ import numpy as np
 from helisim.design.result import DesignResult, Judged
 from helisim.handling.criteria import NicholsExclusion
 from helisim.handling.loop import BY_NAME, Curve, Loop, NoResponse, axis_of
-from helisim.handling.measured.loop import MeasuredLoop
-from helisim.handling.measured.measured_curve import MeasuredCurve
+from helisim.handling.measured.margins import MeasuredCurve, MeasuredLoop
 from helisim.handling.spec import specs_to_toml
 from helisim.records.record import FlightRecord
 from helisim.show import page, tables
@@ -227,7 +226,7 @@ def _closed(loops: Mapping[str, Loop], axis: str) -> Iterator[tuple[str, Curve |
     for label, loop in loops.items():
         try:
             measured = isinstance(loop, MeasuredLoop)
-            curve = loop.curves.broken(axis) if measured else loop.broken(axis)
+            curve = loop.measured("broken", axis) if measured else loop.broken(axis)
         except NoResponse:
             continue
         if np.max(np.abs(curve.response)) > _OPEN:

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.value import Value
-from helisim.handling.measured.cut import Cut
-from helisim.handling.measured.errors import error_root
+from helisim.handling.measured.margins import Cut, error_root
 from helisim.ident.frf import frequency_response
 from helisim.ident.scatter import LocalScatter
 from helisim.records.record import FlightRecord

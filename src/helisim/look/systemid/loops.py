@@ -17,8 +17,7 @@ from helisim.base.errors import InputError, LogError
 from helisim.base.value import Value
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.handling.loop import axis_of
-from helisim.handling.measured.cut import Cut
-from helisim.handling.measured.margins import MeasuredMargins, margins
+from helisim.handling.measured.margins import Cut, MeasuredMargins, margins
 from helisim.look.systemid.cut_rows import OUTPUTS, PIDS, CutRows
 from helisim.look.systemid.reading import opened_log
 from helisim.look.systemid.sweeps import FlownSweep, sweeps

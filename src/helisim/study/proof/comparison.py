@@ -17,7 +17,7 @@ from helisim.handling.criteria import (
 )
 from helisim.handling.loop import Loop, NoResponse, axis_of
 from helisim.handling.measured.interval import Interval, interval
-from helisim.handling.measured.loop import MeasuredLoop
+from helisim.handling.measured.margins import MeasuredLoop
 from helisim.handling.spec import Spec
 
 _DISTANCE = "distance"

@@ -14,8 +14,7 @@ from helisim.base.files import atomic_write
 from helisim.base.value import FrozenMap
 from helisim.handling.criteria import Criterion
 from helisim.handling.loop import Loop
-from helisim.handling.measured.loop import MeasuredCurves, MeasuredLoop
-from helisim.handling.measured.margins import margins
+from helisim.handling.measured.margins import MeasuredLoop, margins
 from helisim.handling.spec import Spec
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
@@ -195,13 +194,13 @@ def measured_loop(
     for name, records in flights.sweeps.items():
         inner = [_inside(record) for record in records]
         found = margins(inner, band=flights.bands[name], draws=draws, seed=seed)
-        parts.append(found.loop.curves)
+        parts.append(found.loop)
         if name.startswith(("actuators", "sensors")):  # of the rest all cuts are missing
             remarks += [f"{name}: {one}" for one in found.remarks]
     driven = tuple(one for part in parts for one in part.driven)
     cuts = tuple(dict.fromkeys(cut for part in parts for cut in part.cuts))
-    curves = MeasuredCurves(driven, cuts, parts[0].count, seed)
-    return MeasuredLoop(curves), tuple(dict.fromkeys(remarks))
+    loop = MeasuredLoop(driven, cuts, parts[0].count, seed)
+    return loop, tuple(dict.fromkeys(remarks))
 
 
 def _inside(record: FlightRecord) -> FlightRecord:
