@@ -20,9 +20,9 @@ from helisim.base.value import Value
 from helisim.handling.loop import BY_NAME, Axis, Curve, History, NoResponse, axis_of
 from helisim.handling.measured.interval import UNITS, Asked, Interval, intervals
 from helisim.ident import CrossControlWarning, RecordQualityWarning
-from helisim.ident.responses.frf import frequency_response
-from helisim.ident.responses.local_lines import flight_lines
-from helisim.ident.responses.local_scatter import LocalScatter
+from helisim.ident.frf import frequency_response
+from helisim.ident.local_fit import flight_lines
+from helisim.ident.scatter import LocalScatter
 from helisim.records.channels import IN1, IN2
 from helisim.records.provenance import one_blas_thread
 from helisim.records.record import FlightRecord
