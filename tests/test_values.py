@@ -26,7 +26,7 @@ from helisim.ident.verification import Trace
 from helisim.logs import Column
 from helisim.look.systemid import FlownSweep, Inferred, InferredFit, InferredLog, TakenChannel
 from helisim.look.systemid.reading import Sampling
-from helisim.sitl.parameter_file import Setting
+from helisim.sitl.parameters import Setting
 from helisim.study.run import Run
 from made_run import make_flight, make_model, make_verification, write_run
 

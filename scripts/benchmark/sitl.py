@@ -14,9 +14,9 @@ import sys
 import time
 
 import helisim as hs
-from helisim.sitl.flights.pilot import Pilot, Steps
-from helisim.sitl.flights.session import fly_script
+from helisim.sitl.pilot import Pilot, Steps
 from helisim.sitl.process import find_program
+from helisim.sitl.session import fly_script
 
 RATES = (800.0, 1000.0, 2000.0)
 """Below 1.8 frames a loop of its 400 Hz it does not arm."""

@@ -14,12 +14,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from helisim.sitl.systemid import fly_sweep, sweeps
 
 from helisim.base.errors import AutopilotError, HelisimError, InputError, UnknownNameError
 from helisim.sitl import Sensed
-from helisim.sitl.flights.pilot import Pilot, Steps
-from helisim.sitl.flights.sweeps import fly_sweep, sweeps
-from helisim.sitl.flights.telemetry import Telemetry
+from helisim.sitl.pilot import Pilot, Steps, Telemetry
 from helisim.sitl.process import Autopilot, find_program
 
 AXES = ("roll", "pitch", "yaw", "thrust")

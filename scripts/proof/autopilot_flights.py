@@ -16,15 +16,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from helisim.sitl.systemid import fly_sweep, sweeps
 
 from helisim.records.storage import write_record
 from helisim.sitl.aircraft import Aircraft
-from helisim.sitl.flights.pilot import Pilot, Steps
-from helisim.sitl.flights.scripts import CORNERS
-from helisim.sitl.flights.session import Flight, fly_script
-from helisim.sitl.flights.sweeps import fly_sweep, sweeps
 from helisim.sitl.parameters import parameters_for
+from helisim.sitl.pilot import Pilot, Steps
 from helisim.sitl.process import find_program
+from helisim.sitl.session import CORNERS, Flight, fly_script
 
 WITHIN = 0.5
 """m, of the hover."""

@@ -94,7 +94,7 @@ from helisim.sim import fly_to as fly_to
 from helisim.sim import missions as missions
 from helisim.sim import read_plan as read_plan
 from helisim.sim import write_plan as write_plan
-from helisim.sitl.parameter_file import AutopilotParameters as AutopilotParameters
+from helisim.sitl.parameters import AutopilotParameters as AutopilotParameters
 from helisim.study.autopilot import autopilot_parameters as autopilot_parameters
 from helisim.study.check import check_vehicle as check_vehicle
 from helisim.study.for_design import identify_for_design as identify_for_design

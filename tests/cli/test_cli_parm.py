@@ -2,7 +2,7 @@
 
 from command import fails
 from helisim.cli import main
-from helisim.sitl.parameter_file import read_parameters
+from helisim.sitl.parameters import read_parameters
 
 
 def test_it_prints_the_derivation_and_writes_the_file(tmp_path, capsys):

@@ -140,6 +140,6 @@ def test_the_command_of_the_page_works(tmp_path, monkeypatch, capsys):
 def test_every_public_name_is_in_the_reference():
     """What `helisim` exports is looked up in one place."""
     text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
-    home = r"(?:helisim\.(?:(?:ident\.model|sim|handling)\.)?)?"
+    home = r"(?:helisim\.(?:(?:ident\.model|ident|sim|handling|design)\.)?)?"
     named = set(re.findall(rf"^\.\. auto\w+:: {home}(\w+)$", text, re.M))
     assert set(helisim.__all__) - named == set()

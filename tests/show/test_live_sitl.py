@@ -13,7 +13,7 @@ from PIL import Image
 
 from helisim.show.viewer import Watched, seen
 from helisim.sitl import Aircraft
-from helisim.sitl.packet import Frame
+from helisim.sitl.link import Frame
 from script import SCRIPTS
 
 IDLE = (1500, 1500, 1500, 1500, 0, 0, 0, 1000)

@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import helisim.sitl.backend as backend_module
+import helisim.sitl.link as backend_module
 import helisim.sitl.link as link_module
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.sitl import Backend, Link, Sensed
-from helisim.sitl.packet import answer, read_frame
+from helisim.sitl.link import answer, read_frame
 from script import SCRIPTS
 
 sys.path.insert(0, str(SCRIPTS / "proof"))

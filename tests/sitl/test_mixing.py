@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
-from helisim.sitl.mixing import Controls, Mixer
-from helisim.sitl.outputs import Output, Outputs
+from helisim.sitl.mixing import Controls, Mixer, Output, Outputs
 from helisim.vehicle.swashplate import Swashplate
 
 ANYWHERE = {

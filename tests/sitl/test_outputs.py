@@ -6,7 +6,7 @@ import pytest
 
 import helisim as hs
 from helisim.base.errors import InputError, ModelError
-from helisim.sitl.outputs import Output, Outputs
+from helisim.sitl.mixing import Output, Outputs
 from helisim.vehicle.folder import model_folder
 
 

@@ -8,10 +8,8 @@ import pytest
 import helisim as hs
 from helisim.base.errors import InputError
 from helisim.sitl.gains import LEAST_GAIN, LEAST_PHASE, MOST_PEAK, Commanded, tune
-from helisim.sitl.mixing import Controls, Mixer
-from helisim.sitl.outputs import Outputs
-from helisim.sitl.parameter_file import AutopilotParameters, Setting, read_parameters
-from helisim.sitl.settings import swashplate, tail
+from helisim.sitl.mixing import Controls, Mixer, Outputs
+from helisim.sitl.parameters import AutopilotParameters, Setting, read_parameters, swashplate, tail
 from helisim.vehicle.folder import model_folder
 from sid_logs import TRUTH, SidLog
 

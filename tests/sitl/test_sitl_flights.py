@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helisim.sitl.systemid import INTO, Sweep, sweeps
 
 from command import fails
 from helisim.base.errors import AutopilotError, InputError, UnknownNameError
@@ -16,14 +17,12 @@ from helisim.cli import main
 from helisim.logs.dataflash import DataFlash
 from helisim.records.storage import read_record
 from helisim.sitl import isolated
-from helisim.sitl.flights.pilot import Sticks
-from helisim.sitl.flights.scripts import script_of, told
-from helisim.sitl.flights.session import fly_script
-from helisim.sitl.flights.sweeps import INTO, Sweep, sweeps
+from helisim.sitl.link import Sensed
 from helisim.sitl.mixing import Mixer
-from helisim.sitl.packet import Sensed
-from helisim.sitl.parameter_file import read_parameters
+from helisim.sitl.parameters import read_parameters
+from helisim.sitl.pilot import Sticks
 from helisim.sitl.process import Autopilot, find_program
+from helisim.sitl.session import fly_script, script_of, told
 from helisim.vehicle.folder import model_folder
 from script import SCRIPTS, loaded
 

@@ -9,7 +9,7 @@ from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import Curve
 from helisim.records.channels import IN1
-from helisim.sitl.parameter_file import read_parameters
+from helisim.sitl.parameters import read_parameters
 from helisim.vehicle.folder import model_folder
 from script import loaded
 from sid_logs import TRUTH, four_axes

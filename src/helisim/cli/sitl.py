@@ -91,7 +91,7 @@ def add(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from helisim.sitl import Link
-    from helisim.sitl.packet import check_fields
+    from helisim.sitl.link import check_fields
 
     check(options)
     also = check_fields(names(options.send))

@@ -14,7 +14,7 @@ from helisim.cli.sitl_serving import Kept, window
 
 if TYPE_CHECKING:
     from helisim.sitl import Aircraft, Frame, Sensed
-    from helisim.sitl.flights.pilot import Pilot, Steps
+    from helisim.sitl.pilot import Pilot, Steps
     from helisim.vehicle import Vehicle
 
 EPILOG = """\
@@ -104,8 +104,8 @@ def add_script(command: argparse.ArgumentParser) -> None:
 
 def script_of_options(options: argparse.Namespace) -> "Callable[[Pilot], Steps]":
     """Return the script that the options ask for."""
-    from helisim.sitl.flights.scripts import SYSID, script_of
-    from helisim.sitl.flights.sweeps import fly_sweeps, sweeps
+    from helisim.sitl.session import SYSID, script_of
+    from helisim.sitl.systemid import fly_sweeps, sweeps
 
     if options.script != SYSID:
         return script_of(options.script)
@@ -140,9 +140,9 @@ def _check_no_sweeps(options: argparse.Namespace) -> None:
 def check_script(options: argparse.Namespace) -> None:
     """Refuse a flight that can't be flown, or whose log can't be written, before it begins."""
     from helisim.base.files import check_destination
-    from helisim.sitl.flights.scripts import SYSID
-    from helisim.sitl.flights.telemetry import mavlink
+    from helisim.sitl.pilot import mavlink
     from helisim.sitl.process import find_program
+    from helisim.sitl.session import SYSID
 
     if options.log is not None:
         check_destination(options.log, (".bin",))
@@ -164,8 +164,8 @@ def check_script(options: argparse.Namespace) -> None:
 
 def fly(options: argparse.Namespace, aircraft: "Aircraft", also: tuple[str, ...] = ()) -> int:
     """Fly an aircraft by ArduPilot and a script; return the exit status."""
-    from helisim.sitl.flights.session import fly_script
     from helisim.sitl.process import find_program
+    from helisim.sitl.session import fly_script
 
     parameters, source = _parameters(options, aircraft.vehicle)
     told = _Told(aircraft, options.quiet)

@@ -68,7 +68,7 @@ def serve(
         link: to the autopilot.
         also: further fields of the answers.
     """
-    from helisim.sitl.backend import Backend
+    from helisim.sitl.link import Backend
 
     if not options.quiet:
         _say(_listening(options, link))

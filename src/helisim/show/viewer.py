@@ -33,7 +33,7 @@ from helisim.vehicle.trim import place
 
 if TYPE_CHECKING:
     from helisim.sitl.aircraft import Aircraft
-    from helisim.sitl.packet import Frame, Sensed
+    from helisim.sitl.link import Frame, Sensed
 
 TILT_GAIN = 10.0
 """The disc is drawn tilted this many times as far: a sweep's half a degree would not be seen."""

@@ -1,13 +1,13 @@
 """An outside autopilot in the loop: the vehicle as a backend for ArduPilot's JSON interface.
 
-A frame of servo pulses comes in by `link`, moves the vehicle that `aircraft` steps by way of its
-`outputs`, and what its IMU then senses goes back. `backend` ties the three together::
+A frame of servo pulses comes in by `link` and moves the vehicle that `aircraft` steps by way of its
+outputs; the readings of its IMU go back::
 
     aircraft = hs.sitl.Aircraft("jr700")
     with hs.sitl.Link() as link:
         print(hs.sitl.serve(aircraft, link))
 
-Or a script flies the autopilot, whose program `process` starts and `flights` speak to::
+Or a script flies the autopilot, whose program `process` starts and `pilot` speaks to::
 
     program = hs.sitl.find_program()
     text = hs.autopilot_parameters("jr700").text
@@ -19,62 +19,39 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from helisim.sitl.aircraft import Aircraft
-    from helisim.sitl.backend import Backend, serve
-    from helisim.sitl.flights.pilot import Pilot, Sticks
-    from helisim.sitl.flights.session import Flight, fly_script
-    from helisim.sitl.flights.sweeps import Sweep, fly_sweep, fly_sweeps, sweeps
-    from helisim.sitl.link import Link
-    from helisim.sitl.outputs import Output, Outputs
-    from helisim.sitl.packet import Frame, Sensed
-    from helisim.sitl.process import find_program
-    from helisim.sitl.served import Served
+    from helisim.sitl.aircraft import Aircraft as Aircraft
+    from helisim.sitl.link import Backend as Backend
+    from helisim.sitl.link import Frame as Frame
+    from helisim.sitl.link import Link as Link
+    from helisim.sitl.link import Sensed as Sensed
+    from helisim.sitl.link import Served as Served
+    from helisim.sitl.link import serve as serve
+    from helisim.sitl.mixing import Output as Output
+    from helisim.sitl.mixing import Outputs as Outputs
+    from helisim.sitl.pilot import Pilot as Pilot
+    from helisim.sitl.pilot import Sticks as Sticks
+    from helisim.sitl.process import find_program as find_program
+    from helisim.sitl.session import Flight as Flight
+    from helisim.sitl.session import fly_script as fly_script
+    from helisim.sitl.systemid import Sweep as Sweep
+    from helisim.sitl.systemid import fly_sweep as fly_sweep
+    from helisim.sitl.systemid import fly_sweeps as fly_sweeps
+    from helisim.sitl.systemid import sweeps as sweeps
 
 _HOMES = {
-    "Aircraft": "aircraft",
-    "Backend": "backend",
-    "Flight": "flights.session",
-    "Frame": "packet",
-    "Link": "link",
-    "Output": "outputs",
-    "Outputs": "outputs",
-    "Pilot": "flights.pilot",
-    "Sensed": "packet",
-    "Served": "served",
-    "Sticks": "flights.pilot",
-    "Sweep": "flights.sweeps",
-    "find_program": "process",
-    "fly_script": "flights.session",
-    "fly_sweep": "flights.sweeps",
-    "fly_sweeps": "flights.sweeps",
-    "serve": "backend",
-    "sweeps": "flights.sweeps",
+    "aircraft": ("Aircraft",),
+    "link": ("Backend", "Frame", "Link", "Sensed", "Served", "serve"),
+    "mixing": ("Output", "Outputs"),
+    "pilot": ("Pilot", "Sticks"),
+    "process": ("find_program",),
+    "session": ("Flight", "fly_script"),
+    "systemid": ("Sweep", "fly_sweep", "fly_sweeps", "sweeps"),
 }
-"""Name -> module; loaded on first use, as a parameter file needs no simulator."""
-
-__all__ = [
-    "Aircraft",
-    "Backend",
-    "Flight",
-    "Frame",
-    "Link",
-    "Output",
-    "Outputs",
-    "Pilot",
-    "Sensed",
-    "Served",
-    "Sticks",
-    "Sweep",
-    "find_program",
-    "fly_script",
-    "fly_sweep",
-    "fly_sweeps",
-    "serve",
-    "sweeps",
-]
+"""Module -> its public names; loaded on first use, as a parameter file needs no simulator."""
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'helisim.sitl' has no attribute {name!r}")
-    return getattr(import_module(f"helisim.sitl.{_HOMES[name]}"), name)
+    for module, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"helisim.sitl.{module}"), name)
+    raise AttributeError(f"module 'helisim.sitl' has no attribute {name!r}")

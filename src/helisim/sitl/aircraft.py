@@ -1,4 +1,4 @@
-"""A vehicle on its ground, flown by frames of pulses.
+"""A vehicle on its ground, flown by frames of pulses, and the record of its flight.
 
 Timing, which a model of the loop needs: an answer tells the state at its own time t. The pulses of
 the frame that follows act from t on, held until the next answer's time, t + 1 / rate_hz; there is
@@ -6,36 +6,182 @@ no other delay on this side than the servos'. Rates and specific force are those
 the time step's start. Positions are those of the IMU from where it stood at the start.
 """
 
+import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from fractions import Fraction
 from types import TracebackType
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import DivergedError, InputError, UnknownNameError
+from helisim.base.errors import DivergedError, InputError, ModelError, UnknownNameError
+from helisim.physics.drive import IDEAL, MOTOR
 from helisim.physics.layout import CONTROL, SENSOR, STATE
 from helisim.physics.native import installed
 from helisim.physics.params import PARAM
+from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.ground import Ground
 from helisim.sim.plain import to_plain
+from helisim.sim.recorder import Recorder
 from helisim.sim.simulation import generator
+from helisim.sim.trajectory import read_trajectory
 from helisim.sim.weather import Weather
-from helisim.sitl.drive import SlowRotor, powered
-from helisim.sitl.outputs import Outputs
-from helisim.sitl.packet import Sensed
-from helisim.sitl.recording import Recording
+from helisim.sitl.link import Sensed
+from helisim.sitl.mixing import Outputs
 from helisim.sitl.watch import Watch
 from helisim.vehicle import Vehicle, load
-from helisim.vehicle.controller import DIRECT, SHIPPED, Controller
+from helisim.vehicle.assembly import with_room
+from helisim.vehicle.controller import DIRECT, SHIPPED, Controller, law_room
+from helisim.vehicle.force_laws import check_motor
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import find_trim, place
+
+_SPOOL_UP = 12.0
+"""s, to the nominal speed where no motor's numbers say it: usual for speed controllers."""
+
+
+def powered(vehicle: Vehicle, timestep: float, *, motor: bool = True) -> Vehicle:
+    """Return a vehicle whose rotor a motor turns, in time steps of so many seconds.
+
+    Args:
+        vehicle: one that has no motor's numbers gets an ideal governor.
+        timestep: s.
+        motor: False for an ideal governor in any case.
+    """
+    try:
+        check_motor(vehicle.parameters, "a motor turns the rotor")
+    except ModelError:
+        motor = False
+    governor = "motor" if motor else "ideal"
+    parameters = vehicle.parameters.replace(
+        {"drive.governor": governor}, "an autopilot spools it up"
+    )
+    model = copy.copy(vehicle.model)
+    model.opt.timestep = timestep
+    model.actuator_user[addresses(model).rotor, PARAM.drive_governor] = MOTOR if motor else IDEAL
+    model = with_room(model, vehicle.folder, parameters, law_room(model))
+    trim = find_trim(model, height=vehicle.trim.height, near=vehicle.trim)
+    return Vehicle(vehicle.folder, parameters, model, trim, vehicle.controller)
+
+
+class SlowRotor:
+    """A rotor that follows the speed asked for as slowly as one that is spooled up.
+
+    For a vehicle that has no motor's numbers: its ideal governor keeps any speed at once.
+
+    Attributes:
+        speed: over the nominal one.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Stand still; `towards` is called once in each period, s."""
+        self.speed = 0.0
+        self._most = period / _SPOOL_UP
+
+    def towards(self, wanted: float) -> float:
+        """Return the speed a period later, nearer to the one that is asked for."""
+        self.speed += min(self._most, max(-self._most, wanted - self.speed))
+        return self.speed
+
+
+RECORDER = Recorder(noise={}, resolution={}, rotor=True)
+"""Of what truly happened: without noise, latency and rounding, the rotor's and the air's too."""
+_INTERVAL = 0.004
+"""s between two samples that are kept, at most: more than twice the recorder's rate."""
+_ROOM = 4096
+_FEWEST = 30
+
+
+class Recording:
+    """Sensor data at equal times, in blocks that are never moved: 120 kB a second of flight."""
+
+    def __init__(self, period: float, columns: int) -> None:
+        """Begin with nothing.
+
+        Args:
+            period: s, between two frames.
+            columns: of the sensor data.
+        """
+        self._each = max(1, int(_INTERVAL / period))
+        self.interval = self._each * period
+        self._columns = columns
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was kept."""
+        self._blocks: list[NDArray[np.float64]] = []
+        self._count = 0
+
+    def add(self, frame: int, sensordata: NDArray[np.float64]) -> None:
+        """Keep a frame's sensor data where it is its turn.
+
+        Args:
+            frame: its number, from 0 on.
+            sensordata: (n_sensordata,) of its end.
+        """
+        if frame % self._each:
+            return
+        row = self._count % _ROOM
+        if row == 0:
+            self._blocks.append(np.empty((_ROOM, self._columns)))
+        self._blocks[-1][row] = sensordata
+        self._count += 1
+
+    def record(
+        self,
+        vehicle: Vehicle,
+        ground: Ground,
+        crashed: tuple[float, str] | None,
+        flown: Mapping[str, Any],
+    ) -> FlightRecord:
+        """Return the flight so far.
+
+        Args:
+            vehicle: that flew.
+            ground: below it.
+            crashed: when (s) and why it flies no longer; None if it does.
+            flown: for the provenance.
+
+        Raises:
+            InputError: it is too short for a record.
+        """
+        if self._count < _FEWEST:
+            raise InputError(
+                f"a flight of {self._count * self.interval:g} s is no record: fly "
+                f"{_FEWEST * self.interval:g} s"
+            )
+        rows = np.concatenate(self._blocks)[: self._count]
+        rows[:, vehicle.model.sensor("clock").adr[0]] = np.arange(self._count) * self.interval
+        trajectory = replace(
+            read_trajectory(vehicle, rows), timestep=self.interval, hold=0.0, ground=ground
+        )
+        provenance = _provenance(vehicle, ground, crashed, flown)
+        return RECORDER.record(trajectory, np.random.default_rng(0), provenance)
+
+
+def _provenance(
+    vehicle: Vehicle,
+    ground: Ground,
+    crashed: tuple[float, str] | None,
+    flown: Mapping[str, Any],
+) -> dict[str, Any]:
+    provenance = made_by(
+        "flown by an outside autopilot",
+        **vehicle.provenance,
+        **flown,
+        ground=to_plain(ground),
+        recorder=RECORDER.to_dict(),
+    )
+    if crashed is not None:
+        provenance["ended"] = {"at": crashed[0], "why": crashed[1]}
+    return provenance
+
 
 Tail = Literal["direct", "gyro"]
 TAILS: tuple[Tail, ...] = ("direct", "gyro")

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from helisim.sim.clearance import outline
 from helisim.sim.ground import Ground
 from helisim.sim.landing import HARDEST_LANDING, rims
-from helisim.sitl.packet import Sensed
+from helisim.sitl.link import Sensed
 from helisim.vehicle import Vehicle
 
 _FASTEST = 10.0

@@ -10,8 +10,7 @@ from helisim.look.systemid import infer
 from helisim.look.systemid.autopilots import says_itself
 from helisim.look.systemid.bands import followed_band
 from helisim.look.systemid.estimate import estimate_fits
-from helisim.sitl.parameter_file import AutopilotParameters
-from helisim.sitl.parameters import parameters_for
+from helisim.sitl.parameters import AutopilotParameters, parameters_for
 from helisim.study.for_design import identify_for_design
 from helisim.study.swept import Source
 from helisim.vehicle import Vehicle

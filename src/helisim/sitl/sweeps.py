@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 
 from helisim.base.errors import AutopilotError, InputError, UnknownNameError
 from helisim.handling.loop import axis_of
-from helisim.sitl.flights.hold import Hold
-from helisim.sitl.flights.pilot import Pilot, Steps
+from helisim.sitl.pilot import Hold, Pilot, Steps
 
 HEIGHT = 50.0
 """m above the ground where sweeps are flown, far from its effect and its hardness."""
