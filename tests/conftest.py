@@ -11,7 +11,7 @@ import pytest
 from hypothesis import settings
 
 import interpreted
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.motion import addresses
 

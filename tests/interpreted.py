@@ -19,9 +19,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numba
+import numpy as np
 from numba import types
 
-from helisim.physics import laws, memory, native, notes
+from helisim.physics import examination, kernel, laws, native
 
 _C = {
     types.void: None,
@@ -42,17 +43,17 @@ def wanted() -> bool:
 def install() -> None:
     """Replace the intrinsics in every module of the physics, and how callbacks are made."""
     instead = {
-        id(memory.doubles_at): _pointer(ctypes.c_double),
-        id(memory._ints_at): _pointer(ctypes.c_int32),
-        id(memory.longs_at): _pointer(ctypes.c_int64),
-        id(memory.bytes_at): _pointer(ctypes.c_uint8),
-        id(notes._address): lambda: ctypes.addressof(notes._memory),
-        id(notes._claimed): _claimed,
+        id(kernel.doubles_at): _pointer(ctypes.c_double),
+        id(kernel.ints_at): _pointer(ctypes.c_int32),
+        id(kernel.longs_at): _pointer(ctypes.c_int64),
+        id(examination._met_address): lambda: ctypes.addressof(examination._met),
+        id(examination._report_address): lambda: (
+            ctypes.cast(examination._reported, ctypes.c_void_p).value
+        ),
         id(laws._address): lambda: laws._table.ctypes.data,
-        id(laws._call): _call,
-        id(memory.fence): lambda: None,
-        id(memory.buffer): lambda count: (ctypes.c_double * count)(),
-        id(memory.from_element): _from_element,
+        id(kernel.call): _call,
+        id(kernel.buffer): lambda count: (ctypes.c_double * count)(),
+        id(kernel.from_element): _from_element,
     }
     physics = [one for name, one in sys.modules.items() if name.startswith("helisim.physics.")]
     for module in physics:
@@ -67,17 +68,10 @@ def _pointer(element: Any) -> Callable[[int], Any]:
     return lambda address: ctypes.cast(int(address), kind)
 
 
-def _claimed(state: Any) -> bool:
-    free = state[0] == 0
-    state[0] = 1 if free else state[0]
-    return free
-
-
-def _call(function: int, *arguments: Any) -> None:
-    numbers = ctypes.POINTER(ctypes.c_double)
-    ctypes.CFUNCTYPE(None, *[numbers] * len(arguments))(function)(
-        *(ctypes.cast(one, numbers) for one in arguments)
-    )
+def _call(function: int, arguments: tuple[Any, ...]) -> None:
+    given = [int(one) if isinstance(one, int | np.integer) else one for one in arguments]
+    kinds = [ctypes.c_int64 if isinstance(one, int) else type(one) for one in given]
+    ctypes.CFUNCTYPE(None, *kinds)(function)(*given)
 
 
 def _from_element(array: Any, first: int) -> Any:

@@ -20,7 +20,7 @@ import pytest
 import helisim as hs
 from helisim.base.errors import DivergedError, ModelError, UnknownNameError
 from helisim.physics import native
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helisim.cli import main
-from helisim.physics import fields, native
+from helisim.physics import memory, native
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
@@ -143,9 +143,9 @@ def test_a_recording_is_nobodys_input(tmp_path, monkeypatch, arguments, content)
 
 def test_another_mujoco_than_helisim_knows_is_one_line(monkeypatch, tmp_path):
     """Where the layout check fails, a flight ends before it begins: the version, what to do."""
-    for held in (fields.offsets, native.compiled):
+    for held in (memory.offsets, native.compiled):
         held.cache_clear()
-    monkeypatch.setattr(fields, "_structure", lambda name: type(name, (), {"opt": None}))
+    monkeypatch.setattr(memory, "_structure", lambda name: type(name, (), {"opt": None}))
     out = str(tmp_path / "a.csv")
     status, lines = outcome(["fly", "--axis", "lat", "--duration", "13", "--out", out])
     assert (status, len(lines)) == (2, 1)

@@ -11,9 +11,8 @@ import pytest
 import helisim.gym
 from helisim.gym.motions import StateReader
 from helisim.gym.task import BOUND
-from helisim.physics.layout import CONTROL
+from helisim.physics.layout import CONTROL, PARAM
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.sim import Weather
 from helisim.vehicle import load
 from helisim.vehicle.assembly import total_inertia

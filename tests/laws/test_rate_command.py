@@ -7,7 +7,7 @@ from small_laws import HOLDS
 import helisim as hs
 from helisim.base.errors import InputError
 from helisim.design.laws.law import law_of
-from helisim.physics.own_laws import Called
+from helisim.physics.laws import Called
 
 OMEGA = np.geomspace(0.2, 150.0, 60)
 

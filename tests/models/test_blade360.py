@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import ModelError
-from helisim.physics.frames import flip
+from helisim.physics.layout import PARAM
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.study.paper import blade360, published
 from helisim.study.tune import margins
 from helisim.vehicle import load, read_parameters

@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.physics.layout import STATE
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM, STATE
 from helisim.vehicle import standard_parameters
 
 FOLDER = Path(__file__).parents[2] / "models" / "jr700"

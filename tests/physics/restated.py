@@ -14,8 +14,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from helisim.physics import pilot
-from helisim.physics.layout import STATE
-from helisim.physics.params import DOUBLET, PARAM, READS_HELD, READS_ZERO, SWEEP
+from helisim.physics.layout import DOUBLET, PARAM, READS_HELD, READS_ZERO, STATE, SWEEP
 
 hashed_noise, remnant, sweep = map(njit, (pilot.hashed_noise, pilot.remnant, pilot.sweep))
 

@@ -15,7 +15,7 @@ import pytest
 
 import interpreted
 from helisim.base.errors import CallbackError
-from helisim.physics import fields, native
+from helisim.physics import kernel, memory, native
 from helisim.physics.layout import MAGIC
 from helisim.physics.native import installed
 from helisim.vehicle.motion import Motion, write_motion
@@ -209,19 +209,19 @@ def test_foreign_callback_is_refused_by_name(hook):
         pass
 
 
-@pytest.mark.parametrize("name", [name for name in fields.Offsets._fields if name != "fingerprint"])
+@pytest.mark.parametrize("name", [name for name in memory.Offsets._fields if name != "fingerprint"])
 def test_wrong_offset_is_noticed(name):
     """A field that is four bytes from where it should be never reaches the force laws."""
-    found = fields.offsets()
+    found = memory.offsets()
     with pytest.raises(CallbackError, match=name):
-        fields._verify(found._replace(**{name: getattr(found, name) + 4}))
+        memory._verify(found._replace(**{name: getattr(found, name) + 4}))
 
 
 def test_missing_field_is_one_clear_line(monkeypatch):
     """A MuJoCo without a field that we need is refused by its version."""
-    monkeypatch.setattr(fields, "_structure", lambda name: type(name, (), {"opt": None}))
+    monkeypatch.setattr(memory, "_structure", lambda name: type(name, (), {"opt": None}))
     with pytest.raises(CallbackError, match=mujoco.__version__):
-        fields.offsets.__wrapped__()
+        memory.offsets.__wrapped__()
 
 
 def test_force_is_where_the_model_has_its_body(jr700):
@@ -295,15 +295,15 @@ def test_fingerprint_follows_the_sources(tmp_path, monkeypatch):
     """Any edit of a force law, and another MuJoCo, gives what is cached another key."""
     folder = tmp_path / "physics"
     shutil.copytree(Path(native.__file__).parent, folder)
-    monkeypatch.setattr(native, "files", lambda package: folder)
-    before = native.fingerprint()
-    assert before == native.fingerprint()
+    monkeypatch.setattr(kernel, "files", lambda package: folder)
+    before = kernel.fingerprint()
+    assert before == kernel.fingerprint()
     with (folder / "rotor.py").open("a") as rotor:
         rotor.write("# a comment\n")
-    edited = native.fingerprint()
+    edited = kernel.fingerprint()
     assert edited != before
-    monkeypatch.setattr(native.mujoco, "__version__", "99.0")
-    assert native.fingerprint() != edited
+    monkeypatch.setattr(kernel.mujoco, "__version__", "99.0")
+    assert kernel.fingerprint() != edited
 
 
 def test_a_replacement_inside_the_block_stays():

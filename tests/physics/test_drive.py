@@ -11,12 +11,10 @@ from hypothesis import strategies as st
 
 from helisim.base.units import RAD_S_PER_RPM
 from helisim.physics import drive
-from helisim.physics.body import Velocities
-from helisim.physics.layout import STATE
-from helisim.physics.main_rotor import main_rotor, turning
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.motion import Velocities
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
-from helisim.physics.tail_rotor import tail_rotor
+from helisim.physics.rotor import main_rotor, tail_rotor, turning
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place

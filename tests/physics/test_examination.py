@@ -9,8 +9,7 @@ from mujoco import rollout
 
 import helisim as hs
 from helisim.base.errors import CallbackError, InputError
-from helisim.physics.layout import ACTUATORS, LAYOUT
-from helisim.physics.params import PARAM
+from helisim.physics.layout import ACTUATORS, LAYOUT, PARAM
 from helisim.vehicle.assembly import model_folder
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from helisim.physics.body import Velocities
 from helisim.physics.flapping import (
     Disc,
     advance_ratios,
@@ -15,8 +14,9 @@ from helisim.physics.flapping import (
     skewed_slopes,
     tilt_by_flight,
 )
-from helisim.physics.main_rotor import MainRotor
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
+from helisim.physics.motion import Velocities
+from helisim.physics.rotor import MainRotor
 from helisim.vehicle import load
 from helisim.vehicle.blade import TipPathPlane, flapping_from_blade
 from one_blade import OneBlade

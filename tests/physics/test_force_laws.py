@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.physics import loads, main_rotor, tail_rotor
-from helisim.physics.body import Velocities
-from helisim.physics.flow import Flow
-from helisim.physics.layout import STATE
-from helisim.physics.params import PARAM
-from helisim.physics.wake import wash
+from helisim.physics import flow as loads
+from helisim.physics import rotor as main_rotor
+from helisim.physics import rotor as tail_rotor
+from helisim.physics.flow import Flow, wash
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.motion import Velocities
 from plates import H3_120
 
 speed = st.floats(-4.0, 4.0)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from helisim.physics import frames
+from helisim.physics import motion as frames
 from helisim.vehicle.motion import Motion, motion_rates, rotation_matrix, write_motion
 
 ROUNDING = 1e-13

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from helisim.physics import ground
+from helisim.physics import air as ground
+from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
@@ -202,7 +202,7 @@ def test_wash_is_stopped_by_the_ground(par, height, share):
     place, hub = np.array([0.0, 0.0, share * height]), np.array([0.0, 0.0, height])
     own, image = ((place - at) / np.linalg.norm(place - at) ** 3 for at in (hub, [1, 1, -1] * hub))
     nearness = (par[PARAM.main_radius] / (4.0 * height)) ** 2
-    left = ground.wash_left(par, nearness, par[PARAM.hub_z] + (1.0 - share) * height)
+    left = ground.wash_residual(par, nearness, par[PARAM.hub_z] + (1.0 - share) * height)
     assert left == pytest.approx((own + image)[2] / own[2], abs=1e-12)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from helisim.physics import gyro
-from helisim.physics.params import NEVER, PARAM
+from helisim.physics.layout import NEVER, PARAM
 from plates import H3_120
 
 PERIOD, LEAD, FILTER, FAST, SLOW = 0.002, 0.0109, 0.002, 0.004, 0.006

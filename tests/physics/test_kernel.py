@@ -10,12 +10,11 @@ from numba import njit
 from numba.core.errors import TypingError
 
 import interpreted
-from helisim.physics import main_rotor as rotors
 from helisim.physics import rotor
-from helisim.physics.body import Velocities
+from helisim.physics import rotor as rotors
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import STATE
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.motion import Velocities
 
 pytestmark = pytest.mark.skipif(
     interpreted.wanted(), reason="the force laws are interpreted here: nothing is compiled"

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import fsolve
 
-from helisim.physics import main_rotor as rotors
-from helisim.physics.body import Velocities
-from helisim.physics.params import PARAM
+from helisim.physics import rotor as rotors
+from helisim.physics.layout import PARAM
+from helisim.physics.motion import Velocities
 
 speed = st.floats(-25.0, 25.0)
 sinking = st.floats(-8.0, 16.0)

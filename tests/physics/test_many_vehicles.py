@@ -8,8 +8,8 @@ import pytest
 from mujoco import rollout
 from mujoco.batch import Batch
 
+from helisim.physics.layout import PARAM, SWEEP
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM, SWEEP
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place

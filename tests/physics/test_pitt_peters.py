@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from helisim.physics import inflow as momentum
 from helisim.physics import rotor
-from helisim.physics.pitt_peters import MEAN_MASS, SLOPE_MASS, inflow_rates, wake
+from helisim.physics.inflow import MEAN_MASS, SLOPE_MASS, inflow_rates, wake
 
 ways = st.floats(-math.pi, math.pi)
 speeds = st.floats(0.0, 40.0)

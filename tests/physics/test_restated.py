@@ -13,9 +13,16 @@ import restated
 from scipy.integrate import solve_ivp
 
 from helisim.physics import gyro, pilot
-from helisim.physics.layout import ROTOR_STATES, STATE
+from helisim.physics.layout import (
+    DOUBLET,
+    PARAM,
+    READS_HELD,
+    READS_ZERO,
+    ROTOR_STATES,
+    STATE,
+    SWEEP,
+)
 from helisim.physics.native import installed
-from helisim.physics.params import DOUBLET, PARAM, READS_HELD, READS_ZERO, SWEEP
 from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
 
 STEP = 0.002

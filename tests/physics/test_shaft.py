@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from helisim.physics.body import Velocities, Wrench
-from helisim.physics.params import PARAM
-from helisim.physics.shaft import from_shaft, to_shaft
-from helisim.physics.tail_rotor import TailRotor, tail_wrench
+from helisim.physics.layout import PARAM
+from helisim.physics.motion import Velocities, Wrench, from_shaft, to_shaft
+from helisim.physics.rotor import TailRotor, tail_wrench
 from helisim.vehicle import load
 
 LEAN = 0.1

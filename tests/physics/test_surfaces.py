@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.physics.body import Velocities
-from helisim.physics.params import PARAM
-from helisim.physics.surfaces import fin, lift_slope, normal_force, tailplane
+from helisim.physics.flow import fin, lift_slope, normal_force, tailplane
+from helisim.physics.layout import PARAM
+from helisim.physics.motion import Velocities
 from helisim.vehicle import load
 
 component = st.floats(-30.0, 30.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from helisim.physics.body import Velocities
-from helisim.physics.params import PARAM
-from helisim.physics.tail_rotor import tail_rotor
+from helisim.physics.layout import PARAM
+from helisim.physics.motion import Velocities
+from helisim.physics.rotor import tail_rotor
 
 RADIUS, CHORD, SPEED, SLOPE, DRAG = 0.137, 0.029, 840.2, 5.0, 0.012
 """Of the JR700's tail: Table 1 and models/jr700/parameters.toml."""

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.records.channels import IN1, SERVOS
 from helisim.sim import Doublet
 from helisim.sim.fly import fly

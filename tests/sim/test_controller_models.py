@@ -17,8 +17,7 @@ import helisim as hs
 import own_laws
 from helisim.base.errors import CallbackError, InputError, ModelError, UnknownNameError
 from helisim.physics import laws
-from helisim.physics.layout import STATE
-from helisim.physics.params import NO_LAW, PARAM
+from helisim.physics.layout import NO_LAW, PARAM, STATE
 from helisim.sim.simulation import simulate
 from helisim.vehicle import Controller
 from helisim.vehicle.folder import model_folder

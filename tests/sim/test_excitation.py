@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.physics.params import DOUBLET, PARAM, SWEEP
+from helisim.physics.layout import DOUBLET, PARAM, SWEEP
 from helisim.sim import Doublet, Sweep
 from helisim.sim.pilot import Pilot
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.physics.layout import STATE
+from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.records.channels import RATES, SERVOS
 from helisim.sim import Doublet, Sweep
 from helisim.sim.envelope import FlightEnvelope

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.physics.layout import CONTROL, STATE
+from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.vehicle.motion import addresses
 

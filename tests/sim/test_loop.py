@@ -8,9 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.physics.layout import STATE
+from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.sim import Sweep
 from helisim.sim.pilot import Pilot
 from helisim.sim.plan import FlightPlan

@@ -9,8 +9,8 @@ import pytest
 
 from helisim.base.errors import InputError
 from helisim.cli import main
+from helisim.physics.layout import HISTORY, PARAM
 from helisim.physics.native import installed
-from helisim.physics.params import HISTORY, PARAM
 from helisim.records.storage import read_record, write_record
 from helisim.show.viewer import prepare_live
 from helisim.sim import (

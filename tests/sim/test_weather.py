@@ -8,9 +8,8 @@ import pytest
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics import air as law
-from helisim.physics.layout import STATE
+from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.records.channels import AIR
 from helisim.sim import FlightPlan, Gust, Pilot, Recorder, Sweep, Weather, fly, simulate
 from helisim.sim.simulation import _start, prepare

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import helisim as hs
 from helisim.base.errors import DivergedError, InputError, UnknownNameError
-from helisim.physics.layout import STATE
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM, STATE
 from helisim.sim import Deck, Ground, Swing, Weather
 from helisim.sitl.aircraft import Aircraft
 from helisim.vehicle.motion import Motion, addresses, write_motion

@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial.hermite_e import hermegauss
 
 from helisim import ident
-from helisim.physics.frames import flip
+from helisim.physics.motion import flip
 from helisim.sim import Recorder, Weather
 from helisim.study.models import HEAVE, ROLLPITCH_IN2, YAW_BASE, YAW_GYRO, YAW_OVERALL
 from helisim.study.truth import air_met, exact_response, mean_derivatives, true_values

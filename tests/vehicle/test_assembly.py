@@ -11,6 +11,7 @@ from helisim.physics.layout import (
     ACTUATORS,
     CONTROL,
     MAGIC,
+    PARAM,
     ROTOR,
     SENSOR,
     SENSORS,
@@ -19,7 +20,6 @@ from helisim.physics.layout import (
     TAIL_STATES,
 )
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.study.paper.jr700 import table
 from helisim.vehicle import load
 from helisim.vehicle.assembly import assemble, check_interface, total_inertia

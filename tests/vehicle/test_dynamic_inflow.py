@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from helisim.base.errors import InputError
-from helisim.physics.layout import CONTROL, STATE
+from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.blade import TipPathPlane, flapping_from_blade
 from helisim.vehicle.motion import addresses

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import TrimError
+from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.vehicle import find_trim, load
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
+from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.study.paper.jr700 import table
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses

@@ -6,10 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from helisim.physics.frames import flip
-from helisim.physics.layout import STATE
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.records.channels import IN1, IN2, POSITIONS, RATES, SERVOS
 from helisim.sim import FlightPlan, Pilot, Recorder, Weather, fly
 from helisim.sim.excitation import Excitation

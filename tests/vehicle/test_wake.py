@@ -5,12 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from helisim.physics.body import Velocities
-from helisim.physics.fuselage import fuselage
-from helisim.physics.main_rotor import MainRotor
-from helisim.physics.params import PARAM
-from helisim.physics.surfaces import fin
-from helisim.physics.wake import wash
+from helisim.physics.flow import fin, fuselage, wash
+from helisim.physics.layout import PARAM
+from helisim.physics.motion import Velocities
+from helisim.physics.rotor import MainRotor
 from helisim.vehicle import load
 from helisim.vehicle.wake import downwash, wash_coefficients
 

@@ -22,8 +22,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.physics.frames import flip
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
+from helisim.physics.motion import flip
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.gym.settings import Setup
-from helisim.physics.layout import CONTROL, INJECTION
-from helisim.physics.params import HISTORY, PARAM
+from helisim.physics.layout import CONTROL, HISTORY, INJECTION, PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 

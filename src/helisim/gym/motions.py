@@ -10,9 +10,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from helisim.physics import frames
+from helisim.physics import motion as frames
+from helisim.physics.kernel import fingerprint
 from helisim.physics.layout import STATE
-from helisim.physics.native import fingerprint
 from helisim.vehicle.motion import addresses
 
 Columns = NDArray[np.float64]

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.gym.task import Hover, Task, Track
 from helisim.gym.weather import WeatherRange
-from helisim.physics.timing import TICK_TOLERANCE
+from helisim.physics.memory import TICK_TOLERANCE
 from helisim.sim import FlightEnvelope, Weather
 from helisim.sim.plain import is_number
 from helisim.sim.simulation import thread_count

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.gym.settings import Setup
-from helisim.physics.frames import flip
 from helisim.physics.layout import STATE
+from helisim.physics.motion import flip
 from helisim.sim import Weather
 from helisim.sim.plain import is_number
 from helisim.vehicle import Vehicle

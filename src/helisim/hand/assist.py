@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import UnknownNameError
 from helisim.hand.sticks import Deflection
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import Motion
 from helisim.vehicle.trim import Trim

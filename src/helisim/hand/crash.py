@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.physics.frames import flip
+from helisim.physics.motion import flip
 from helisim.sim.clearance import outline
 from helisim.sim.ground import Ground
 from helisim.sim.landing import HARDEST_LANDING, rims

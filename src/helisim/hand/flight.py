@@ -14,10 +14,9 @@ from helisim.hand.assist import Assistance, AssistName, check_assist
 from helisim.hand.crash import Crash
 from helisim.hand.recording import Recording
 from helisim.hand.sticks import Deflection, StickFeel
-from helisim.physics.layout import CONTROL, STATE
+from helisim.physics.laws import Failure
+from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
-from helisim.physics.own_laws import Failure
-from helisim.physics.params import PARAM
 from helisim.records.record import FlightRecord
 from helisim.sim.ground import Ground
 from helisim.sim.pilot import Pilot, hover_height

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.physics.own_laws import Failure
+from helisim.physics.laws import Failure
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.envelope import FlightEnvelope

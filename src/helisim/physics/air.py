@@ -1,4 +1,4 @@
-"""The air where a vehicle is: steady wind, gust and turbulence.
+"""The air at a vehicle: steady wind, gust, turbulence, and the ground below its rotor.
 
 The steady wind is MuJoCo's own `opt.wind`; gust and turbulence are the vehicle's, set in its
 parameters, and turbulence has its states among the vehicle's activations.
@@ -6,18 +6,24 @@ parameters, and turbulence has its states among the vehicle's activations.
 Dryden turbulence after MIL-F-8785C, section 3.7: white noise through lags, in axes along the
 path through the air (x forward, y right, z down). The noise is a hash of the seed and of the
 gyro's tick, held for the tick, so it depends neither on threads nor on the time step.
+
+The ground is planes and boxes that vehicles can land on, moving ones too. Cheeseman and Bennett
+(R&M 3021) put a source in the hub and its image below the ground. The image of a hub at a distance
+d from a plane pushes along the plane's normal, so the shaft sees the cosine of the angle between
+the two: (R / 4d)^2 cos, level or sloping. Of a plate with edges, such as a deck, it is as much as
+there is of the disc above it.
 """
 
 import math
 
-from helisim.physics import frames
-from helisim.physics.body import Velocities, rates, rotation, velocity
-from helisim.physics.kernel import kernel
-from helisim.physics.layout import STATE
-from helisim.physics.memory import buffer, double, doubles_at, from_element
-from helisim.physics.params import PARAM
+import mujoco
+
+from helisim.physics.inflow import soft_limit
+from helisim.physics.kernel import buffer, doubles_at, from_element, kernel
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.memory import clock, double, doubles_from, ints, long, tick_number
+from helisim.physics.motion import Velocities, flip, rates, rotation, to_body, to_world, velocity
 from helisim.physics.pilot import hashed_noise
-from helisim.physics.timing import clock, tick_number
 
 _ROOT_3 = math.sqrt(3.0)
 _TURBULENCE_STATES = 8
@@ -40,8 +46,8 @@ def motion(view):
         blown = turbulence(from_element(view.act, STATE.air_u), par[PARAM.turbulence_span])
         dx, dy, dz = along_path(par, blown.u, blown.v, blown.w)
         x, y, z = x + dx, y + dy, z + dz
-        p, q, r = frames.to_body(matrix, *along_path(par, blown.p, blown.q, blown.r))
-    u, v, w = frames.to_body(matrix, x, y, z)
+        p, q, r = to_body(matrix, *along_path(par, blown.p, blown.q, blown.r))
+    u, v, w = to_body(matrix, x, y, z)
     return Velocities(u, v, w, p, q, r)
 
 
@@ -49,13 +55,13 @@ def motion(view):
 def along_path(par, x, y, z):
     """Turn a vector from the turbulence's axes to the world, north-west-up."""
     cosine, sine = par[PARAM.turbulence_cosine], par[PARAM.turbulence_sine]
-    return frames.flip(cosine * x - sine * y, sine * x + cosine * y, z)
+    return flip(cosine * x - sine * y, sine * x + cosine * y, z)
 
 
 @kernel()
 def relative_motion(view, air):
     """Return a vehicle's `Velocities` through air that moves with velocities of its own."""
-    u, v, w = frames.to_body(rotation(view), *velocity(view))
+    u, v, w = to_body(rotation(view), *velocity(view))
     p, q, r = rates(view)
     return Velocities(u - air.u, v - air.v, w - air.w, p - air.p, q - air.q, r - air.r)
 
@@ -96,10 +102,8 @@ def write_turbulence_rates(view, step):
 def one_minus_cosine(since, rise, hold):
     """Return a gust's share of its full strength (MIL-F-8785C, section 3.7.1.3).
 
-    Args:
-        since: s since its start.
-        rise: s from nothing to full strength, and back.
-        hold: s at full strength.
+    since: s since its start; rise: s from nothing to full strength, and back; hold: s at full
+    strength.
     """
     if since <= 0.0:
         return 0.0
@@ -126,10 +130,8 @@ def turbulence(state, span):
     A field that drifts past unchanged has d/dx = (1/V) d/dt along the path. Air that sinks
     the faster the further ahead turns nose down: q = -dw/dx, r = dv/dx, p = dw/dy.
 
-    Args:
-        state: u, lags of v and w, p; then v, w, and what they are over the span, m/s and rad/s,
-            (8,).
-        span: m, the rotor's diameter in place of the wing's span.
+    state: u, lags of v and w, p; then v, w, and what they are over the span, m/s and rad/s, (8,);
+    span: m, the rotor's diameter in place of the wing's span.
     """
     v = state[4] + _ROOT_3 * (state[1] - state[4])
     w = state[5] + _ROOT_3 * (state[2] - state[5])
@@ -145,11 +147,8 @@ def turbulence_rates(state, noise, lags, rate):
     Along the path, and in roll, the spectrum is that of one lag; across and down it is that of
     (1 + sqrt(3) T s) / (1 + T s)^2.
 
-    Args:
-        state: as in `turbulence`, (8,).
-        noise: of this tick, in place of u, v, w and p, (4,).
-        lags: s, of u, v, w (scale length over speed) and p (4 b / (pi V)), (4,).
-        rate: written, (8,).
+    state: as in `turbulence`, (8,); noise: of this tick, in place of u, v, w and p, (4,); lags: s,
+    of u, v, w (scale length over speed) and p (4 b / (pi V)), (4,); rate: written, (8,).
     """
     for k in range(4):
         rate[k] = (noise[k] - state[k]) / lags[k]
@@ -159,3 +158,156 @@ def turbulence_rates(state, noise, lags, rate):
     w = state[5] + _ROOT_3 * (state[2] - state[5])
     rate[6] = (w - state[6]) / lags[3]
     rate[7] = (v - state[7]) / (0.75 * lags[3])
+
+
+_PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+_BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
+_DEEPEST = 0.4
+"""Limit of (R / 4d)^2, reached within half a radius of the ground, where no rotor gets."""
+_EXACT = 0.625
+"""Up to this part of the limit, at d = R/2, Cheeseman and Bennett's formula holds exactly."""
+_MOST = 4
+"""Surfaces that count, the nearest of a scene's."""
+_NUMBERS = 2 * _MOST
+
+
+@kernel()
+def nearness(view):
+    """Return (R / 4d)^2 of the ground under a vehicle's hub, kept finite at any distance.
+
+    The ground is every plane and box of the scene that something can touch, but the vehicle's own;
+    without any it is level, at height 0. The nearest counts first; what is farther has what is
+    left of the disc. Nothing lifts from above: a rotor that is turned over feels no ground.
+    """
+    par, matrix = view.par, rotation(view)
+    if par[PARAM.ground_effect] == 0.0:
+        return 0.0
+    m, d, offsets = view.m, view.d, view.offsets
+    origin = doubles_from(d, offsets.xpos, 3 * view.body)
+    cosine, sine = par[PARAM.shaft_cosine], par[PARAM.shaft_sine]
+    ahead = par[PARAM.hub_x] * cosine - par[PARAM.hub_z] * sine
+    below = par[PARAM.hub_z] * cosine + par[PARAM.hub_x] * sine
+    x, y, z = to_world(matrix, ahead, 0.0, below)
+    hub = (origin[0] + x, origin[1] + y, origin[2] + z)
+    shaft = (matrix[2], matrix[5], matrix[8])
+    roots, bodies = ints(m, offsets.body_rootid), ints(m, offsets.geom_bodyid)
+    shapes, near, count = ints(m, offsets.geom_type), buffer(_NUMBERS), 0
+    grounded = False
+    for geom in range(long(m, offsets.ngeom)):
+        if shapes[geom] != _PLANE and shapes[geom] != _BOX:
+            continue
+        touched = ints(m, offsets.geom_contype)[geom] | ints(m, offsets.geom_conaffinity)[geom]
+        if touched == 0 or roots[bodies[geom]] == roots[view.body]:
+            continue
+        grounded = True
+        one, share = _surface(view, geom, shapes[geom], hub, shaft)
+        if share > 0.0:
+            count = _insert(near, count, one, share)
+    if not grounded:
+        return _nearness(par, hub[2], shaft[2])
+    left, total = 1.0, 0.0
+    for k in range(count):
+        covered = min(left, near[2 * k + 1])
+        total += covered * near[2 * k]
+        left -= covered
+    return total
+
+
+@kernel()
+def _surface(view, geom, shape, hub, shaft):
+    """Return the nearness of a geom's surface below a hub, and its share of the disc."""
+    centre = doubles_from(view.d, view.offsets.geom_xpos, 3 * geom)
+    axes = doubles_from(view.d, view.offsets.geom_xmat, 9 * geom)
+    size = doubles_from(view.m, view.offsets.geom_size, 3 * geom)
+    x, y, z = hub[0] - centre[0], hub[1] - centre[1], hub[2] - centre[2]
+    up = 2
+    if shape == _BOX:  # the face that looks up
+        for k in range(2):
+            if abs(axes[6 + k]) > abs(axes[6 + up]):
+                up = k
+    side = 1.0 if shape == _PLANE or axes[6 + up] >= 0.0 else -1.0
+    height = side * (axes[up] * x + axes[3 + up] * y + axes[6 + up] * z)
+    cosine = side * (axes[up] * shaft[0] + axes[3 + up] * shaft[1] + axes[6 + up] * shaft[2])
+    if shape == _PLANE:
+        return _nearness(view.par, height, cosine), 1.0
+    height -= size[up]
+    if height <= 0.0:
+        return 0.0, 0.0
+    i, j = (up + 1) % 3, (up + 2) % 3
+    radius = view.par[PARAM.main_radius]
+    share = disc_share(
+        (axes[i] * x + axes[3 + i] * y + axes[6 + i] * z) / radius,
+        (axes[j] * x + axes[3 + j] * y + axes[6 + j] * z) / radius,
+        size[i] / radius,
+        size[j] / radius,
+    )
+    return _nearness(view.par, height, cosine), share
+
+
+@kernel()
+def _nearness(par, height, cosine):
+    """Return (R / 4d)^2 of one surface, for a distance of the hub and the shaft's lean to it."""
+    if cosine <= 0.0:
+        return 0.0
+    far = max(4.0 * height / par[PARAM.main_radius], 1e-3)  # at most a thousand radii inside
+    return soft_limit(par[PARAM.ground_effect] * cosine / far**2, _DEEPEST, _EXACT)
+
+
+@kernel()
+def _insert(near, count, one, share):
+    """Put a surface where it belongs among the nearest, the nearest first; return how many."""
+    k = count
+    while k > 0 and near[2 * k - 2] < one:
+        if k < _MOST:
+            near[2 * k], near[2 * k + 1] = near[2 * k - 2], near[2 * k - 1]
+        k -= 1
+    if k < _MOST:
+        near[2 * k], near[2 * k + 1] = one, share
+    return min(count + 1, _MOST)
+
+
+@kernel()
+def disc_share(x, y, a, b):
+    """Return how much of a disc of radius 1 around (x, y) lies over a rectangle |x| < a, |y| < b.
+
+    As a share of the disc's area, 0 to 1.
+    """
+    right, left, top, bottom = a - x, -a - x, b - y, -b - y
+    if right >= 1.0 and left <= -1.0 and top >= 1.0 and bottom <= -1.0:
+        return 1.0
+    if right <= -1.0 or left >= 1.0 or top <= -1.0 or bottom >= 1.0:
+        return 0.0
+    area = _corner(right, top) - _corner(left, top) - _corner(right, bottom) + _corner(left, bottom)
+    return max(0.0, area / math.pi)
+
+
+@kernel()
+def _corner(a, b):
+    """Return the area of the unit disc where x < a and y < b."""
+    a, b = min(1.0, max(-1.0, a)), min(1.0, max(-1.0, b))
+    below = 0.5 * (a * math.sqrt(1.0 - a * a) + math.asin(a))
+    beside = 0.5 * (b * math.sqrt(1.0 - b * b) + math.asin(b))
+    if a * a + b * b < 1.0:
+        return a * b + below + beside + 0.25 * math.pi
+    if a <= 0.0 and b <= 0.0:
+        return 0.0
+    if a > 0.0 and b > 0.0:
+        return 2.0 * (below + beside)
+    return 0.5 * math.pi + 2.0 * (below if a <= 0.0 else beside)
+
+
+@kernel()
+def wash_residual(par, nearness, z):
+    """Return the share of the main rotor's wake that is left at a place above the ground.
+
+    The ground stops it: source and image of Cheeseman and Bennett's, of which the image is the
+    farther by twice the place's height. Between the hub, at d above the ground, and a place at h
+    that is 1 - ((d - h) / (d + h))^2.
+
+    nearness: (R / 4d)^2 of the ground; z: of the place, body axes, m.
+    """
+    drop = max(0.0, z - par[PARAM.hub_z])
+    below = 4.0 * math.sqrt(nearness) * drop / par[PARAM.main_radius]  # over d
+    if below >= 1.0:
+        return 0.0
+    return 1.0 - (below / (2.0 - below)) ** 2

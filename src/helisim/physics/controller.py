@@ -1,25 +1,48 @@
-"""The controllers of a vehicle at a tick: what they see, their state, the servos' commands."""
+"""Controllers of a vehicle at a tick: what they see, their state, the servos' commands.
+
+And what a manoeuvre adds and a fault takes away between sensors, laws and servos. A fault comes,
+and goes, at one of the gyro's ticks, whatever the time step; in a flight without any nothing of it
+is computed.
+"""
 
 import math
 
-from helisim.physics import faults, frames
-from helisim.physics.body import rotation
-from helisim.physics.examination import STRANGE_LAW
+from helisim.physics.examination import UNKNOWN_LAW, report
 from helisim.physics.gyro import Seen, cyclic_law, yaw_law
-from helisim.physics.injection import add_to_commands, at_sensors, turned
-from helisim.physics.kernel import kernel
+from helisim.physics.kernel import buffer, from_element, kernel
 from helisim.physics.laws import COMMANDS, SEEN, ask, row_of
-from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, SENSOR, STATE
-from helisim.physics.memory import buffer, double, from_element, sensor_numbers, states_end
-from helisim.physics.notes import REFUSED, note
-from helisim.physics.params import NO_LAW, PARAM, SHIPPED_LAW
-from helisim.physics.timing import delayed_control, last_tick, tick_number
+from helisim.physics.layout import (
+    CONTROL,
+    FIRST_LAW_STATE,
+    HISTORY,
+    INJECTION,
+    NO_LAW,
+    PARAM,
+    READS_HELD,
+    READS_ZERO,
+    SENSOR,
+    SHIPPED_LAW,
+    STATE,
+)
+from helisim.physics.memory import (
+    TIME_TOLERANCE,
+    delayed_control,
+    double,
+    doubles,
+    last_tick,
+    long,
+    sensor_numbers,
+    states_end,
+    tick_number,
+)
+from helisim.physics.motion import euler_angles, flip, rotation
 
 _STARTS = 0.5
 """Added to `law_tick` at a law's first tick."""
 _FAILED = -1.0
 """What `law_tick` is of a law that failed."""
 _NUMBERS = SEEN + 1
+_INJECTED = len(INJECTION)
 
 
 @kernel()
@@ -31,7 +54,7 @@ def command_servos(view):
     par, controls = view.par, view.controls
     if par[PARAM.planned] == 0.0 and par[PARAM.swash_law] == par[PARAM.tail_law] == NO_LAW:
         return
-    if faults.restarts(view):
+    if restarts(view):
         forget(view)
         if par[PARAM.restart_neutral] != 0.0:
             for k in range(CONTROL.servo_front, CONTROL.servo_tail + 1):
@@ -92,7 +115,11 @@ def command_by_own_laws(view):
     """Write the laws' commands where one is not shipped."""
     par, act = view.par, view.act
     starts = begin_tick(view)
-    seen = seen_now(view, turned(view, attitude(view)), felt(view), servo_positions(view))
+    angles = turned(view, euler_angles(rotation(view)))
+    felt = act[STATE.felt_x], act[STATE.felt_y], act[STATE.felt_z]
+    front, left = act[STATE.front_position], act[STATE.left_position]
+    positions = front, left, act[STATE.right_position], act[STATE.tail_position]
+    seen = seen_now(view, angles, felt, positions)
     command_by_shipped_laws(view, seen)
     numbers, commands = buffer(_NUMBERS), buffer(COMMANDS)
     for k in range(SEEN):
@@ -113,13 +140,8 @@ def command_by(view, handle, numbers, commands, first, last):
 
     The servos of a law that this process does not know stay with their caller.
 
-    Args:
-        view: of the vehicle.
-        handle: of the law.
-        numbers: what it sees, and whether it starts, (19,).
-        commands: room for them, (4,).
-        first: servo.
-        last: servo.
+    handle: of the law; numbers: what it sees, and whether it starts, (19,); commands: room for
+    them, (4,); first: servo; last: servo.
     """
     par = view.par
     start, states = FIRST_LAW_STATE, int(par[PARAM.swash_states])
@@ -127,8 +149,7 @@ def command_by(view, handle, numbers, commands, first, last):
         start, states = start + states, int(par[PARAM.tail_states])
     row = row_of(handle, par[PARAM.law_token], states)
     if row == 0:
-        m, offsets = view.m, view.offsets
-        note(REFUSED, STRANGE_LAW, m, offsets, offsets.name_actuatoradr, view.rotor, handle, 0.0)
+        report(view.m, UNKNOWN_LAW, view.rotor)
         return True
     state = from_element(view.act, start)
     if numbers[SEEN] != 0.0:  # a keyframe may have put the shipped laws' there
@@ -181,17 +202,14 @@ def forget(view):
 def seen_now(view, angles, forces, servos):
     """Return what laws see at this tick.
 
-    Args:
-        view: of the vehicle.
-        angles: roll, pitch and heading, rad.
-        forces: specific, m/s^2, body axes.
-        servos: positions of the front, left, right and tail servo, unitised.
+    angles: roll, pitch and heading, rad; forces: specific, m/s^2, body axes; servos: positions of
+    the front, left, right and tail servo, unitised.
     """
     rates, controls = sensor_numbers(view), view.controls
-    p, q, r = frames.flip(rates[SENSOR.gyro_x], rates[SENSOR.gyro_y], rates[SENSOR.gyro_z])
+    p, q, r = flip(rates[SENSOR.gyro_x], rates[SENSOR.gyro_y], rates[SENSOR.gyro_z])
     p, q, r = at_sensors(view, p, q, r)
     if view.par[PARAM.faults] != 0.0:
-        p, q, r = faults.rates_left(view, p, q, r)
+        p, q, r = rates_read(view, p, q, r)
     return Seen(
         double(view.d, view.offsets.time),
         p,
@@ -215,35 +233,141 @@ def seen_now(view, angles, forces, servos):
 
 
 @kernel()
-def attitude(view):
-    """Return roll, pitch and heading, rad."""
-    return frames.euler_angles(rotation(view))
-
-
-@kernel()
-def felt(view):
-    """Return what the accelerometer felt a time step before this tick, m/s^2, body axes."""
-    act = view.act
-    return act[STATE.felt_x], act[STATE.felt_y], act[STATE.felt_z]
-
-
-@kernel()
-def servo_positions(view):
-    """Return where the front, left, right and tail servo stand, unitised."""
-    act = view.act
-    return (
-        act[STATE.front_position],
-        act[STATE.left_position],
-        act[STATE.right_position],
-        act[STATE.tail_position],
-    )
-
-
-@kernel()
 def feel(view):
     """Keep what the accelerometer feels in this time step, for laws that look at it."""
     if has_own_law(view.par):
         seen = sensor_numbers(view)
-        forces = frames.flip(seen[SENSOR.imu_ax], seen[SENSOR.imu_ay], seen[SENSOR.imu_az])
+        forces = flip(seen[SENSOR.imu_ax], seen[SENSOR.imu_ay], seen[SENSOR.imu_az])
         for k in range(3):
             view.act[STATE.feels_x + k] = forces[k]
+
+
+@kernel()
+def is_injected(view):
+    """Return whether a manoeuvre's numbers, by `INJECTION`, are in `mjData.userdata`."""
+    if view.par[PARAM.excitation] != HISTORY:
+        return False
+    return long(view.m, view.offsets.nuserdata) >= _INJECTED
+
+
+@kernel()
+def injected(view):
+    """Return what a manoeuvre adds in this time step, by `INJECTION`."""
+    return doubles(view.d, view.offsets.userdata)
+
+
+@kernel()
+def add_to_commands(view):
+    """Add a manoeuvre to the commands that have just been given to the four servos."""
+    if is_injected(view):
+        added = injected(view)
+        for k in range(4):
+            view.controls[CONTROL.servo_front + k] += added[INJECTION.command_front + k]
+
+
+@kernel()
+def at_actuators(view, commands):
+    """Return what reaches the four servos: their commands, and a manoeuvre's disturbances."""
+    if not is_injected(view):
+        return commands
+    added = injected(view)
+    return (
+        commands[0] + added[INJECTION.actuator_front],
+        commands[1] + added[INJECTION.actuator_left],
+        commands[2] + added[INJECTION.actuator_right],
+        commands[3] + added[INJECTION.actuator_tail],
+    )
+
+
+@kernel()
+def at_sensors(view, p, q, r):
+    """Return the rates that the gyro reads, rad/s: those sensed, and a manoeuvre's disturbances."""
+    if not is_injected(view):
+        return p, q, r
+    added = injected(view)
+    return p + added[INJECTION.rate_p], q + added[INJECTION.rate_q], r + added[INJECTION.rate_r]
+
+
+@kernel()
+def turned(view, angles):
+    """Return the attitude that a law sees, rad: that sensed, and a manoeuvre's disturbances.
+
+    angles: roll, pitch and heading, rad.
+
+    Returns:
+        The same, disturbed; the heading in (-pi, pi].
+    """
+    if not is_injected(view):
+        return angles
+    added = injected(view)
+    psi = angles[2]
+    if added[INJECTION.angle_psi] != 0.0:
+        psi = math.pi - (math.pi - psi - added[INJECTION.angle_psi]) % (2.0 * math.pi)
+    return (
+        angles[0] + added[INJECTION.angle_phi],
+        angles[1] + added[INJECTION.angle_theta],
+        psi,
+    )
+
+
+@kernel()
+def faulty_servos(par, time, commands, limits):
+    """Return the commands that the four servos can follow, and how fast each can be.
+
+    A servo that is stuck where it is has no speed, one that is stuck elsewhere one command.
+
+    time: of the gyro's last tick, s; commands: of the front, left, right and tail servo, unitised,
+    (4,); limits: their rate limits, 1/s, (4,).
+    """
+    front, front_limit = faulty_servo(par, time, PARAM.front_fault_at, commands[0], limits[0])
+    left, left_limit = faulty_servo(par, time, PARAM.left_fault_at, commands[1], limits[1])
+    right, right_limit = faulty_servo(par, time, PARAM.right_fault_at, commands[2], limits[2])
+    tail, tail_limit = faulty_servo(par, time, PARAM.tail_fault_at, commands[3], limits[3])
+    return (front, left, right, tail), (front_limit, left_limit, right_limit, tail_limit)
+
+
+@kernel()
+def faulty_servo(par, time, fault, command, limit):
+    """Return command and speed that one servo's fault leaves.
+
+    time: of the gyro's last tick, s; fault: index of the fault's four parameters: since when (s),
+    rate limit (1/s), lowest and highest command; command: unitised; limit: the servo's own rate
+    limit, 1/s.
+    """
+    since, rate_limit, low, high = par[fault], par[fault + 1], par[fault + 2], par[fault + 3]
+    if time < since - TIME_TOLERANCE:
+        return command, limit
+    return min(high, max(low, command)), min(rate_limit, limit)
+
+
+@kernel()
+def restarts(view):
+    """Return whether the gyro is restarting now."""
+    par = view.par
+    if par[PARAM.faults] == 0.0:
+        return False
+    time = last_tick(view) + TIME_TOLERANCE
+    return par[PARAM.restart_at] <= time < par[PARAM.restart_until]
+
+
+@kernel()
+def rates_read(view, p, q, r):
+    """Return the rates that the gyro reads, rad/s: a dropped one is 0, or what it read last.
+
+    p: sensed roll rate, rad/s; q: sensed pitch rate, rad/s; r: sensed yaw rate, rad/s.
+    """
+    par, act, time = view.par, view.act, last_tick(view) + TIME_TOLERANCE
+    if par[PARAM.dropout_at] <= time < par[PARAM.dropout_until]:
+        p = dropped(par[PARAM.dropout_p], p, act[STATE.read_p])
+        q = dropped(par[PARAM.dropout_q], q, act[STATE.read_q])
+        r = dropped(par[PARAM.dropout_r], r, act[STATE.read_r])
+    act[STATE.read_p], act[STATE.read_q], act[STATE.read_r] = p, q, r
+    return p, q, r
+
+
+@kernel()
+def dropped(reading, rate, held):
+    """Return a rate as it reads when dropped out in one of the ways, or not."""
+    if reading == READS_ZERO:
+        return 0.0
+    return held if reading == READS_HELD else rate

@@ -16,12 +16,11 @@ own mode, its back-EMF against the inertia, about 17 1/s in a JR700: 3 % of it i
 
 from typing import NamedTuple
 
-from helisim.physics import rotor
+from helisim.physics.inflow import soft_limit
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import STATE
+from helisim.physics.layout import PARAM, STATE
 from helisim.physics.memory import commanded_speed
-from helisim.physics.params import PARAM
-from helisim.physics.shaft import to_shaft
+from helisim.physics.motion import to_shaft
 
 IDEAL, MOTOR = 0.0, 1.0
 """What `PARAM.drive_governor` says."""
@@ -52,13 +51,10 @@ _LINEAR = 0.9
 class Drive(NamedTuple):
     """What the drive does.
 
-    Attributes:
-        speed_rate: of the rotor's speed over the nominal one, 1/s.
-        engine_rate: of the engine's throttle, 1/s.
-        governor_rate: of the governor's integral, 1/s.
-        mast: torque that turns the main rotor, N m; the body feels its reaction.
-        power: that reaches the two shafts and what turns with them, W; a shaft turns against the
-            body.
+    speed_rate: of the rotor's speed over the nominal one, 1/s; engine_rate: of the engine's
+    throttle, 1/s; governor_rate: of the governor's integral, 1/s; mast: torque that turns the main
+    rotor, N m; the body feels its reaction; power: that reaches the two shafts and what turns with
+    them, W; a shaft turns against the body.
     """
 
     speed_rate: float
@@ -109,13 +105,8 @@ def governing(par, commanded, collective, speed, throttle, integral):
     it is kept as long as the rotor turns, for the engine to catch it again (bail-out), which takes
     the throttle up at a rate of its own.
 
-    Args:
-        par: parameters.
-        commanded: speed over the nominal one; near 0 the throttle is cut.
-        collective: unitised.
-        speed: of the rotor, over the nominal one.
-        throttle: of the engine, 0 to 1.
-        integral: the governor's.
+    commanded: speed over the nominal one; near 0 the throttle is cut; collective: unitised; speed:
+    of the rotor, over the nominal one; throttle: of the engine, 0 to 1; integral: the governor's.
     """
     wanted, growth = 0.0, 0.0
     if commanded < _CUT:
@@ -135,12 +126,8 @@ def governing(par, commanded, collective, speed, throttle, integral):
 def room(par, raw, throttle, speed, error):
     """Return the share, 0 to 1, of its growth that the governor's integral is let to have.
 
-    Args:
-        par: parameters.
-        raw: throttle that the governor asks for, unlimited.
-        throttle: of the engine.
-        speed: of the rotor, over the nominal one.
-        error: speed that is missing.
+    raw: throttle that the governor asks for, unlimited; throttle: of the engine; speed: of the
+    rotor, over the nominal one; error: speed that is missing.
     """
     if error < 0.0:
         held = engine_torque(par, throttle, speed) / grip(par)
@@ -158,10 +145,7 @@ def motor_current(par, throttle, speed):
 
     The throttle's share of the battery's voltage, less the back-EMF, over all resistance.
 
-    Args:
-        par: parameters.
-        throttle: 0 to 1.
-        speed: of the rotor, over the nominal one.
+    throttle: 0 to 1; speed: of the rotor, over the nominal one.
     """
     turning = speed * par[PARAM.main_speed] * par[PARAM.drive_gear]
     emf = turning / par[PARAM.drive_speed_constant]
@@ -176,15 +160,12 @@ def engine_torque(par, throttle, speed):
     Combustion: of a spark-ignition engine, whose power is P (x + x^2 - x^3) at x of the speed of
     its greatest, P (Jazar, Vehicle Dynamics, section 4.1), times the throttle.
 
-    Args:
-        par: parameters.
-        throttle: 0 to 1.
-        speed: of the rotor, over the nominal one.
+    throttle: 0 to 1; speed: of the rotor, over the nominal one.
     """
     gear = par[PARAM.drive_gear]
     if par[PARAM.drive_engine] == ELECTRIC:
         wanted = motor_current(par, throttle, speed)
-        current = rotor.soft_limit(wanted, par[PARAM.drive_current_limit], _LINEAR)
+        current = soft_limit(wanted, par[PARAM.drive_current_limit], _LINEAR)
         return gear / par[PARAM.drive_speed_constant] * (current - par[PARAM.drive_no_load_current])
     best = par[PARAM.drive_power_speed]
     x = speed * par[PARAM.main_speed] * gear / best
@@ -195,10 +176,7 @@ def engine_torque(par, throttle, speed):
 def shaft_torque(par, throttle, speed):
     """Return the torque that reaches the main shaft through the freewheel, N m: never negative.
 
-    Args:
-        par: parameters.
-        throttle: 0 to 1.
-        speed: of the rotor, over the nominal one.
+    throttle: 0 to 1; speed: of the rotor, over the nominal one.
     """
     torque, whole = engine_torque(par, throttle, speed), grip(par)
     if torque >= whole:

@@ -1,34 +1,93 @@
-"""The flow of the air past a vehicle, and what its rotors do in it."""
+"""The flow of the air past a vehicle, what its rotors do in it, and the loads of both.
 
+The main rotor's wake falls below it in hover, and a tail stands beside it; with speed it is blown
+back over the tail, and at high speed the tail flies in the downwash behind the disc as behind a
+wing. Fin and tailplane are small flat surfaces that lift, stall, and stand against any flow.
+"""
+
+import math
 from typing import NamedTuple
 
-from helisim.physics import air, ground
-from helisim.physics.body import Velocities
-from helisim.physics.flapping import cyclic_tilt
-from helisim.physics.kernel import kernel
-from helisim.physics.layout import STATE
-from helisim.physics.main_rotor import MainRotor, main_rotor
-from helisim.physics.memory import from_element, speed_ratio
-from helisim.physics.params import PARAM
+from helisim.physics import air
+from helisim.physics.kernel import from_element, kernel
+from helisim.physics.layout import PARAM, STATE, WASH
+from helisim.physics.memory import position_ahead, speed_ratio
+from helisim.physics.motion import Velocities, Wrench, from_shaft, to_shaft
+from helisim.physics.rotor import (
+    MainRotor,
+    TailRotor,
+    cyclic_tilt,
+    main_rotor,
+    normal,
+    tail_rotor,
+    tail_wrench,
+    turning,
+)
 from helisim.physics.servo import unmix
-from helisim.physics.shaft import to_shaft
-from helisim.physics.tail_rotor import TailRotor, tail_rotor
-from helisim.physics.timing import position_ahead
-from helisim.physics.wake import Wash, wash
+
+
+class Wash(NamedTuple):
+    """Velocities of the main rotor's wake, m/s downwards.
+
+    fuselage: at the fuselage; tail: at tail rotor and fin; tailplane: at the tailplane.
+    """
+
+    fuselage: float
+    tail: float
+    tailplane: float
+
+
+@kernel()
+def wash(par, motion, main, speed=1.0, nearness=0.0):
+    """Return the `Wash` of a main rotor.
+
+    main: what the main rotor does, a `MainRotor`; speed: rotor speed over the nominal one; the wake
+    of one that stops fades with its forces; nearness: (R / 4z)^2 of the ground, which stops the
+    wake; 0 far from it.
+    """
+    _, turns = turning(speed)
+    induced = main.induced * main.tip_speed
+    through = induced - motion.w + motion.q * par[PARAM.hub_x]
+    ahead = motion.u + motion.q * par[PARAM.hub_z]
+    aside = motion.v - motion.p * par[PARAM.hub_z]
+    square = ahead**2 + aside**2 + through**2
+    if square == 0.0:
+        return Wash(0.0, 0.0, 0.0)
+    induced *= turns
+    cosine = through / math.sqrt(square)
+    behind = max(ahead, 0.0) ** 2 / square
+    fuselage = par[PARAM.download] * induced
+    tail = induced * wash_share(par, PARAM.tail_wash, cosine, behind)
+    tailplane = induced * wash_share(par, PARAM.tailplane_wash, cosine, behind)
+    if nearness > 0.0:
+        fuselage *= air.wash_residual(par, nearness, par[PARAM.drag_centre_z])
+        tail *= air.wash_residual(par, nearness, par[PARAM.tail_z])
+        tailplane *= air.wash_residual(par, nearness, par[PARAM.tailplane_z])
+    return Wash(fuselage, tail, tailplane)
+
+
+@kernel()
+def wash_share(par, first, cosine, behind):
+    """Return the downwash at a place over the induced velocity at the disc.
+
+    first: where the place's `WASH` start; cosine: of the skew angle: 1 in hover, 0 where the wake
+    leaves along the disc, -1 where it rises; behind: squared sine of the skew angle, of its part
+    that blows back.
+    """
+    polynomial = 0.0
+    for k in range(WASH - 1, 1, -1):
+        polynomial = polynomial * cosine + par[first + k]
+    upright = par[first] if cosine > 0.0 else par[first + 1]
+    return upright * cosine**2 + behind * polynomial
 
 
 class Flow(NamedTuple):
     """The flow past a vehicle, and what its rotors do in it.
 
-    Attributes:
-        motion: velocities of the body through the air.
-        hub: the same in shaft axes.
-        speed: rotor speed over the nominal one.
-        main: what the main rotor does.
-        tail: what the tail rotor does.
-        wash: the main rotor's wake at fuselage and tail.
-        air: velocities of the air itself.
-        nearness: (R / 4d)^2 of the ground.
+    motion: velocities of the body through the air; hub: the same in shaft axes; speed: rotor speed
+    over the nominal one; main: what the main rotor does; tail: what the tail rotor does; wash: the
+    main rotor's wake at fuselage and tail; air: velocities of the air itself; nearness: (R / 4d)^2
+    of the ground.
     """
 
     motion: Velocities
@@ -46,7 +105,7 @@ def flow(view, ahead):
     """Return the `Flow` past a vehicle; the blades' pitch is that of a time `ahead` (s)."""
     moving = air.motion(view)
     motion = air.relative_motion(view, moving)
-    nearness, mean = ground.nearness(view), view.act[STATE.inflow_0]
+    nearness, mean = air.nearness(view), view.act[STATE.inflow_0]
     return flow_in(view, motion, moving, speed_ratio(view), nearness, mean, ahead)
 
 
@@ -54,14 +113,9 @@ def flow(view, ahead):
 def flow_in(view, motion, moving, speed, nearness, mean, ahead):
     """Return the `Flow` past a vehicle in an induced velocity.
 
-    Args:
-        view: of the vehicle.
-        motion: `Velocities` of the body through the air.
-        moving: those of the air itself.
-        speed: rotor speed over the nominal one.
-        nearness: (R / 4d)^2 of the ground.
-        mean: induced velocity of dynamic inflow, m/s; without one it is found.
-        ahead: s, at which the blades' pitch is taken.
+    moving: those of the air itself; speed: rotor speed over the nominal one; nearness: (R / 4d)^2
+    of the ground; mean: induced velocity of dynamic inflow, m/s; without one it is found; ahead: s,
+    at which the blades' pitch is taken.
     """
     hub = to_shaft(view.par, motion)
     main = main_rotor_in(view, hub, speed, nearness, mean, ahead)
@@ -89,3 +143,195 @@ def main_rotor_in(view, hub, speed, nearness, mean, ahead):
 def flow_later(view, past, mean, ahead):
     """Return the `Flow` as it is with another induced velocity, m/s, the pitch `ahead` (s)."""
     return flow_in(view, past.motion, past.air, past.speed, past.nearness, mean, ahead)
+
+
+@kernel()
+def fuselage(par, motion, wash):
+    """Return the wrench of the fuselage.
+
+    Its moments are those of a long body in potential flow, which would turn across the flow
+    (Munk, NACA TR 184): proportional to the product of the speeds along it and across it.
+
+    wash: velocity of the main rotor's wake there, m/s downwards.
+    """
+    u, v, w = motion.u, motion.v, motion.w - wash
+    x, z = par[PARAM.drag_centre_x], par[PARAM.drag_centre_z]
+    half = 0.5 * par[PARAM.air_density]
+    pressure = half * math.sqrt(u**2 + v**2 + w**2)
+    fx = -pressure * par[PARAM.drag_x] * u
+    fy = -pressure * par[PARAM.drag_y] * v
+    fz = -pressure * par[PARAM.drag_z] * w
+    return Wrench(
+        fx,
+        fy,
+        fz,
+        -z * fy,
+        z * fx - x * fz + half * par[PARAM.pitch_volume] * u * (w - par[PARAM.pitch_zero] * u),
+        x * fy - half * par[PARAM.yaw_volume] * u * v,
+    )
+
+
+_STILL = 1e-60
+"""(m/s)^2, below which its own square is lost."""
+
+
+def lift_slope(aspect_ratio):
+    """Return the lift slope, 1/rad, of a flat surface (Helmbold's formula).
+
+    From 2 pi of an endless one to pi A / 2 of a slender one (Anderson, Fundamentals of
+    Aerodynamics, section 5.3).
+
+    Args:
+        aspect_ratio: A, span squared over area.
+    """
+    return 2.0 * math.pi * aspect_ratio / (2.0 + math.hypot(aspect_ratio, 2.0))
+
+
+@kernel()
+def normal_force(density, area, slope, greatest, square, normal):
+    """Return the force on a flat surface along its normal, N, against the flow through it.
+
+    The coefficient is the lift slope times the sine of the angle to the flow up to where the
+    surface stalls; from there to the flow at right angles, 90 degrees, it stays at the greatest,
+    as of low and flat plates (Hoerner, Fluid-Dynamic Drag, chapter 3: 1.17 at right angles). A thin
+    plate has no suction at its edge, so the whole force stands on its normal; leaned back, it is
+    the induced drag too, and takes energy from every motion through the air.
+
+    density: of the air, kg/m^3; area: m^2; slope: lift slope, 1/rad; greatest: greatest
+    coefficient; square: of the airspeed, (m/s)^2; normal: component of the surface's velocity
+    through the air along its normal, m/s.
+    """
+    if square < _STILL:
+        return 0.0
+    stalled = (slope * normal / greatest) ** 2
+    lifting = square / math.sqrt(math.sqrt(square**2 + stalled**2))
+    return -0.5 * density * area * slope * normal * lifting
+
+
+@kernel()
+def fin(par, motion, wash):
+    """Return the wrench of the vertical fin.
+
+    wash: velocity of the main rotor's wake there, m/s downwards.
+    """
+    x, z = par[PARAM.fin_x], par[PARAM.fin_z]
+    u = motion.u + motion.q * z
+    v = motion.v + motion.r * x - motion.p * z
+    w = motion.w - motion.q * x - wash
+    cosine, sine = par[PARAM.fin_cosine], par[PARAM.fin_sine]
+    force = normal_force(
+        par[PARAM.air_density],
+        par[PARAM.fin_area],
+        par[PARAM.fin_slope],
+        par[PARAM.fin_stall],
+        u**2 + v**2 + w**2,
+        u * sine + v * cosine,
+    )
+    fx, fy = force * sine, force * cosine
+    return Wrench(fx, fy, 0.0, -z * fy, z * fx, x * fy)
+
+
+@kernel()
+def tailplane(par, motion, wash):
+    """Return the wrench of the horizontal tailplane.
+
+    wash: velocity of the main rotor's wake there, m/s downwards.
+    """
+    if par[PARAM.tailplane_area] == 0.0:
+        return Wrench(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    x, z = par[PARAM.tailplane_x], par[PARAM.tailplane_z]
+    u = motion.u + motion.q * z
+    v = motion.v + motion.r * x - motion.p * z
+    w = motion.w - motion.q * x - wash
+    cosine, sine = par[PARAM.tailplane_cosine], par[PARAM.tailplane_sine]
+    force = normal_force(
+        par[PARAM.air_density],
+        par[PARAM.tailplane_area],
+        par[PARAM.tailplane_slope],
+        par[PARAM.tailplane_stall],
+        u**2 + v**2 + w**2,
+        u * sine + w * cosine,
+    )
+    fx, fz = force * sine, force * cosine
+    return Wrench(fx, 0.0, fz, 0.0, z * fx - x * fz, 0.0)
+
+
+@kernel()
+def wrench(par, a, b, flow, mast):
+    """Return the aerodynamic force and moment at the body's origin, a `Wrench`.
+
+    a: rearward tilt, rad; b: right tilt, rad; flow: the `Flow` past it; mast: torque that turns the
+    main rotor, N m.
+    """
+    hub = from_shaft(par, hub_wrench(par, a, b, flow.main, flow.speed, mast))
+    tail, rest = tail_wrench(par, flow.tail), airframe(par, flow)
+    return Wrench(
+        hub.fx + tail.fx + rest.fx,
+        hub.fy + tail.fy + rest.fy,
+        hub.fz + tail.fz + rest.fz,
+        hub.mx + tail.mx + rest.mx,
+        hub.my + tail.my + rest.my,
+        hub.mz + tail.mz + rest.mz,
+    )
+
+
+@kernel()
+def airframe(par, flow):
+    """Return the wrench of all that doesn't turn: fuselage, fin and tailplane."""
+    motion, wash = flow.motion, flow.wash
+    body = fuselage(par, motion, wash.fuselage)
+    upright, level = fin(par, motion, wash.tail), tailplane(par, motion, wash.tailplane)
+    return Wrench(
+        body.fx + upright.fx + level.fx,
+        body.fy + upright.fy,
+        body.fz + level.fz,
+        body.mx + upright.mx,
+        body.my + upright.my + level.my,
+        body.mz + upright.mz,
+    )
+
+
+@kernel()
+def heat(par, flow):
+    """Return the power that is lost to the air, W.
+
+    Of both rotors what they induce and their blades' drag, and what fuselage and surfaces take from
+    the vehicle's motion, a fin in the tail rotor's slipstream too. What those and the tail rotor
+    take from the main rotor's wake was lost before.
+    """
+    drag, moving, tail = airframe(par, flow), flow.motion, flow.tail
+    work = drag.fx * moving.u + drag.fy * moving.v + drag.fz * moving.w
+    work += drag.mx * moving.p + drag.my * moving.q + drag.mz * moving.r
+    aside = moving.v + moving.r * par[PARAM.tail_x] - moving.p * par[PARAM.tail_z]
+    work += par[PARAM.main_direction] * par[PARAM.tail_blockage] * tail.thrust * aside
+    return flow.main.heat + tail.heat - tail.drag_z * flow.wash.tail - work
+
+
+@kernel()
+def hub_wrench(par, a, b, main, speed, mast):
+    """Return the wrench of the main rotor's hub, shaft axes: thrust, springs and torque.
+
+    Thrust stands on the tip-path plane, the blades' drag in the hub's. Half of the air's torque
+    tilts with the tips: the drag of blades that flap acts across them, level with the hub
+    (Padfield, Helicopter Flight Dynamics, chapter 3, of the hub's moments). A head whose springs
+    lag in phase has a moment across the tilt too, against it.
+
+    a: rearward tilt, rad; b: right tilt, rad; main: what the main rotor does, a `MainRotor`; speed:
+    rotor speed over the nominal one; mast: torque that turns the rotor, N m.
+    """
+    x, y, z = normal(par, (a, b))
+    back, right = x / z, -y / z
+    _, share = turning(speed)
+    stiffness = share * par[PARAM.hub_stiffness]
+    direction = par[PARAM.main_direction]
+    leaning = direction * (0.5 * main.torque - share * par[PARAM.hub_cross])
+    fx, fy, fz = main.drag_x + main.thrust * x, main.drag_y + main.thrust * y, main.thrust * z
+    arm_x, arm_z = par[PARAM.hub_x], par[PARAM.hub_z]
+    return Wrench(
+        fx,
+        fy,
+        fz,
+        stiffness * right - arm_z * fy + leaning * x,
+        stiffness * back + arm_z * fx - arm_x * fz + leaning * y,
+        arm_x * fy - direction * mast,
+    )

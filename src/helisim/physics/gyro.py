@@ -13,8 +13,7 @@ import math
 from typing import NamedTuple
 
 from helisim.physics.kernel import kernel, known
-from helisim.physics.layout import STATE
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM, STATE
 from helisim.physics.servo import mix
 
 _HIGHEST = 0.5
@@ -111,11 +110,8 @@ def yaw_law(seen, state, settings, first=0):
     The state integrates what is held, and half a period of the whole error makes the rule
     trapezoidal; the integral of the lead's part of the rate is the lead times the filtered rate.
 
-    Args:
-        seen: `Seen`.
-        state: of the law, (2,) from `first` on, moved on to the next tick.
-        settings: of the gyro, (n_param,), by `PARAM`.
-        first: where its states start.
+    seen: `Seen`; state: of the law, (2,) from `first` on, moved on to the next tick; settings: of
+    the gyro, (n_param,), by `PARAM`; first: where its states start.
     """
     lead, summed = first + YAW.r_lead, first + YAW.r_integral
     k_delta, k_a = settings[PARAM.gyro_k_delta], settings[PARAM.gyro_k_a]
@@ -143,10 +139,8 @@ def yaw_law(seen, state, settings, first=0):
 def cyclic_law(seen, state, settings):
     """Return the commands of the front, left and right servo.
 
-    Args:
-        seen: `Seen`.
-        state: of the law, (6,), moved on to the next tick.
-        settings: of the gyro, (n_param,), by `PARAM`.
+    seen: `Seen`; state: of the law, (6,), moved on to the next tick; settings: of the gyro,
+    (n_param,), by `PARAM`.
     """
     p, q = state[CYCLIC.p_filter], state[CYCLIC.q_filter]
     p_wanted = settings[PARAM.gyro_p_per_lat] * seen.LAT + settings[PARAM.gyro_p_per_lon] * seen.LON
@@ -176,13 +170,9 @@ def cyclic_law(seen, state, settings):
 def track_rate(state, first, rate, wanted, command, settings):
     """Move the filters and the integral of one cyclic axis on to the next tick.
 
-    Args:
-        state: of the cyclic law, (6,).
-        first: of the axis's three states.
-        rate: that is read, rad/s.
-        wanted: commanded rate, rad/s.
-        command: of the axis, unitised, not yet limited.
-        settings: of the gyro, (n_param,), by `PARAM`.
+    state: of the cyclic law, (6,); first: of the axis's three states; rate: that is read, rad/s;
+    wanted: commanded rate, rad/s; command: of the axis, unitised, not yet limited; settings: of the
+    gyro, (n_param,), by `PARAM`.
     """
     summed, slow = first + 1, first + 2
     off = state[first] - rate
@@ -203,14 +193,8 @@ def yaw_error(ped_stick, r, lead_state, k_delta, k_a, lead, lead_lag):
     The rate is led by `lead` at low frequency: (1 + (lead + lag) s) / (1 + lag s), where `lag`
     is by how much the sampled filter is late, `held_lag(lead_filter, period)`.
 
-    Args:
-        ped_stick: unitised.
-        r: sensed yaw rate, rad/s.
-        lead_state: of the filter of the lead, rad/s.
-        k_delta: gain of the stick.
-        k_a: gain of the rate, s/rad.
-        lead: s.
-        lead_lag: s.
+    ped_stick: unitised; r: sensed yaw rate, rad/s; lead_state: of the filter of the lead, rad/s;
+    k_delta: gain of the stick; k_a: gain of the rate, s/rad; lead: s; lead_lag: s.
     """
     led = lead_state + (lead + lead_lag) / lead_lag * (r - lead_state)
     return k_delta * ped_stick - k_a * led
@@ -267,10 +251,7 @@ def filter_through(first, second, period):
 
     What is held drives the first filter, this the second; both are first-order.
 
-    Args:
-        first: time constant, s.
-        second: time constant, s.
-        period: s.
+    first: time constant, s; second: time constant, s; period: s.
     """
     apart = period / second - period / first
     if abs(apart) > 1.0:  # where the exponential of a long period could overflow

@@ -1,4 +1,4 @@
-"""Induced velocity of a rotor from climb through the vortex ring to the windmill: one answer.
+"""Induced velocity of a rotor: momentum balance through the vortex ring, and dynamic inflow.
 
 Velocities are ratios to the tip speed, positive when air passes the disc against the thrust, as
 in a climb; CT = T / (rho A (Omega R)^2).
@@ -9,9 +9,21 @@ state. Between, where V would be that of a wake that can't leave, it has three r
 none that is measured. There V is taken from tests instead, as a function of v and of the flow past
 the rotor, so that the balance keeps its form. It then rises with v everywhere: blade elements,
 whose thrust falls with v, meet it once.
+
+Dynamic inflow is Pitt and Peters', Theoretical prediction of dynamic-inflow derivatives (Vertica 5,
+1981), in the nonlinear form of Peters and HaQuang, Dynamic inflow for practical applications
+(J. AHS 33, 1988). The induced velocity has a mean and a slope across the disc,
+
+    v(x, y) = v_0 + (v_s y - v_c x) / R    (x ahead, y to the right, v downwards),
+
+and M dv/dt + V L^-1 v = loads: those of thrust and of the aerodynamic moments on the hub, with M
+the apparent mass of the air and L the wake's influence at its angle of skew. Where it rests, the
+mean is the momentum balance. Its states are velocities, not ratios: rotor speed may change, and
+the air knows nothing of it.
 """
 
 import math
+from typing import NamedTuple
 
 from helisim.physics.kernel import kernel
 
@@ -85,10 +97,7 @@ def ring_thrust(induced):
 def mass_flow(induced, climb, advance):
     """Return V, the ratio of the air's speed through the disc, and its slope by v.
 
-    Args:
-        induced: v.
-        climb: V_c.
-        advance: mu.
+    induced: v; climb: V_c; advance: mu.
     """
     square, half_slope = flow_square(induced, climb, advance)
     flow = math.sqrt(square)
@@ -105,10 +114,7 @@ def flow_square(induced, climb, advance):
     part is measured. Edgewise flow as fast as v has blown the ring away: Johnson (NASA
     TP-2005-213477) has it gone at 0.95 v_h, where v is about v_h.
 
-    Args:
-        induced: v.
-        climb: V_c.
-        advance: mu.
+    induced: v; climb: V_c; advance: mu.
     """
     through = climb + induced
     square, half_slope = advance**2 + through**2, through
@@ -135,10 +141,7 @@ def ground_share(nearness, induced, advance):
     k = 1 - (R / 4z)^2 / (1 + (mu / lambda_i)^2). Momentum theory has T lambda_i and
     lambda_i^2 proportional to share x T, so the share is k^3.
 
-    Args:
-        nearness: (R / 4z)^2.
-        induced: lambda_i.
-        advance: mu.
+    nearness: (R / 4z)^2; induced: lambda_i; advance: mu.
     """
     square = induced**2 + advance**2
     if nearness == 0.0 or square == 0.0:
@@ -170,13 +173,9 @@ def balance(free, slope, limit, climb, advance, nearness):
     2 v V = CT, near the ground a share of it, and CT = slope (free - v) up to the stall. Newton's
     method between 0 and `free`, to rounding. Turned upside down all signs change, to the bit.
 
-    Args:
-        free: v at which the blades carry nothing.
-        slope: of the blades' CT, by v.
-        limit: greatest |CT| that the blades carry.
-        climb: along the thrust.
-        advance: mu.
-        nearness: (R / 4z)^2 of the ground, 0 far from it.
+    free: v at which the blades carry nothing; slope: of the blades' CT, by v; limit: greatest |CT|
+    that the blades carry; climb: along the thrust; advance: mu; nearness: (R / 4z)^2 of the ground,
+    0 far from it.
     """
     if free == 0.0:
         return 0.0, 0.0
@@ -210,3 +209,66 @@ def balance(free, slope, limit, climb, advance, nearness):
             induced = 0.5 * (low + high)
     thrust = carried(up * free, slope, limit, induced)
     return up * induced, up * thrust
+
+
+MEAN_MASS = 8.0 / (3.0 * math.pi)
+"""Of the air, over rho pi R^3: of an impermeable disc, as the untwisted blades of Carpenter and
+Fridovich have it (NACA TN 3044, 1953). Pitt and Peters' corrected 128 / (75 pi) is 36 % less."""
+SLOPE_MASS = 16.0 / (45.0 * math.pi)
+"""Of the air under rolling and pitching moments, over rho pi R^4."""
+_SKEW = 15.0 * math.pi / 64.0
+"""How the mean load slopes the inflow of a skewed wake, and a slope of load changes its mean."""
+_LEAST = 0.5
+"""V_m is at least so much of V_T: at the edges of the vortex ring momentum theory would have 0,
+where nothing carries a moment's air away."""
+
+
+class Wake(NamedTuple):
+    """The air that leaves a rotor, over the tip speed.
+
+    flow: V_T of Peters and HaQuang; slope_flow: V_m of theirs; skew_x: tan(chi / 2) times the
+    cosine of the hub's way through the air; skew_y: the same times the sine, positive to the right.
+    """
+
+    flow: float
+    slope_flow: float
+    skew_x: float
+    skew_y: float
+
+
+@kernel()
+def inflow_rates(mean, right, aft, thrust, roll, pitch, wake, speed, radius):
+    """Return the derivatives of mean, right and aft induced velocity, m/s^2.
+
+    mean: v_0, m/s; right: v_s, by which more air goes down at the right tip, m/s; aft: v_c,
+    likewise at the rear tip, m/s; thrust: T / (rho pi R^2), m^2/s^2; roll: L / (rho pi R^3),
+    m^2/s^2, of the aerodynamic moment, right side down; pitch: M / (rho pi R^3), likewise, nose up;
+    wake: the `Wake`; speed: of the tips, m/s; radius: m.
+    """
+    skew_x, skew_y = wake.skew_x, wake.skew_y
+    flow, slope_flow = speed * wake.flow, speed * wake.slope_flow
+    square = skew_x**2 + skew_y**2
+    share = 1.0 - (1.0 - _SKEW**2) * square  # determinant of the wake's L across mean and way
+    along = aft * skew_x - right * skew_y  # slope to the lee, times the skew
+    held = (2.0 * (1.0 - square) * mean + _SKEW * along) / share
+    mean_rate = (thrust - flow * held) / (MEAN_MASS * radius)
+    even = 0.5 / (1.0 + square)
+    swept = ((2.0 - _SKEW**2) * even * along - _SKEW * mean) / share
+    right_rate = (-roll - slope_flow * (even * right - swept * skew_y)) / (SLOPE_MASS * radius)
+    aft_rate = (-pitch - slope_flow * (even * aft + swept * skew_x)) / (SLOPE_MASS * radius)
+    return mean_rate, right_rate, aft_rate
+
+
+@kernel()
+def wake(induced, climb, edgewise, ahead, right):
+    """Return the `Wake` of a rotor; all velocities are over the tip speed.
+
+    induced: mean induced velocity; climb: of the hub through the air, against its thrust; edgewise:
+    the hub's velocity across the thrust; ahead: velocity that skews the wake; right: likewise.
+    """
+    flow, slope = mass_flow(induced, climb, edgewise)
+    if flow == 0.0:
+        return Wake(0.0, 0.0, 0.0, 0.0)
+    # tan(chi / 2) = mu / (V + |lambda|)
+    skew = 1.0 / (flow + math.sqrt(max(0.0, flow**2 - edgewise**2)))
+    return Wake(flow, max(flow + induced * slope, _LEAST * flow), skew * ahead, skew * right)

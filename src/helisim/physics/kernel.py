@@ -1,16 +1,27 @@
-"""How the force laws are compiled: functions into MuJoCo's callbacks, layouts into their code.
+"""How the force laws are compiled: functions, layouts, and the memory that their pointers reach.
 
-From Python, both are what they look like: a function and a named tuple of whole numbers.
+From Python a kernel is what it looks like, a function, and a layout a named tuple of whole numbers.
 """
 
+import hashlib
+from collections.abc import Callable
 from functools import partial
+from importlib.resources import files
 from typing import Any, TypeVar
 
-from numba import types
+import llvmlite.binding
+import mujoco
+import numba
+from llvmlite import ir
+from numba import _dynfunc, types
+from numba.core import cgutils, typed_passes, untyped_passes
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.imputils import lower_constant
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
     infer_getattr,
+    intrinsic,
     lower_getattr_generic,
     models,
     register_jitable,
@@ -18,19 +29,145 @@ from numba.extending import (
     typeof_impl,
 )
 
+_IDLE = {
+    untyped_passes.WithLifting,
+    untyped_passes.InlineClosureLikes,
+    untyped_passes.RewriteSemanticConstants,
+    untyped_passes.DeadBranchPrune,
+    untyped_passes.RewriteDynamicRaises,
+    untyped_passes.MakeFunctionToJitFunction,
+    untyped_passes.InlineInlinables,
+    untyped_passes.FindLiterallyCalls,
+    untyped_passes.LiteralUnroll,
+    untyped_passes.LiteralPropagationSubPipelinePass,
+    typed_passes.InlineOverloads,
+    typed_passes.NopythonRewrites,
+    typed_passes.AnnotateTypes,
+    typed_passes.IRLegalization,
+    typed_passes.DumpParforDiagnostics,
+}
+"""Passes of numba with nothing to do in a kernel, which has no closures, arrays or constants."""
+
+
+class _Part(JITCodeLibrary):
+    """The code of one kernel, which is optimised and made machine code within its callers only.
+
+    numba optimises and assembles each function together with all that it calls, as if Python called
+    it; for kernels, two hundred of them nested eight deep, that was half of the time to compile.
+    """
+
+    def finalize(self) -> None:
+        self._finalized = True
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:  # to numba's library those count too
+                manager, builder = self._codegen._function_pass_manager()
+                manager.run(function, builder)
+
+    def _parts(self) -> dict[Any, None]:
+        """Return all libraries that this one calls, and those that they call."""
+        found: dict[Any, None] = {}
+        pending = list(self._linking_libraries)
+        while pending:
+            one = pending.pop()
+            if one not in found:
+                found[one] = None
+                pending += one._linking_libraries if isinstance(one, _Part) else ()
+        return found
+
+    def _link(self, module: Any) -> None:
+        for one in self._parts():
+            module.link_in(JITCodeLibrary._get_module_for_linking(one), preserve=True)
+
+    def _get_module_for_linking(self) -> Any:
+        module = super()._get_module_for_linking().clone()
+        self._link(module)
+        return module
+
+
+class _Whole(_Part):
+    """The code of a callback: all kernels that it calls, optimised once."""
+
+    def finalize(self) -> None:
+        self._link(self._final_module)
+        self._linking_libraries.clear()
+        JITCodeLibrary.finalize(self)
+
+    def _optimize_final_module(self) -> None:
+        manager, builder = self._codegen._module_pass_manager()
+        manager.run(self._final_module, builder)
+
+
+class CallbackCompiler(CompilerBase):
+    """Compiles what MuJoCo calls: a `pipeline_class` of `numba.cfunc`."""
+
+    library: type[JITCodeLibrary] = _Whole
+
+    def define_pipelines(self) -> list[Any]:
+        """Return numba's own pipeline without the passes that have nothing to do in kernels."""
+        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        pipeline.passes = [one for one in pipeline.passes if one[0] not in _IDLE]
+        context = self.state.targetctx
+        self.state.library = self.library(context.codegen(), self.state.func_id.func_qualname)
+        self.state.library.enable_object_caching()
+        return [pipeline]
+
+
+class _KernelCompiler(CallbackCompiler):
+    library = _Part
+
+    def define_pipelines(self) -> list[Any]:
+        pipelines = super().define_pipelines()
+        self.state.targetctx.get_executable = _without_code
+        return pipelines
+
+
+def _without_code(library: Any, description: Any, environment: Any) -> Any:
+    """Return a stand-in for the function that Python would call: a kernel has no such code."""
+    name = description.qualname.rpartition(".")[2]
+    module = description.lookup_module()
+    return _dynfunc.make_function(module, name, "", 1, environment, (library,))
+
+
 kernel = partial(
     register_jitable,
     error_model="numpy",
     forceinline=True,
     no_cpython_wrapper=True,
     no_cfunc_wrapper=True,
+    pipeline_class=_KernelCompiler,
     _nrt=False,
 )
-"""Compiled, a division by zero gives infinity, as in C; the flight then counts as diverged.
+"""Compiled, a division by zero gives infinity, as in C; the flight then counts as diverged."""
 
-No wrappers to call the compiled code from Python and no counting of references: together they
-took half of the time to compile.
-"""
+
+def fingerprint() -> int:
+    """Return a number that changes with the sources of the physics and with the libraries.
+
+    numba's cache on disk knows a function by its own file only; this number is part of
+    what it is cached by, so neither an edited force law nor another MuJoCo meets stale code.
+    """
+    digest = hashlib.sha256(f"{mujoco.__version__} {numba.__version__}".encode())
+    for source in sorted(files("helisim.physics").iterdir(), key=lambda file: file.name):
+        if source.name.endswith(".py"):
+            digest.update(source.read_bytes())
+    return int.from_bytes(digest.digest()[:7], "little")
+
+
+def compiled_or_cached(compiled: Callable[[bool], Any]) -> Any:
+    """Return what a function compiles when told whether to cache it on disk, beside its source.
+
+    Where neither that nor the user's cache folder can be written, it is compiled without.
+    """
+    try:
+        return compiled(True)
+    except RuntimeError as error:
+        if "cache" not in str(error):
+            raise
+        return compiled(False)
+
 
 Numbers = TypeVar("Numbers", bound=tuple[int, ...])
 
@@ -50,7 +187,7 @@ class Known(types.Dummy):
 
     @property
     def key(self) -> Any:
-        """What tells two such types apart."""
+        """Identity of the type: class and numbers."""
         return type(self.numbers), self.numbers
 
 
@@ -79,3 +216,77 @@ def _number(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any
 @lower_constant(Known)
 def _nothing(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return context.get_dummy_value()
+
+
+def _pointer_intrinsic(element: types.Type):
+    @intrinsic
+    def cast(typingctx, address):
+        signature = types.CPointer(element)(types.int64)
+
+        def codegen(context, builder, signature, args):
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return signature, codegen
+
+    return cast
+
+
+doubles_at = _pointer_intrinsic(types.float64)
+ints_at = _pointer_intrinsic(types.int32)
+longs_at = _pointer_intrinsic(types.int64)
+
+
+def address_of(symbol: str, address: int):
+    """Return a function for kernels that returns an address of this process, under a name.
+
+    It is looked up when code is loaded, so that code can be kept on disk.
+    """
+    llvmlite.binding.add_symbol(symbol, address)
+
+    @intrinsic
+    def known(typingctx):
+        def codegen(context, builder, signature, args):
+            found = builder.module.globals.get(symbol)
+            found = found or cgutils.add_global_variable(builder.module, ir.IntType(64), symbol)
+            return builder.ptrtoint(found, ir.IntType(64))
+
+        return types.int64(), codegen
+
+    return known
+
+
+@intrinsic
+def call(typingctx, function, arguments):
+    """Call a C function without a result by its address, with a tuple of numbers and pointers."""
+
+    def codegen(context, builder, signature, args):
+        given = cgutils.unpack_tuple(builder, args[1])
+        kind = ir.FunctionType(ir.VoidType(), [one.type for one in given])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), given)
+        return context.get_dummy_value()
+
+    return types.void(function, arguments), codegen
+
+
+@intrinsic
+def from_element(typingctx, array, first):
+    """Return an array of doubles from its element `first` on."""
+
+    def codegen(context, builder, signature, args):
+        return builder.gep(args[0], [args[1]])
+
+    return array(array, first), codegen
+
+
+@intrinsic
+def buffer(typingctx, count):
+    """Return an uninitialised array of doubles, (count,), a literal, on the caller's own stack."""
+    if not isinstance(count, types.IntegerLiteral):
+        return None
+    signature = types.CPointer(types.float64)(count)
+
+    def codegen(context, builder, signature, args):
+        element = context.get_value_type(types.float64)
+        return cgutils.alloca_once(builder, element, size=signature.args[0].literal_value)
+
+    return signature, codegen

@@ -1,66 +1,198 @@
-"""mjModel and mjData as compiled code reads them: fields by address, our vehicles among them."""
+"""mjModel and mjData as compiled code reads them: fields by address, helisim's vehicles, time.
 
+`mujoco.introspect` describes MuJoCo's C structures and ctypes lays them out as the C compiler did;
+the offsets are checked against live objects before any compiled code uses them.
+
+The gyro acts at its ticks, once in each of its periods, and what it sees and says is held between.
+Runge-Kutta asks for derivatives, four times a step. The other integrators ask once and hold the
+result for the step: v += h dv/dt, then x += h v, and act += h d(act)/dt. To be of second order with
+one evaluation, they are given the step's mean, by a staggered (leapfrog) scheme: velocities belong
+to the steps, positions and the tip-path plane's tilt to halfway between them. The tilt kept at a
+step is half a step old; moved on by a step with the rates at its middle, it acts on the body half
+a step ahead. Servos are driven by commands that are held, so their mean is the exponential's.
+"""
+
+import ctypes
+import math
+from collections import namedtuple
+from functools import cache
 from typing import Any, NamedTuple
 
-import llvmlite.binding
 import mujoco
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
+import numpy as np
+from mujoco.introspect import ast_nodes, structs
 
-from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, LAYOUT, MAGIC, ROTOR, SENSOR, SENSORS, STATE
-from helisim.physics.params import HANDS_OFF_ROTOR, PARAM
+from helisim.base.errors import CallbackError
+from helisim.physics.kernel import doubles_at, ints_at, kernel, known, longs_at
+from helisim.physics.layout import (
+    CONTROL,
+    HANDS_OFF_ROTOR,
+    LAYOUT,
+    MAGIC,
+    PARAM,
+    ROTOR,
+    SENSOR,
+    SENSORS,
+    STATE,
+)
 
+_MODEL = namedtuple(
+    "_MODEL",
+    "nactuator nuser_actuator nuserdata nsensor ngeom actuator_user actuator_group "
+    "actuator_dyntype actuator_actnum actuator_trntype actuator_trnid actuator_actadr "
+    "actuator_ctrladr actuator_history actuator_historyadr actuator_delay jnt_type jnt_bodyid "
+    "body_rootid body_dofadr body_dofnum dof_parentid geom_type geom_contype geom_conaffinity "
+    "geom_bodyid geom_size sensor_type sensor_dim sensor_adr sensor_objtype sensor_objid "
+    "sensor_interval names name_bodyadr name_actuatoradr name_sensoradr",
+)._fields
+_OPTION = namedtuple(
+    "_OPTION",
+    "timestep wind integrator disableflags disableactuator",
+)._fields
+_DATA = namedtuple(
+    "_DATA",
+    "time act act_dot ctrl history xpos xmat cvel cdof subtree_com geom_xpos geom_xmat "
+    "qfrc_passive qfrc_constraint sensordata userdata",
+)._fields
+_FIELDS = (*_MODEL, *_OPTION, *_DATA)
+Offsets = namedtuple("Offsets", (*_FIELDS, "fingerprint"), defaults=[0])
+"""Byte offsets of the fields that the callbacks read or write; `fingerprint` is no field."""
+known(Offsets)
+_ALIGNED = 64
+"""Bytes; MuJoCo's arrays start at multiples of them."""
 _USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+_RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 _PARAMETERS = len(PARAM)
 _STICKS = SENSORS["stick"]
-_AHEAD = list(SENSORS).index("stick")
-_BEHIND = len(SENSORS) - 1 - _AHEAD
+_BEFORE_STICK = list(SENSORS).index("stick")
+_BEHIND_STICK = len(SENSORS) - 1 - _BEFORE_STICK
+TICK_TOLERANCE = 1e-6
+"""Of a period: a tick, or a whole number of steps, counts so much early, as times are rounded."""
+TIME_TOLERANCE = 1e-9
+"""s, by which equal times may differ: far above their rounding, far below any time step."""
 
 
-def _pointer_intrinsic(element: types.Type):
-    @intrinsic
-    def cast(typingctx, address):
-        del typingctx
-        signature = types.CPointer(element)(types.int64)
+@cache
+def offsets() -> Any:
+    """Return the byte offset of every field, `Offsets`.
 
-        def codegen(context, builder, signature, args):
-            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
-
-        return signature, codegen
-
-    return cast
-
-
-doubles_at = _pointer_intrinsic(types.float64)
-_ints_at = _pointer_intrinsic(types.int32)
-longs_at = _pointer_intrinsic(types.int64)
-bytes_at = _pointer_intrinsic(types.uint8)
-
-
-def address_of(symbol: str, address: int):
-    """Return a function for kernels that returns an address of this process, under a name.
-
-    It is looked up when code is loaded, so that code can be kept on disk.
+    Raises:
+        CallbackError: this MuJoCo's structures are not laid out as it describes them.
     """
-    llvmlite.binding.add_symbol(symbol, address)
+    model, data, option = map(_structure, ("mjModel", "mjData", "mjOption"))
+    try:
+        found = Offsets(
+            *(getattr(model, name).offset for name in _MODEL),
+            *(model.opt.offset + getattr(option, name).offset for name in _OPTION),
+            *(getattr(data, name).offset for name in _DATA),
+        )
+    except AttributeError as error:
+        raise CallbackError(
+            f"MuJoCo {mujoco.__version__} has no field that helisim needs: {error}; "
+            "install a version that this helisim supports"
+        ) from None
+    _verify(found)
+    return found
 
-    @intrinsic
-    def known(typingctx):
-        del typingctx
 
-        def codegen(context, builder, signature, args):
-            del context, signature, args
-            found = builder.module.globals.get(symbol)
-            found = found or cgutils.add_global_variable(builder.module, ir.IntType(64), symbol)
-            return builder.ptrtoint(found, ir.IntType(64))
+_SCALARS: dict[str, Any] = {
+    "unsigned int": ctypes.c_uint,
+    "char": ctypes.c_char,
+    "unsigned char": ctypes.c_ubyte,
+    "float": ctypes.c_float,
+    "double": ctypes.c_double,
+    "size_t": ctypes.c_size_t,
+    "uint64_t": ctypes.c_uint64,
+    "uintptr_t": ctypes.c_size_t,
+    "int64_t": ctypes.c_int64,
+    "mjtNum": ctypes.c_double,
+    "mjtByte": ctypes.c_ubyte,
+    "mjtBool": ctypes.c_bool,
+    "mjtSize": ctypes.c_int64,
+}
 
-        return types.int64(), codegen
 
-    return known
+def _structure(name: str) -> type[ctypes.Structure]:
+    return _layout(name, (structs.STRUCTS.get(name) or structs.STRUCTS[f"{name}_"]).fields)
+
+
+def _layout(name: str, fields: Any) -> type[ctypes.Structure]:
+    members = []
+    for index, field in enumerate(fields):
+        label = getattr(field, "name", None) or f"anonymous_{index}"
+        members.append((label, _ctype(getattr(field, "type", field), f"{name}_{label}")))
+    return type(name, (ctypes.Structure,), {"_fields_": members})
+
+
+def _ctype(node: Any, name: str) -> Any:
+    match node:
+        case ast_nodes.PointerType():
+            return ctypes.c_void_p
+        case ast_nodes.ArrayType():
+            element = _ctype(node.inner_type, name)
+            for extent in reversed(node.extents):
+                element = element * extent
+            return element
+        case ast_nodes.AnonymousStructDecl():
+            return _layout(name, node.fields)
+    if node.name in structs.STRUCTS or f"{node.name}_" in structs.STRUCTS:
+        return _structure(node.name)
+    return _SCALARS.get(node.name, ctypes.c_int)  # int and enumerations
+
+
+_PROBE = """
+<mujoco>
+  <option timestep="0.00137" integrator="RK4" wind="1.25 2.5 3.75" actuatorgroupdisable="2 5">
+    <flag warmstart="disable" sensor="disable"/>
+  </option>
+  <size nuser_actuator="3" nuserdata="2"/>
+  <worldbody>
+    <body name="b">
+      <freejoint name="j"/>
+      <geom size="0.1"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <general joint="j" dyntype="user" actdim="2" delay="0.01" nsample="9" user="1 2 3"/>
+    <general joint="j" dyntype="user" actdim="1"/>
+  </actuator>
+  <sensor>
+    <user dim="2" objtype="body" objname="b" needstage="acc" datatype="real"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def _verify(found: Any) -> None:
+    model = mujoco.MjModel.from_xml_string(_PROBE)
+    data = mujoco.MjData(model)
+    data.time = 0.625
+    for name in _FIELDS:
+        owner = data if name in _DATA else model.opt if name in _OPTION else model
+        base = data if name in _DATA else model
+        if not _agrees(base._address + getattr(found, name), getattr(owner, name), name, model):
+            raise CallbackError(
+                f"MuJoCo {mujoco.__version__}: field {name!r} is not where the introspection "
+                "says; the compiled force laws would read the wrong memory. Install a version "
+                "of MuJoCo that this helisim supports"
+            )
+
+
+def _agrees(address: int, expected: Any, name: str, model: mujoco.MjModel) -> bool:
+    match expected:
+        case np.ndarray():
+            held = expected.__array_interface__["data"][0]
+            by_value = name in _OPTION
+            return held == (address if by_value else ctypes.c_void_p.from_address(address).value)
+        case bytes():  # the names, which end where their map begins
+            held = ctypes.c_void_p.from_address(address).value or 0
+            between = model.names_map.__array_interface__["data"][0] - held - len(expected)
+            return 0 <= between < _ALIGNED and ctypes.string_at(held, len(expected)) == expected
+        case float():
+            return ctypes.c_double.from_address(address).value == expected
+    size = ctypes.c_int if name in _OPTION else ctypes.c_int64
+    return size.from_address(address).value == int(expected)
 
 
 @kernel()
@@ -78,7 +210,7 @@ def doubles_from(base, offset, first):
 @kernel()
 def ints(base, offset):
     """Return the int array that a pointer field holds."""
-    return _ints_at(longs_at(base + offset)[0])
+    return ints_at(longs_at(base + offset)[0])
 
 
 @kernel()
@@ -90,57 +222,13 @@ def long(base, offset):
 @kernel()
 def integer(base, offset):
     """Return the value of an int field."""
-    return _ints_at(base + offset)[0]
+    return ints_at(base + offset)[0]
 
 
 @kernel()
 def double(base, offset):
     """Return the value of a double field."""
     return doubles_at(base + offset)[0]
-
-
-@intrinsic
-def fence(typingctx):
-    """Let what follows read memory anew, after all that was read and written before."""
-    del typingctx
-
-    def codegen(context, builder, signature, args):
-        del signature, args
-        builder.fence("seq_cst")
-        return context.get_dummy_value()
-
-    return types.void(), codegen
-
-
-@intrinsic
-def from_element(typingctx, array, first):
-    """Return an array of doubles from its element `first` on."""
-    del typingctx
-
-    def codegen(context, builder, signature, args):
-        del context, signature
-        return builder.gep(args[0], [args[1]])
-
-    return array(array, first), codegen
-
-
-@intrinsic
-def buffer(typingctx, count):
-    """Return an uninitialised array of doubles, (count,), on the caller's own stack.
-
-    `count` is a literal number.
-    """
-    del typingctx
-    if not isinstance(count, types.IntegerLiteral):
-        return None
-    signature = types.CPointer(types.float64)(count)
-
-    def codegen(context, builder, signature, args):
-        del args
-        element = context.get_value_type(types.float64)
-        return cgutils.alloca_once(builder, element, size=signature.args[0].literal_value)
-
-    return signature, codegen
 
 
 class VehicleView(NamedTuple):
@@ -171,14 +259,6 @@ class VehicleView(NamedTuple):
     act: Any
     rate: Any
     controls: Any
-
-
-@kernel()
-def vehicles(m, d, offsets):
-    """Yield a view of every vehicle of ours in the model."""
-    for actuator in range(ROTOR, long(m, offsets.nactuator)):
-        if is_rotor(m, offsets, actuator):
-            yield view_of(m, d, offsets, actuator)
 
 
 @kernel()
@@ -236,11 +316,14 @@ def first_sensor(m, offsets, body):
     The sticks are among them, and as many numbers before and behind as there should be.
     """
     stick = stick_sensor(m, offsets, body)
-    if stick < _AHEAD or stick + _BEHIND >= long(m, offsets.nsensor):
+    if stick < _BEFORE_STICK or stick + _BEHIND_STICK >= long(m, offsets.nsensor):
         return -1
     address = ints(m, offsets.sensor_adr)
     first = address[stick] - SENSOR.stick_col
-    whole = address[stick - _AHEAD] == first and address[stick + _BEHIND] == first + SENSOR.clock
+    whole = (
+        address[stick - _BEFORE_STICK] == first
+        and address[stick + _BEHIND_STICK] == first + SENSOR.clock
+    )
     return first if whole else -1
 
 
@@ -280,3 +363,102 @@ def commanded_speed(view):
     if pilot != 0.0 and pilot != HANDS_OFF_ROTOR:
         return 1.0
     return view.controls[CONTROL.rotor]
+
+
+@kernel()
+def held_for(view):
+    """Return for how long (s) the integrator holds an evaluation; 0 if it wants derivatives."""
+    if integer(view.m, view.offsets.integrator) == _RUNGE_KUTTA:
+        return 0.0
+    return double(view.m, view.offsets.timestep)
+
+
+@kernel()
+def position_ahead(view, position, ahead):
+    """Return a servo's position a time `ahead` (s) from now; its rate stands behind it."""
+    limit = view.par[PARAM.servo_rate_limit]
+    rate = view.act[position + 1]
+    return view.act[position] + ahead * min(limit, max(-limit, rate))
+
+
+@kernel()
+def clock(view):
+    """Return the time at which this step started, s."""
+    return sensor_numbers(view)[SENSOR.clock]
+
+
+@kernel()
+def tick_number(par, time):
+    """Return how many times the gyro has acted from time 0 to a time (s)."""
+    return math.floor(time / par[PARAM.gyro_period] + TICK_TOLERANCE)
+
+
+@kernel()
+def is_tick(view):
+    """Return whether the gyro acts now: at a step's start, once in each of its periods.
+
+    MuJoCo computes sensors at the start of a step only, so the clock separates the start from the
+    later stages of the integrator.
+    """
+    time = double(view.d, view.offsets.time)
+    if time != clock(view):
+        return False
+    before = time - double(view.m, view.offsets.timestep)
+    return tick_number(view.par, time) != tick_number(view.par, before)
+
+
+@kernel()
+def last_tick(view):
+    """Return the time at which the gyro last acted, s; 0 where there is no clock."""
+    if view.sensors < 0:
+        return 0.0
+    return view.par[PARAM.gyro_period] * tick_number(view.par, clock(view))
+
+
+@kernel()
+def delayed_control(view, ordinal, now):
+    """Return a control as it was one delay of its actuator before `now`, linear between ticks.
+
+    Args:
+        view: of the vehicle.
+        ordinal: of the control, one of `CONTROL`.
+        now: s.
+    """
+    m, offsets = view.m, view.offsets
+    actuator = view.rotor - ROTOR + ordinal
+    history = ints(m, offsets.actuator_historyadr)[actuator]
+    delay = doubles(m, offsets.actuator_delay)[actuator]
+    if history < 0 or delay <= 0.0:
+        return view.controls[ordinal]
+    period = view.par[PARAM.gyro_period]  # whatever the time step, the control is read at ticks
+    wanted = now - delay
+    tick = period * math.floor(wanted / period + TICK_TOLERANCE)
+    ahead = max(0.0, (wanted - tick) / period)
+    before, after = past_controls(view, actuator, tick, tick + period)
+    return before + ahead * (after - before)
+
+
+@kernel()
+def past_controls(view, actuator, earlier, later):
+    """Return an actuator's control at two past times: each its newest sample not after it.
+
+    Args:
+        view: of the vehicle.
+        actuator: its id; it has a delay.
+        earlier: s.
+        later: s.
+    """
+    first = ints(view.m, view.offsets.actuator_historyadr)[actuator]
+    count = ints(view.m, view.offsets.actuator_history)[2 * actuator]
+    history = doubles(view.d, view.offsets.history)
+    times, values = first + 2, first + 2 + count
+    k = int(history[first + 1])
+    left = count - 1
+    while left > 0 and history[times + k] > later + TIME_TOLERANCE:
+        k = k - 1 if k > 0 else count - 1
+        left -= 1
+    value_later = history[values + k]
+    while left > 0 and history[times + k] > earlier + TIME_TOLERANCE:
+        k = k - 1 if k > 0 else count - 1
+        left -= 1
+    return history[values + k], value_later

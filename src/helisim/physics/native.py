@@ -1,128 +1,314 @@
-"""Compile the callbacks and lend them to MuJoCo for the length of a `with` block."""
+"""What MuJoCo calls in every evaluation of the dynamics, compiled and lent for a `with` block.
+
+Each callback takes the addresses of mjModel and mjData and the field offsets. It reads and writes
+nothing but those two, so any number of threads and vehicles can share it.
+"""
 
 import ctypes
-import hashlib
 import logging
+import math
 import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import mujoco
-import numba
 import numpy as np
 from numba import cfunc, types
 
 from helisim.base.errors import CallbackError, InputError
-from helisim.physics import callbacks, notes
-from helisim.physics.examination import sentence
-from helisim.physics.fields import Offsets, offsets
-from helisim.physics.layout import MAGIC, ROTOR
-from helisim.physics.own_laws import watched_failures
-from helisim.physics.params import PARAM
+from helisim.physics import controller, examination
+from helisim.physics.air import write_turbulence_rates
+from helisim.physics.drive import drive
+from helisim.physics.examination import ACTUATION_OFF, PASSIVE_OFF, Remark, examine_new
+from helisim.physics.flapping import keep_tilt_and_inflow_rates, tilt_rates
+from helisim.physics.flow import flow, flow_later, heat, wrench
+from helisim.physics.kernel import (
+    CallbackCompiler,
+    buffer,
+    compiled_or_cached,
+    fingerprint,
+    kernel,
+)
+from helisim.physics.laws import watched_failures
+from helisim.physics.layout import CONTROL, MAGIC, PARAM, ROTOR, SENSOR, STATE
+from helisim.physics.memory import (
+    held_for,
+    is_rotor,
+    is_tick,
+    last_tick,
+    long,
+    offsets,
+    sensor_numbers,
+    states_end,
+    view_of,
+)
+from helisim.physics.motion import apply_wrench, contact_force
+from helisim.physics.pilot import fly
+from helisim.physics.servo import write_servo_rates
 
+_ACCELERATION_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
+_DRIVEN = STATE.tail_rate + 1
+"""The first states of a vehicle, those of the servos, which held commands alone drive."""
+_RATES_KEPT = STATE.flap_a_rate - STATE.flap_a
+"""How far behind the rotor's states their rates are kept."""
 _HOOKS = ("passive", "control", "act_dyn", "sensor")
+_TIMER = "time"
+"""MuJoCo's Python package reads the clock some twenty times a step, for `mjData.timer`: a third
+of the cost of a step. So the timer stands still meanwhile, unless someone has set one."""
 _PATIENCE = 2.0
 """s without a word; from the cache the code is there sooner."""
 _logger = logging.getLogger(__name__)
-_TIMER = "time"
-"""MuJoCo's Python package reads the clock some twenty times a step, for `mjData.timer`: a third
-of the cost of our step. So the timer stands still meanwhile, unless someone has set one."""
+
+
+@kernel()
+def add_forces(m, d, offsets):
+    """Add the aerodynamic forces of every vehicle: what mjcb_passive does.
+
+    What its rotors do is found here, once in each evaluation, and all that follows from it is
+    written at once. MuJoCo clears `act_dot` afterwards, so the rates of the rotor's states wait
+    among the activations.
+    """
+    examine_new(m, d, offsets, ACTUATION_OFF)
+    for rotor in range(ROTOR, long(m, offsets.nactuator)):
+        if not is_rotor(m, offsets, rotor):
+            continue
+        view = view_of(m, d, offsets, rotor)
+        step = held_for(view)
+        past = flow(view, 0.5 * step)
+        keep_disc_rates(view, past, step)
+        if step > 0.0 and view.par[PARAM.main_dynamic_inflow] != 0.0:
+            mean = view.act[STATE.inflow_0] + step * view.act[STATE.inflow_0_rate]
+            past = flow_later(view, past, mean, 0.5 * step)
+        mast = keep_drive_rates(view, past, step)
+        a = view.act[STATE.flap_a] + step * view.act[STATE.flap_a_rate]
+        b = view.act[STATE.flap_b] + step * view.act[STATE.flap_b_rate]
+        apply_wrench(view, wrench(view.par, a, b, past, mast))
+
+
+@kernel()
+def keep_disc_rates(view, past, step):
+    """Keep the derivatives of tilt and inflow, their mean over a step (s), or now at 0."""
+    act = view.act
+    if view.par[PARAM.main_dynamic_inflow] != 0.0:
+        keep_tilt_and_inflow_rates(view, past, step)
+        return
+    act[STATE.flap_a_rate], act[STATE.flap_b_rate] = tilt_rates(view, past, step)
+    for k in range(STATE.inflow_0_rate, STATE.inflow_c_rate + 1):
+        act[k] = 0.0
+
+
+@kernel()
+def keep_drive_rates(view, past, step):
+    """Keep the derivatives of rotor speed and engine, likewise.
+
+    Returns:
+        The torque that turns the main rotor, N m.
+    """
+    act = view.act
+    driven = drive(view, past, step)
+    act[STATE.speed_rate] = driven.speed_rate
+    act[STATE.engine_rate] = driven.engine_rate
+    act[STATE.governor_rate] = driven.governor_rate
+    return driven.mast
+
+
+@kernel()
+def fly_vehicles(m, d, offsets):
+    """Fly every vehicle: pilot to sticks, gyro to servo commands. What mjcb_control does.
+
+    Both act at the gyro's ticks; in between, sticks and servo commands are held. A model that is
+    new is examined first.
+    """
+    examine_new(m, d, offsets, 0)
+    for rotor in range(ROTOR, long(m, offsets.nactuator)):
+        if not is_rotor(m, offsets, rotor):
+            continue
+        view = view_of(m, d, offsets, rotor)
+        if view.sensors < 0 or not is_tick(view):
+            continue
+        if view.par[PARAM.pilot_on] != 0.0:
+            fly(view)
+        if view.par[PARAM.gyro_on] != 0.0:
+            controller.command_servos(view)
+
+
+@kernel()
+def write_rates(m, d, offsets, actuator):
+    """Write the derivatives of a vehicle's activations, at the turn of its rotor, the last.
+
+    What mjcb_act_dyn does. Those of the rotor were found with the forces.
+    """
+    if not is_rotor(m, offsets, actuator):
+        return 0.0
+    view = view_of(m, d, offsets, actuator)
+    commands, limits = held_commands(view)
+    step = held_for(view)
+    if step > 0.0:
+        write_mean_servo_rates(view.par, commands, limits, view.act, view.rate, step)
+    else:
+        write_servo_rates(view.par, view.act, view.rate, commands, limits)
+    for k in range(STATE.flap_a, STATE.governor + 1):
+        view.rate[k] = view.act[k + _RATES_KEPT]
+    write_turbulence_rates(view, step)
+    for k in range(STATE.feels_x, states_end(view)):  # written at ticks, not integrated
+        view.rate[k] = 0.0
+    return 0.0
+
+
+@kernel()
+def held_commands(view):
+    """Return the commands that a vehicle's servos can follow, and how fast each can be, 1/s.
+
+    Of the front, left, right and tail servo, unitised. They are held between the gyro's ticks, so
+    the body's motion within a step does not reach them.
+    """
+    par, controls = view.par, view.controls
+    commands = (
+        controls[CONTROL.servo_front],
+        controls[CONTROL.servo_left],
+        controls[CONTROL.servo_right],
+        controls[CONTROL.servo_tail],
+    )
+    commands = controller.at_actuators(view, commands)
+    limit = par[PARAM.servo_rate_limit]
+    limits = (limit, limit, limit, limit)
+    if par[PARAM.faults] != 0.0:
+        return controller.faulty_servos(par, last_tick(view), commands, limits)
+    return commands, limits
+
+
+@kernel()
+def write_mean_servo_rates(par, commands, limits, act, rate, step):
+    """Write the mean derivatives of the servos' states over a time step with held commands.
+
+    The Taylor series of the exponential, from the inside out, to sixth order where the laws
+    are linear: with servos of 222 rad/s and steps of 2 ms, exact to 1e-6.
+
+    commands: of the four servos, unitised, (4,); limits: how fast each can be, 1/s, (4,); act:
+    states of the vehicle; rate: their mean derivatives, written; step: s.
+    """
+    stage = buffer(_DRIVEN)
+    write_servo_rates(par, act, rate, commands, limits)
+    for divisor in (6.0, 5.0, 4.0, 3.0, 2.0):
+        for k in range(_DRIVEN):
+            stage[k] = act[k] + step / divisor * rate[k]
+        write_servo_rates(par, stage, rate, commands, limits)
+
+
+@kernel()
+def write_sensors(m, d, offsets, stage):
+    """Write what the recorder needs beside MuJoCo's own sensors. What mjcb_sensor does."""
+    if stage != _ACCELERATION_STAGE:
+        return
+    examine_new(m, d, offsets, ACTUATION_OFF | PASSIVE_OFF)
+    for rotor in range(ROTOR, long(m, offsets.nactuator)):
+        if not is_rotor(m, offsets, rotor):
+            continue
+        view = view_of(m, d, offsets, rotor)
+        if view.sensors >= 0:
+            report(view)
+            controller.feel(view)
+
+
+@kernel()
+def report(view):
+    """Write the numbers of a vehicle's own sensors."""
+    act, rate, out = view.act, view.rate, sensor_numbers(view)
+    for k in range(CONTROL.rotor):
+        out[SENSOR.stick_col + k] = view.controls[k]
+    if controller.has_failed(view):
+        for k in range(4):
+            out[SENSOR.command_front + k] = math.nan
+    for k in range(4):
+        out[SENSOR.position_front + k] = act[STATE.front_position + 2 * k]
+    since = 0.5 * held_for(view)  # by which tilt and inflow are kept early
+    out[SENSOR.flap_a] = act[STATE.flap_a] + since * rate[STATE.flap_a]
+    out[SENSOR.flap_b] = act[STATE.flap_b] + since * rate[STATE.flap_b]
+    past = flow(view, 0.0)
+    if since > 0.0 and view.par[PARAM.main_dynamic_inflow] != 0.0:
+        past = flow_later(view, past, act[STATE.inflow_0] + since * rate[STATE.inflow_0], 0.0)
+    report_rotors(view, past)
+    contact = contact_force(view)
+    out[SENSOR.contact_north], out[SENSOR.contact_east], out[SENSOR.contact_down] = contact
+
+
+@kernel()
+def report_rotors(view, past):
+    """Write what the sensors say of the rotors and the air, from the `Flow`."""
+    out, main, air = sensor_numbers(view), past.main, past.air
+    out[SENSOR.thrust], out[SENSOR.torque], out[SENSOR.inflow] = (
+        main.thrust,
+        main.torque,
+        main.inflow,
+    )
+    out[SENSOR.tail_thrust], out[SENSOR.speed] = past.tail.thrust, past.speed
+    spin = past.speed * view.par[PARAM.main_speed]
+    out[SENSOR.drive_power] = drive(view, past, 0.0).power
+    out[SENSOR.main_power] = main.torque * spin
+    out[SENSOR.tail_power] = past.tail.torque * past.speed * view.par[PARAM.tail_speed]
+    out[SENSOR.heat] = heat(view.par, past)
+    out[SENSOR.air_u], out[SENSOR.air_v], out[SENSOR.air_w] = air.u, air.v, air.w
+    out[SENSOR.air_p], out[SENSOR.air_q], out[SENSOR.air_r] = air.p, air.q, air.r
 
 
 class _Loan:
-    """What MuJoCo has been lent, and for how many blocks."""
+    """What MuJoCo has been lent, and for how many blocks; `own.depth` of them of this thread."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.blocks = 0
         self.functions: dict[str, Any] = {}
         self.own = threading.local()
-        self.unsaid: list[notes.Note] = []
-
-    @property
-    def depth(self) -> int:
-        """How many blocks this thread is in."""
-        return getattr(self.own, "depth", 0)
-
-    @depth.setter
-    def depth(self, depth: int) -> None:
-        self.own.depth = depth
+        self.unsaid: list[Remark] = []
 
 
 _loan: _Loan = globals().get("_loan") or _Loan()
 """A module that is loaded again, as notebooks do, finds the blocks that are open."""
 
 
-def fingerprint() -> int:
-    """Return a number that changes with the sources of the physics and with the libraries.
-
-    numba's cache on disk knows a function by its own file only; this number is part of
-    what it is cached by, so neither an edited force law nor another MuJoCo meets stale code.
-    """
-    digest = hashlib.sha256(f"{mujoco.__version__} {numba.__version__}".encode())
-    for source in sorted(files("helisim.physics").iterdir(), key=lambda file: file.name):
-        if source.name.endswith(".py"):
-            digest.update(source.read_bytes())
-    return int.from_bytes(digest.digest()[:7], "little")
-
-
 @cache
 def compiled() -> dict[str, Any]:
-    """Return the compiled callback of each hook.
-
-    The code is cached on disk beside the package or in the user's cache folder; where
-    neither can be written it is compiled anew in each process.
-    """
-    layout = offsets()._replace(fingerprint=fingerprint())
+    """Return the compiled callback of each hook, cached on disk beside the package if possible."""
     message = "compiling the force laws; they are kept for the next start"
     patience = threading.Timer(_PATIENCE, _logger.info, [message])
     patience.daemon = True
     patience.start()
     try:
-        return _compile(layout, cached=True)
-    except RuntimeError as error:
-        if "cache" not in str(error):
-            raise
-        return _compile(layout, cached=False)
+        return compiled_or_cached(_compile)
     finally:
         patience.cancel()
 
 
-def _compile(layout: Offsets, *, cached: bool) -> dict[str, Any]:
-    address = types.int64
+def _compile(cached: bool) -> dict[str, Any]:
+    layout, address = offsets()._replace(fingerprint=fingerprint()), types.int64
+    options: dict[str, Any] = {"cache": cached, "pipeline_class": CallbackCompiler}
 
-    @cfunc(types.void(address, address), cache=cached)
+    @cfunc(types.void(address, address), **options)
     def passive(m, d):
-        callbacks.passive(m, d, layout)
+        add_forces(m, d, layout)
 
-    @cfunc(types.void(address, address), cache=cached)
+    @cfunc(types.void(address, address), **options)
     def control(m, d):
-        callbacks.control(m, d, layout)
+        fly_vehicles(m, d, layout)
 
-    @cfunc(types.float64(address, address, types.int32), cache=cached)
+    @cfunc(types.float64(address, address, types.int32), **options)
     def act_dyn(m, d, actuator):
         # as wide as an index elsewhere, or most kernels would be compiled a second time
-        return callbacks.activation_rates(m, d, layout, np.int64(actuator))
+        return write_rates(m, d, layout, np.int64(actuator))
 
-    @cfunc(types.void(address, address, types.int32), cache=cached)
+    @cfunc(types.void(address, address, types.int32), **options)
     def sensor(m, d, stage):
-        callbacks.sensor(m, d, layout, stage)
+        write_sensors(m, d, layout, stage)
 
     @cfunc(types.float64(), cache=cached)
     def time():
         return 0.0
 
-    return {
-        "passive": passive,
-        "control": control,
-        "act_dyn": act_dyn,
-        "sensor": sensor,
-        "time": time,
-    }
+    found = (passive, control, act_dyn, sensor, time)
+    return dict(zip((*_HOOKS, _TIMER), found))
 
 
 @contextmanager
@@ -148,17 +334,23 @@ def installed() -> Iterator[None]:
     with _loan.lock:
         if _loan.blocks == 0:
             _install(compiled())
-            notes.forget_models()
+            examination.forget_models()
         _loan.blocks += 1
-    _loan.depth += 1
+    _loan.own.depth = getattr(_loan.own, "depth", 0) + 1
     try:
         yield
     except BaseException as error:
-        for one in [*map(sentence, _left()), *watched_failures()]:
+        for one in [*(remark.text for remark in _leave()), *watched_failures()]:
             error.add_note(one)
         raise
     else:
-        _say(_left())
+        found = _leave()
+        for remark in found:
+            if not remark.refused:
+                warnings.warn(remark.text, RuntimeWarning, stacklevel=3)
+        for remark in found:
+            if remark.refused:
+                raise CallbackError(remark.text)
         failures = watched_failures()
         if failures:
             error = CallbackError(failures[0])
@@ -167,27 +359,18 @@ def installed() -> Iterator[None]:
             raise error
 
 
-def _left() -> list[notes.Note]:
-    """Leave a block; return what was noted, if it was the outermost of this thread."""
+def _leave() -> list[Remark]:
+    """Leave a block; return what was remarked, if it was the outermost of this thread."""
     with _loan.lock:
         _loan.blocks -= 1
-        _loan.depth -= 1
-        found: list[notes.Note] = []
-        if _loan.depth <= 0:
-            found = _loan.unsaid + notes.taken()
+        _loan.own.depth -= 1
+        found: list[Remark] = []
+        if _loan.own.depth <= 0:
+            found = _loan.unsaid + examination.taken()
             _loan.unsaid = []
         if _loan.blocks == 0:
             _remove(_loan.functions)
     return found
-
-
-def _say(found: list[notes.Note]) -> None:
-    refused = [one for one in found if one.kind == notes.REFUSED]
-    for one in found:
-        if one not in refused:
-            warnings.warn(sentence(one), RuntimeWarning, stacklevel=4)
-    if refused:
-        raise CallbackError(sentence(refused[0]))
 
 
 def check_is_model(model: object) -> None:
@@ -209,32 +392,22 @@ def check_model(model: mujoco.MjModel) -> tuple[str, ...]:
         InputError: it is no mujoco.MjModel.
     """
     check_is_model(model)
-    data = mujoco.MjData(model)
-    with installed(), _loan.lock:
-        _loan.unsaid += notes.taken()
-        notes.forget_models()
-        for _ in range(2):  # at the first it may still be compiling
-            mujoco.mj_forward(model, data)
-        found = notes.taken()
-    for one in found:
-        if one.kind == notes.REFUSED:
-            raise CallbackError(sentence(one))
-    bodies = tuple(_bodies(model))
+    for remark in examination.examine(model._address):
+        if remark.refused:
+            raise CallbackError(remark.text)
+    bodies = []
+    if model.nuser_actuator >= len(PARAM):
+        for actuator, user in enumerate(model.actuator_user):
+            if user[PARAM.magic] == MAGIC and user[PARAM.ordinal] == ROTOR:
+                joint = model.actuator_trnid[actuator, 0]
+                bodies.append(model.body(model.jnt_bodyid[joint]).name)
     if not bodies:
         name = model.names.split(b"\0")[0].decode()
         raise CallbackError(
             f"model {name!r} has no helicopter of helisim: no actuator has its user numbers. Write "
             "them into a vehicle's MJCF with `helisim vehicle build FOLDER`"
         )
-    return bodies
-
-
-def _bodies(model: mujoco.MjModel) -> Iterator[str]:
-    if model.nuser_actuator < len(PARAM):
-        return
-    for actuator, user in enumerate(model.actuator_user):
-        if user[PARAM.magic] == MAGIC and user[PARAM.ordinal] == ROTOR:
-            yield model.body(model.jnt_bodyid[model.actuator_trnid[actuator, 0]]).name
+    return tuple(bodies)
 
 
 def _install(functions: dict[str, Any]) -> None:

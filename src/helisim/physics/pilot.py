@@ -8,13 +8,11 @@ import math
 
 import numpy as np
 
-from helisim.physics import frames
-from helisim.physics.body import rotation, velocity
-from helisim.physics.injection import injected, is_injected
+from helisim.physics.controller import injected, is_injected
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import CONTROL, INJECTION
+from helisim.physics.layout import CONTROL, DOUBLET, HANDS_OFF_ROTOR, INJECTION, PARAM, SWEEP
 from helisim.physics.memory import double, doubles_from
-from helisim.physics.params import DOUBLET, HANDS_OFF_ROTOR, PARAM, SWEEP
+from helisim.physics.motion import euler_angles, flip, rotation, to_body, velocity
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -71,14 +69,9 @@ def sweep_phase(time, duration, w_min, w_max):
 def sweep(time, duration, w_min, w_max, fade, unsteadiness, seed):
     """Return an imperfect sweep of about unit amplitude; zero before 0 and after `duration`.
 
-    Args:
-        time: s since the sweep's start.
-        duration: s.
-        w_min: rad/s.
-        w_max: rad/s.
-        fade: s, over which the sweep grows and dies.
-        unsteadiness: wobble of the amplitude, and of the phase in rad, 0 for a machine.
-        seed: of the wobble.
+    time: s since the sweep's start; duration: s; w_min: rad/s; w_max: rad/s; fade: s, over which
+    the sweep grows and dies; unsteadiness: wobble of the amplitude, and of the phase in rad, 0 for
+    a machine; seed: of the wobble.
     """
     if time <= 0.0 or time >= duration:
         return 0.0
@@ -128,17 +121,11 @@ def excitation(par, time):
 def hold(par, matrix, north, east, down, u, v, w):
     """Return the sticks COL, LON, LAT, PED that keep the hover, slowly.
 
-    Args:
-        par: parameters.
-        matrix: rotation of the body to the world, MuJoCo's axes, row-major, (9,).
-        north: of the body's origin, m.
-        east: m.
-        down: m.
-        u: velocity over the ground forward, m/s, body axes.
-        v: to the right, m/s.
-        w: down, m/s.
+    matrix: rotation of the body to the world, MuJoCo's axes, row-major, (9,); north: of the body's
+    origin, m; east: m; down: m; u: velocity over the ground forward, m/s, body axes; v: to the
+    right, m/s; w: down, m/s.
     """
-    phi, theta, psi = frames.euler_angles(matrix)
+    phi, theta, psi = euler_angles(matrix)
     cosine, sine = math.cos(psi), math.sin(psi)
     off_north = par[PARAM.pilot_north] - north
     off_east = par[PARAM.pilot_east] - east
@@ -165,8 +152,8 @@ def fly(view):
     time = double(view.d, view.offsets.time)
     matrix = rotation(view)
     position = doubles_from(view.d, view.offsets.xpos, 3 * view.body)
-    north, east, down = frames.flip(position[0], position[1], position[2])
-    u, v, w = frames.to_body(matrix, *velocity(view))
+    north, east, down = flip(position[0], position[1], position[2])
+    u, v, w = to_body(matrix, *velocity(view))
     held = hold(par, matrix, north, east, down, u, v, w)
     seed, interval = par[PARAM.pilot_seed], par[PARAM.remnant_interval]
     excited = excitation(par, time)

@@ -1,8 +1,7 @@
 """Servos, and the mixing of three of them under one swashplate (CCPM)."""
 
 from helisim.physics.kernel import kernel
-from helisim.physics.layout import STATE
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM, STATE
 
 
 @kernel()
@@ -11,13 +10,9 @@ def mix(plate, col, lon, lat, first=0):
 
     Positive `lon` raises the swashplate's front (nose up), positive `lat` its left.
 
-    Args:
-        plate: where the servos stand under it, (21,): the vehicle's parameters from
-            `PARAM.mix_front_col` on.
-        col: unitised.
-        lon: unitised.
-        lat: unitised.
-        first: where they start in `plate`, which may then be all of the parameters.
+    plate: where the servos stand under it, (21,): the vehicle's parameters from
+    `PARAM.mix_front_col` on; col: unitised; lon: unitised; lat: unitised; first: where they start
+    in `plate`, which may then be all of the parameters.
     """
     k = first
     return (
@@ -48,14 +43,8 @@ def servo_rates(position, rate, command, frequency, damping, rate_limit, travel)
 
     The command saturates at the travel; the speed saturates at the rate limit.
 
-    Args:
-        position: unitised.
-        rate: 1/s.
-        command: unitised.
-        frequency: natural frequency, rad/s.
-        damping: damping ratio.
-        rate_limit: 1/s.
-        travel: greatest |command| that is followed.
+    position: unitised; rate: 1/s; command: unitised; frequency: natural frequency, rad/s; damping:
+    damping ratio; rate_limit: 1/s; travel: greatest |command| that is followed.
     """
     target = min(travel, max(-travel, command))
     limited = min(rate_limit, max(-rate_limit, rate))
@@ -86,12 +75,8 @@ def equivalent_delay(frequency, damping):
 def write_servo_rates(par, act, rate, commands, limits):
     """Write the derivatives of the four servos' states.
 
-    Args:
-        par: parameters.
-        act: states of the vehicle.
-        rate: their derivatives, written.
-        commands: of the front, left, right and tail servo, unitised, (4,).
-        limits: how fast each can be, 1/s, (4,).
+    act: states of the vehicle; rate: their derivatives, written; commands: of the front, left,
+    right and tail servo, unitised, (4,); limits: how fast each can be, 1/s, (4,).
     """
     for k in range(4):
         position = STATE.front_position + 2 * k

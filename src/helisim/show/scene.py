@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import InputError
 from helisim.base.value import FrozenMap
-from helisim.physics.frames import flip
+from helisim.physics.motion import flip
 from helisim.records.channels import ATTITUDES, POSITIONS, ROTOR
 from helisim.records.record import FlightRecord
 from helisim.show.viewer import SLOWED, TILT_GAIN, drawn_tilt, drawn_turn

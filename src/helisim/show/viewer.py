@@ -18,10 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import DisplayError, DivergedError, InputError
-from helisim.physics.frames import flip
-from helisim.physics.layout import STATE
+from helisim.physics.layout import PARAM, STATE
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.sim import Ground, Pilot
 from helisim.sim.excitation import Excitation, check_excitation
 from helisim.sim.injection import injection

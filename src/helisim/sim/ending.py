@@ -10,8 +10,8 @@ from mujoco import rollout
 from numpy.typing import NDArray
 
 from helisim.base.errors import DivergedError
+from helisim.physics.laws import Failure
 from helisim.physics.native import installed
-from helisim.physics.own_laws import Failure
 from helisim.sim.envelope import FlightEnvelope, terminated_early
 from helisim.sim.ground import Ground
 from helisim.sim.trajectory import End, Trajectory, read_trajectory, sound_samples

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.physics.params import HISTORY, PARAM
+from helisim.physics.layout import HISTORY, PARAM
 from helisim.records.channels import AXES
 from helisim.sim.places import ENOUGH, PLACES, limit, reach, unit
 from helisim.sim.plain import UNSAID, is_number, settle, to_plain

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import InputError
-from helisim.physics.layout import CONTROL, STATE
+from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.records.record import FlightRecord
 from helisim.sim.clearance import outline
 from helisim.sim.plain import from_plain, in_brief, settle

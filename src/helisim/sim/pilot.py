@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.trim import collective_stick
 

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
 from helisim.physics.drive import MOTOR
-from helisim.physics.layout import STATE
+from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.sim.ending import until_end, userdata
 from helisim.sim.envelope import terminated_early
 from helisim.sim.faults import write_faults

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import DivergedError
-from helisim.physics.frames import flip
-from helisim.physics.layout import INJECTION, SENSOR
-from helisim.physics.params import PARAM
+from helisim.physics.layout import INJECTION, PARAM, SENSOR
+from helisim.physics.motion import flip
 from helisim.sim.ground import Ground
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses

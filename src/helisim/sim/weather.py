@@ -10,7 +10,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.units import METRE_PER_FOOT, METRE_S_PER_KNOT
 from helisim.physics import air as law
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 

@@ -16,13 +16,13 @@ from helisim.physics.layout import (
     ACTUATORS,
     INJECTION,
     MAGIC,
+    PARAM,
     ROTOR,
     ROTOR_STATES,
     SENSORS,
     rotor_states,
 )
-from helisim.physics.params import PARAM
-from helisim.physics.timing import TICK_TOLERANCE
+from helisim.physics.memory import TICK_TOLERANCE
 from helisim.vehicle.folder import (
     mjcf_file,
     model_folder,

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import ModelError
 from helisim.base.files import atomic_write
-from helisim.physics.layout import ACTUATORS, ROTOR
+from helisim.physics.layout import ACTUATORS, PARAM, ROTOR
 from helisim.physics.native import check_model
-from helisim.physics.params import PARAM
 from helisim.vehicle.assembly import specified
 from helisim.vehicle.folder import mjcf_file, model_folder, read_roles
 from helisim.vehicle.load import load

@@ -15,12 +15,27 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.base.errors import InputError, ModelError
 from helisim.base.value import Value
 from helisim.physics import laws
-from helisim.physics.compiled_laws import Place, arity, is_compiled, is_native
-from helisim.physics.known_laws import KnownLaw
-from helisim.physics.layout import FIRST_LAW_STATE, STATE, SWASH_STATES, TAIL_STATES, rotor_states
+from helisim.physics.laws import (
+    Failure,
+    KnownLaw,
+    OwnLaw,
+    Place,
+    Registered,
+    arity,
+    is_compiled,
+    is_native,
+)
+from helisim.physics.layout import (
+    FIRST_LAW_STATE,
+    NO_LAW,
+    PARAM,
+    SHIPPED_LAW,
+    STATE,
+    SWASH_STATES,
+    TAIL_STATES,
+    rotor_states,
+)
 from helisim.physics.native import check_is_model
-from helisim.physics.own_laws import Failure, OwnLaw, Registered
-from helisim.physics.params import NO_LAW, PARAM, SHIPPED_LAW
 from helisim.vehicle.law_checks import (
     check_law,
     check_passes,
@@ -221,7 +236,7 @@ class Controller(Value):
         with ExitStack() as stack:
             registered = []
             for law in self.laws:
-                one = law.registered()
+                one = Registered(law)
                 stack.callback(one.release)
                 registered.append(one)
             self._write(model, prefix, registered)

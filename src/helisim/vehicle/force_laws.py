@@ -6,11 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import ModelError
+from helisim.physics.flow import lift_slope
 from helisim.physics.gyro import filter_mean, filter_share, filter_through, held_lag
-from helisim.physics.layout import LAYOUT, MAGIC, ROTOR, SWASH_STATES, TAIL_STATES
-from helisim.physics.params import NEVER, PARAM, SHIPPED_LAW
-from helisim.physics.surfaces import lift_slope
-from helisim.physics.wake import COEFFICIENTS as WASH
+from helisim.physics.layout import (
+    LAYOUT,
+    MAGIC,
+    NEVER,
+    PARAM,
+    ROTOR,
+    SHIPPED_LAW,
+    SWASH_STATES,
+    TAIL_STATES,
+    WASH,
+)
 from helisim.vehicle.blade import TipPathPlane
 from helisim.vehicle.blade_inertia import with_both
 from helisim.vehicle.parameters import Parameters, check_settings, completed

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import ModelError
 from helisim.physics.gyro import CYCLIC, YAW, Seen, cyclic_law, yaw_law
-from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, ROTOR
-from helisim.physics.own_laws import Called
-from helisim.physics.params import PARAM
+from helisim.physics.laws import Called
+from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR
 from helisim.records.channels import IN1, IN2, RATES
 from helisim.vehicle.controller import SHIPPED, Controller
 from helisim.vehicle.motion import addresses

@@ -6,8 +6,7 @@ from functools import partial
 from typing import Any
 
 from helisim.base.errors import InputError
-from helisim.physics.compiled_laws import arity, is_compiled, is_native
-from helisim.physics.known_laws import KnownLaw
+from helisim.physics.laws import KnownLaw, arity, is_compiled, is_native
 
 
 def source_digest(*functions: Any) -> str:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from helisim.base.display import Displayed, shower
 from helisim.base.errors import ModelError
 from helisim.base.linear import LinearSystem
-from helisim.physics.layout import CONTROL, ROTOR, STATE, StateIndex
+from helisim.physics.layout import CONTROL, PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
 from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
 from helisim.vehicle.swashplate import Swashplate

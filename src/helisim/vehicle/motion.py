@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import ModelError, UnknownNameError
-from helisim.physics.frames import flip
-from helisim.physics.layout import MAGIC, ROTOR, STATE
-from helisim.physics.params import PARAM
+from helisim.physics.layout import MAGIC, PARAM, ROTOR, STATE
+from helisim.physics.motion import flip
 
 
 @dataclass(frozen=True)

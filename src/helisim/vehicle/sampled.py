@@ -8,7 +8,7 @@ import numpy as np
 
 from helisim.base.errors import ModelError
 from helisim.base.linear import LinearSystem
-from helisim.physics.timing import TIME_TOLERANCE
+from helisim.physics.memory import TIME_TOLERANCE
 from helisim.records.channels import ACCELERATIONS, IN1, IN2, RATES
 from helisim.vehicle.linearize import OUTPUTS, Linearization
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import ModelError
 from helisim.physics import servo
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
 
 SERVOS = ("front", "left", "right")
 """The three in the order of the actuators. "front" is the elevator's servo, wherever it stands."""

@@ -11,10 +11,9 @@ from scipy.optimize import root
 from helisim.base.errors import TrimError
 from helisim.physics import drive, gyro
 from helisim.physics.drive import IDEAL
-from helisim.physics.frames import flip
-from helisim.physics.layout import FIRST_LAW_STATE, ROTOR, STATE
+from helisim.physics.layout import FIRST_LAW_STATE, PARAM, ROTOR, SHIPPED_LAW, STATE
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM, SHIPPED_LAW
 from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
 from helisim.vehicle.swashplate import Swashplate
 

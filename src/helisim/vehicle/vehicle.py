@@ -16,10 +16,9 @@ from helisim.base.display import Displayed
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
 from helisim.base.value import Value
-from helisim.physics.frames import flip
-from helisim.physics.layout import SENSOR
+from helisim.physics.layout import PARAM, SENSOR
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.physics.servo import equivalent_delay
 from helisim.records.channels import ACCELERATIONS, IN1, RATES
 from helisim.vehicle.assembly import Around, assemble, with_room

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helisim.physics.wake import COEFFICIENTS
+from helisim.physics.layout import WASH as COEFFICIENTS
 
 _AZIMUTHS = (np.arange(180) + 0.5) * math.pi / 90.0
 _SKEWS = np.linspace(0.0, math.pi, 91)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from helisim.physics.gyro import rotate, winds_up
 from helisim.physics.kernel import kernel, known
-from helisim.physics.known_laws import KnownLaw
+from helisim.physics.laws import KnownLaw
 from helisim.physics.pilot import wrap_to_pi
 from helisim.physics.servo import mix, unmix
 

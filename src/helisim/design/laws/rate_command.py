@@ -18,8 +18,7 @@ from helisim.design.laws.law import register
 from helisim.design.laws.probe import probed
 from helisim.design.laws.rate_kernel import COMPILED, SETTINGS, TRIMMED, Trimmed
 from helisim.design.laws.tables import TabledLaw
-from helisim.physics.layout import SWASH_STATES, TAIL_STATES
-from helisim.physics.params import NEVER, PARAM
+from helisim.physics.layout import NEVER, PARAM, SWASH_STATES, TAIL_STATES
 from helisim.records.channels import IN2, RATES
 from helisim.vehicle.force_laws import write_gyro_filters
 from helisim.vehicle.motion import addresses

@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 from helisim.physics.gyro import CYCLIC, YAW, gyro_law, rotate
 from helisim.physics.kernel import kernel, known
-from helisim.physics.known_laws import KnownLaw
-from helisim.physics.layout import SWASH_STATES
-from helisim.physics.params import PARAM
+from helisim.physics.laws import KnownLaw
+from helisim.physics.layout import PARAM, SWASH_STATES
 from helisim.physics.servo import unmix
 
 

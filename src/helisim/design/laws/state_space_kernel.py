@@ -8,7 +8,7 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from helisim.physics.kernel import kernel, known
-from helisim.physics.known_laws import KnownLaw
+from helisim.physics.laws import KnownLaw
 from helisim.physics.pilot import wrap_to_pi
 from helisim.physics.servo import mix, unmix
 

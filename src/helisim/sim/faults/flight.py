@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.physics.params import NEVER, PARAM, READS_HELD, READS_ZERO
+from helisim.physics.layout import NEVER, PARAM, READS_HELD, READS_ZERO
 from helisim.records.channels import RATES, SERVOS
 
 _READS = {"zero": READS_ZERO, "held": READS_HELD}

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.physics.timing import TICK_TOLERANCE
+from helisim.physics.memory import TICK_TOLERANCE
 from helisim.records.channels import AXES
 from helisim.sim.excitation import (
     Excitation,

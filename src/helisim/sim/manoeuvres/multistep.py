@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.physics.params import DOUBLET, PARAM
+from helisim.physics.layout import DOUBLET, PARAM
 from helisim.records.channels import AXES
 from helisim.sim.excitation import (
     Excitation,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.physics.params import PARAM, SWEEP
+from helisim.physics.layout import PARAM, SWEEP
 from helisim.physics.pilot import sweep_phase
 from helisim.records.channels import AXES
 from helisim.sim.excitation import (

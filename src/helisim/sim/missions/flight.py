@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.physics.frames import flip
-from helisim.physics.layout import ROTOR, STATE
+from helisim.physics.laws import Failure, raised
+from helisim.physics.layout import HANDS_OFF_ROTOR, PARAM, ROTOR, STATE
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.physics.own_laws import Failure, raised
-from helisim.physics.params import HANDS_OFF_ROTOR, PARAM
 from helisim.sim.clearance import outline
 from helisim.sim.ending import Again, until_end, warned
 from helisim.sim.envelope import FlightEnvelope

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import root_body
 from helisim.vehicle.trim import collective_stick

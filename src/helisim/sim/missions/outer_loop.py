@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
 from helisim.sim.missions.lift import Lift
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import Motion

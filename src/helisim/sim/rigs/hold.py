@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics import pilot
-from helisim.physics.frames import flip
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.physics.frames import flip
+from helisim.physics.motion import flip
 from helisim.sim.recorder import Recorder
 from helisim.sim.rigs.finding import Finding, RigTest
 from helisim.sim.rigs.hold import hang, hold, suspension_points

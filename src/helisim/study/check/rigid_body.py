@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import HelisimError, ModelError
 from helisim.physics.layout import ACTUATORS, ROTOR, ROTOR_STATES
-from helisim.physics.timing import TICK_TOLERANCE
+from helisim.physics.memory import TICK_TOLERANCE
 from helisim.study.check.figures import at_a_glance, implausible
 from helisim.study.check.parameter_files import ParameterFiles
 from helisim.study.check.problem import Problem, sentence

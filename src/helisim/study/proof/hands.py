@@ -2,7 +2,7 @@
 
 import copy
 
-from helisim.physics.params import PARAM
+from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 
