@@ -14,12 +14,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from helisim.sitl.systemid import fly_sweep, sweeps
 
 from helisim.base.errors import AutopilotError, HelisimError, InputError, UnknownNameError
 from helisim.sitl import Sensed
 from helisim.sitl.pilot import Pilot, Steps, Telemetry
 from helisim.sitl.process import Autopilot, find_program
+from helisim.sitl.systemid import fly_sweep, sweeps
 
 AXES = ("roll", "pitch", "yaw", "thrust")
 SPEED = 3.0

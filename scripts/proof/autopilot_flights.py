@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from helisim.sitl.systemid import fly_sweep, sweeps
 
 from helisim.records.storage import write_record
 from helisim.sitl.aircraft import Aircraft
@@ -24,6 +23,7 @@ from helisim.sitl.parameters import parameters_for
 from helisim.sitl.pilot import Pilot, Steps
 from helisim.sitl.process import find_program
 from helisim.sitl.session import CORNERS, Flight, fly_script
+from helisim.sitl.systemid import fly_sweep, sweeps
 
 WITHIN = 0.5
 """m, of the hover."""

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helisim.sitl.systemid import INTO, Sweep, sweeps
 
 from command import fails
 from helisim.base.errors import AutopilotError, InputError, UnknownNameError
@@ -23,6 +22,7 @@ from helisim.sitl.parameters import read_parameters
 from helisim.sitl.pilot import Sticks
 from helisim.sitl.process import Autopilot, find_program
 from helisim.sitl.session import fly_script, script_of, told
+from helisim.sitl.systemid import INTO, Sweep, sweeps
 from helisim.vehicle.folder import model_folder
 from script import SCRIPTS, loaded
 

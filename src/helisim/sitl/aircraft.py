@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import DivergedError, InputError, ModelError, UnknownNameError
 from helisim.physics.drive import IDEAL, MOTOR
-from helisim.physics.layout import CONTROL, SENSOR, STATE
+from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
 from helisim.physics.native import installed
-from helisim.physics.params import PARAM
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.ground import Ground
