@@ -221,6 +221,7 @@ def scatter(seed):
         share=random.uniform(size=(2, 3, 2, 4)),
         noise=root @ root.conj().swapaxes(1, 2),
         bias=random.uniform(size=(3, 2, 4)),
+        spread=np.zeros((3, 2, 4)),
     )
 
 

@@ -25,6 +25,7 @@ MODEL = LocalScatter(
     share=np.ones((1, 1, 1, 2)),
     noise=np.ones((2, 1, 1), dtype=complex),
     bias=np.zeros((1, 1, 2)),
+    spread=np.zeros((1, 1, 2)),
 )
 
 

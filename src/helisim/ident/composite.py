@@ -1,12 +1,9 @@
 """CIFER's estimator: at every frequency the best of windows of five lengths.
 
-A long window reaches low frequencies, a short one averages more at high ones. The composite
-spectra minimise at each frequency
+The composite spectra minimise at each frequency (Tischler and Remple, chapter 11)
 
     sum_i W_i { [(Gxx - Gxx_i)/Gxx]^2 + the same for Gyy, Re Gxy, Im Gxy
-                + 5 [(g2 - g2_i)/g2]^2 } ,   W_i = (eps_i / eps_min)^-4
-
-(Tischler and Remple, chapter 11), from the W_i^2-weighted mean as the start.
+                + 5 [(g2 - g2_i)/g2]^2 } ,   W_i = (eps_i / eps_min)^-4 .
 """
 
 import math
@@ -31,38 +28,24 @@ from helisim.records.record import FlightRecord
 
 WINDOWS = 5
 """Window lengths in a composite."""
-
 WINDOW_SPREAD = 5.0
 """Ratio of the longest window to the shortest one at most (CIFER's usual 50 s to 10 s)."""
-
 PERIODS = 6.0
 """A window joins the composite from so many periods in it upwards: below, the Hann window's
 main lobe (two bins either way) smears the response, which coherence hardly shows. The longest
 window serves all frequencies."""
-
 _COHERENCE_WEIGHT = 5.0
 _PART_GUARD = 0.1
 """A real or imaginary part counts as at least this fraction of |Gxy| when it is a
 denominator: it passes through zero where the phase crosses an axis."""
 _STEPS = 8
 """Gauss-Newton steps; the problem is quadratic but for one term, so it needs three or four."""
-
-_NEIGHBOURS = 0.15
-"""Over which share of the frequency the windows' systematic error is averaged."""
-_FLOOR = 0.005**2
-"""Squared relative differences with a smaller variance are equally well known."""
+_NEIGHBOURS = 0.15  # over which share of the frequency the windows' systematic error is averaged
+_FLOOR = 0.005**2  # squared relative differences with a smaller variance are equally well known
 
 
 class Windows:
-    """Spectra of records over windows of several lengths, for any responses between signals.
-
-    Args:
-        records: of the flights, each with all signals.
-        names: of the signals.
-        frequency: (n_freq,) rad/s.
-        windows: lengths, s.
-        overlap: share of a window that the next one covers at least.
-    """
+    """Spectra of records over windows of several lengths, for any responses at (n_freq,) rad/s."""
 
     def __init__(
         self,
@@ -80,10 +63,7 @@ class Windows:
         self._spectra = cross_spectra(records, names, frequency, windows=windows, overlap=overlap)
 
     def cross_control(self, names: Sequence[str]) -> NDArray[np.float64]:
-        """Return the coherence between signals, (n_name, n_name, n_freq).
-
-        Averaged over the window lengths: the long ones alone have too few averages.
-        """
+        """Return the coherence between signals, (n_name, n_name, n_freq), mean over lengths."""
         return np.mean([cross_control(one, names) for one in self._spectra], axis=0)
 
     def estimate(
@@ -181,10 +161,9 @@ def window_lengths(
 
 
 class Composite(NamedTuple):
-    """Composite response of every pair; the arrays are (n_out, n_in, n_freq).
+    """Composite response of every pair; `share` is each length's part in it.
 
-    `multiple` is (n_out, n_freq); `share`, (n_window, n_out, n_in, n_freq), is each length's part
-    in the response.
+    (n_out, n_in, n_freq) each; `multiple` (n_out, n_freq), `share` (n_window, n_out, n_in, n_freq).
     """
 
     response: NDArray[np.complex128]
@@ -226,10 +205,7 @@ def _usable(windows: Sequence[Conditioned]) -> NDArray[np.bool_]:
 
 
 def _noise(windows: Sequence[Conditioned]) -> NDArray[np.complex128]:
-    """Return the outputs' disturbance spectra, (n_freq, n_out, n_out), averaged over lengths.
-
-    Each length counts by its number of averages where it is usable.
-    """
+    """Return the outputs' disturbance spectra, (n_freq, n_out, n_out), mean over averages."""
     averages = np.array([one.averages for one in windows])[:, None]
     weight = np.where(_usable(windows), averages, 0.0)[:, :, None, None]
     return _mean(np.stack([one.noise for one in windows]), weight)
@@ -241,18 +217,12 @@ def _mean(values: NDArray, weight: NDArray[np.float64]) -> NDArray:
 
 def _minimise(
     start: Sequence[NDArray], mean: Sequence[NDArray], g2: NDArray[np.float64]
-) -> tuple[NDArray, NDArray, NDArray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
     """Minimise the composite cost over (Gxx, Gyy, Re Gxy, Im Gxy) at all frequencies at once.
 
-    Summed over windows, each quadratic term depends on the data through its W-weighted mean
-    only. In units of the start value that leaves |z - z_mean|^2 + 5 (g2(z)/g2_0 - g2_mean)^2,
-    whose Gauss-Newton matrix is the identity plus one outer product: the step follows by the
-    Sherman-Morrison formula.
-
-    Args:
-        start: Gxx, Gyy and Gxy, (n_out, n_in, n_freq) each, to begin with.
-        mean: likewise, the W-weighted means.
-        g2: the W-weighted mean of the coherence.
+    Each quadratic term depends on the data through its W-weighted mean only. In units of the
+    start that leaves |z - z_mean|^2 + 5 (g2(z)/g2_0 - g2_mean)^2, whose Gauss-Newton matrix is
+    the identity plus one outer product: the step follows by the Sherman-Morrison formula.
     """
     modulus = np.abs(start[2])
     parts = [np.maximum(np.abs(one), _PART_GUARD * modulus) for one in _parts(start[2])]

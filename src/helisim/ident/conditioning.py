@@ -1,13 +1,8 @@
 """Multi-input conditioning: one estimator for the direct and the joint input-output method.
 
-With y = H u + e and a reference r, the part of u that r explains is u^ = G_ur G_rr^-1 r and
-
-    H = G_yu^ G_u^u^^-1 .
-
-With r = u this is MISO, H = G_yu G_uu^-1. With as many references as inputs it is the
-joint input-output method, H = H_yr H_ur^-1: what feedback carries from e into u is not
-explained by r and drops out. Each pair is then described by conditioned spectra, so that
-coherence, random error and composite windows are the same formulas for both methods.
+With y = H u + e and a reference r, the part of u that r explains is u^ = G_ur G_rr^-1 r, and
+H = G_yu^ G_u^u^^-1. With r = u this is MISO, H = G_yu G_uu^-1; with as many references as inputs
+it is the joint input-output method, H = H_yr H_ur^-1, free of what feedback carries from e into u.
 """
 
 from collections.abc import Sequence
@@ -25,15 +20,13 @@ class Conditioned:
     """Spectra of each input-output pair with the other inputs' effect removed.
 
     Attributes:
-        gxx: (n_out, n_in, n_freq) input power that is the input's own.
-        gyy: (n_out, n_in, n_freq) output power from that input and from noise.
-        gxy: (n_out, n_in, n_freq) cross spectrum; the response is gxy / gxx.
+        gxx, gyy, gxy: (n_out, n_in, n_freq) power that is the input's own, output power from that
+            input and from noise, cross spectrum; the response is gxy / gxx.
         multiple: (n_out, n_freq) coherence of the output with all inputs together.
         averages: equivalent number of independent windows.
         periods: (n_freq,) how many periods of the frequency the window holds.
         noise: (n_freq, n_out, n_out) spectra of what the response leaves of the outputs.
-        weight: (n_freq, n_in, n_segment) by which the response takes an output's transform
-            in each window.
+        weight: (n_freq, n_in, n_segment) by which the response takes each window's transform.
     """
 
     gxx: NDArray[np.float64]
@@ -64,9 +57,8 @@ def random_error(
     """Return the normalised random error of the response, sqrt(1 - g2) / (|g| sqrt(2 n_e)).
 
     Args:
-        coherence: of any shape, such as (n_out, n_in, n_freq).
-        averages: n_e = n_d / C_eps^2, the equivalent number of independent windows, one number
-            or one for each coherence.
+        coherence: (n_out, n_in, n_freq).
+        averages: n_e = n_d / C_eps^2, independent windows, one number or one for each.
     """
     bounded = np.clip(coherence, 1e-12, 1.0)
     return np.sqrt((1.0 - bounded) / (bounded * 2.0 * averages))
@@ -131,7 +123,7 @@ def _adjoint(matrix: NDArray) -> NDArray[np.complex128]:
     return matrix.conj().transpose(0, 2, 1)
 
 
-def _power(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _power(matrix: NDArray) -> NDArray[np.float64]:
     """Return the diagonals of spectral matrices, (n_freq, n)."""
     return np.real(np.diagonal(matrix, axis1=1, axis2=2))
 
@@ -165,9 +157,9 @@ def _disturbance(
 ) -> NDArray[np.complex128]:
     """Return the spectra of the outputs' disturbance, (n_freq, n_out, n_out).
 
-    Windows count less where the inputs are strong at that frequency: what a window smears of
-    the inputs' own effect looks like a disturbance there. And the response has been fitted to
-    some of the disturbance: in each window by its leverage, times how many windows overlap.
+    Windows count less where the inputs are strong: what a window smears of their own effect looks
+    like a disturbance. And the response has been fitted to some of the disturbance: in each window
+    by its leverage, times how many windows overlap.
     """
     given = spectra.windowed(active)
     residual = spectra.windowed(outputs) - response @ given

@@ -23,35 +23,20 @@ from helisim.records.record import FlightRecord
 
 POINTS_PER_DECADE = 80
 """Density of the frequency grid; 20 points of it a response go into a fit."""
-
 ESTIMATORS = ("local", "windows")
 """Names of the estimators."""
-
 CROSS_CONTROL_LIMIT = 0.5
 """Mean coherence between inputs above which the estimate is doubtful (Tischler and Remple)."""
-
 CROSS_CONTROL_SINGULAR = 0.98
 """Mean coherence between inputs above which they can't be told apart: the condition number
 of their spectral matrix exceeds 100."""
-
-_COMPARED = 8
-"""Every so many frequencies the direct estimate is compared with the joint one."""
-
-_LEAST_COHERENCE = 0.2
-"""Below it the joint estimate is too wild for a comparison."""
-
-_FEWEST_APART = 2
-"""Feedback's bias is smooth: one frequency of those compared is chance."""
-
+_COMPARED = 8  # every so many frequencies the direct estimate is compared with the joint one
+_LEAST_COHERENCE = 0.2  # below it the joint estimate is too wild for a comparison
+_FEWEST_APART = 2  # feedback's bias is smooth: one frequency of those compared is chance
 _LEAST_GAP = 0.005
 """A smaller gap, as a fraction of the response, is of no weight: no fit trusts a point more."""
-
-_CHANCE = 12.0
-"""A squared gap over its variance that chance exceeds once in 160 000 comparisons."""
-
-_LONGEST_STOP = 1.0
-"""s, for which an input may be at its stop in a record."""
-
+_CHANCE = 12.0  # a squared gap over its variance that chance exceeds once in 160 000 comparisons
+_LONGEST_STOP = 1.0  # s, for which an input may be at its stop in a record
 _NOT_THE_FLIGHT = ("made_by", "versions", "ended", "log", "part")
 """Keys of a provenance that do not say which flight it is."""
 

@@ -1,8 +1,8 @@
 """Parameters in the units that people read, by their places in the matrices; SI is stored.
 
 N_ped is stated in 1/s^2 and means rad/s^2 by the whole range of the pedal: its row is a yaw
-acceleration, its column a control. Every term of an entry says so: the powers of its factors and
-of its column's signal add up to its row's. Terms with one unknown are solved, until none is left.
+acceleration, its column a control. In every term of an entry the powers of its factors and of its
+column's signal add up to its row's; terms with one unknown are solved, until none is left.
 """
 
 import ast

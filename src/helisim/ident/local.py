@@ -1,22 +1,11 @@
 """The local polynomial method: frequency responses from whole records, without windows.
 
-A window smears a response over its main lobe, two lines either way of a transform as long as the
-window, which near a lightly damped mode or at the lowest frequencies is more than the random
-error. Here each flight is transformed whole, and around each frequency Y = G(w) U + T(w) + E is
-solved by least squares over the lines of all flights: G a polynomial, common to all; T the
-transient, a polynomial for each flight (R. Pintelon and J. Schoukens, System Identification: A
-Frequency Domain Approach, 2nd ed., 2012, ch. 7). Where the lines ask for it, both have a pole in
-common, found from all signals together: the local rational method (T. McKelvey and G. Guerin,
-"Non-parametric frequency response estimation using a local rational model", SYSID 2012). With a
-reference, outputs and inputs are estimated as responses to it, by the same weights, and divided:
-under feedback those responses are damped, and so smooth, even where the vehicle is unstable.
-
-How wide the band is, the data choose, by mean-square errors. A polynomial's bias grows with the
-width of its band to the power ORDER + 2, so each width's bias follows from how far it is from the
-next narrower one: squared, less the variance of that difference, averaged over neighbouring
-frequencies. It doesn't fall where the band gets wider. The narrowest's own follows from the next
-one's by the same law. Of a single band that is wider than its middle frequency nothing is known:
-its bias is stated as the whole response. The bias that is left is stated with the errors.
+Each flight is transformed whole, and around each frequency Y = G(w) U + T(w) + E is solved by least
+squares over the lines of all flights: G a polynomial, common to all, T the transient of each flight
+(R. Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., 2012,
+ch. 7), both with a common pole where the lines ask for it (T. McKelvey and G. Guerin, SYSID 2012).
+With a reference, outputs and inputs are estimated as responses to it and divided: under feedback
+those are damped, and so smooth, even where the vehicle is unstable. The data choose the width.
 """
 
 from collections.abc import Sequence
@@ -31,74 +20,39 @@ from helisim.records.record import FlightRecord
 
 WIDTHS: NDArray[np.float64] = 0.06 * 2.0 ** np.arange(7, dtype=np.float64)
 """Half widths of the band over its middle: 0.06 to 3.84."""
-
 WIDEST = 1.0
 """Beyond it a band is only used where the lines allow one narrower at most: of a single one
 nobody knows the bias."""
-
-_MOST = 4
-"""Widths that are compared at a frequency."""
-
-_PLENTY = 100.0
-"""Lines for each parameter in a band beyond which no wider one is asked."""
-
-_SPARE = 1.5
-"""Lines that a band needs for each parameter: the kernel lets two of three count."""
-
-_FREE = 4.0
-"""Lines beyond the parameters, to see what is left."""
-
+_MOST = 4  # widths that are compared at a frequency
+_PLENTY = 100.0  # lines for each parameter in a band beyond which no wider one is asked
+_SPARE = 1.5  # lines that a band needs for each parameter: the kernel lets two of three count
+_FREE = 4.0  # lines beyond the parameters, to see what is left
 _TRANSIENT_RATIO = 1.5
 """Transients are estimated where their lines hold so much more power than the disturbance."""
-
-_TRANSIENT_STEP = 4
-"""At every so many frequencies it is looked for transients."""
-
-_CHUNK = 100_000
-"""Numbers of a design that are worked on at once."""
-
-_SHARPNESS = 2.0
-"""Power by which smaller mean-square errors count more in the average of widths."""
-
-_LEAST = 0.05
-"""A width with a smaller share is left out."""
-
+_TRANSIENT_STEP = 4  # at every so many frequencies it is looked for transients
+_CHUNK = 100_000  # Numbers of a design that are worked on at once
+_SHARPNESS = 2.0  # power by which smaller mean-square errors count more in the average of widths
+_LEAST = 0.05  # a width with a smaller share is left out
 _ASYMPTOTIC = 0.5
 """A band wider than this has no law for its bias: the next wider one's counts in full."""
-
 _DOUBT = 0.5
 """Shares of a difference's variance that its square must exceed it by to be stated as a bias: the
 mean over neighbours is of two or three independent ones."""
-
-_FLOOR = 0.005**2
-"""Squared relative differences with a smaller variance are equally well known."""
-
+_FLOOR = 0.005**2  # squared relative differences with a smaller variance are equally well known
 _NOISE_FREEDOM = 5.0
 """The disturbance's spectrum is taken from the narrowest band with so many spare lines."""
-
-_NOISE_WIDTH = 0.15
-"""Over which share of the frequency that spectrum is averaged further."""
-
+_NOISE_WIDTH = 0.15  # over which share of the frequency that spectrum is averaged further
 _STUDENT = 2.5
 """A spectrum that averages n lines is stated larger by this over n: then three standard deviations
 hold 98.9 % of the errors, as if it were known (Student's distribution, complex, n of 8 to 30)."""
-
 _POWER_WIDTH = 0.2
 _POWER_LINES = 12
 """Inputs' spectra are averaged over this share of the frequency, and so many lines at least."""
-
-_AVERAGES = 8.0
-"""No coherence is larger than what so many averages would need for the random error."""
+_AVERAGES = 8.0  # no coherence is larger than what so many averages would need for the random error
 
 
 class Local:
-    """The lines of records, for any responses between their signals.
-
-    Args:
-        records: of the flights, each with all signals.
-        names: of the signals.
-        frequency: (n_freq,) rad/s.
-    """
+    """The lines of records, for any responses between their signals at (n_freq,) rad/s."""
 
     windows: tuple[float, ...] = ()
 
@@ -195,10 +149,7 @@ def _coherence(
     response: NDArray[np.complex128],
     noise: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the partial and the multiple coherence, by the outputs' noise, (n_out, n_freq).
-
-    Signal and disturbance are spectra over whole records, as windows would average them.
-    """
+    """Return the partial and the multiple coherence, by the outputs' noise, (n_out, n_freq)."""
     power = _power(task.lines, task.drive, task.frequency)
     into = bands.active_gain
     explained = into @ power @ into.conj().swapaxes(1, 2)
@@ -217,15 +168,10 @@ def _coherence(
 
 
 class Task(NamedTuple):
-    """What is estimated.
+    """What is estimated, signals by their places among the lines.
 
-    Attributes:
-        lines: of the flights.
-        drive: places of the driving signals: the references, or the inputs that were active.
-        output: places of the outputs.
-        active: with references, places of the inputs that were active; else empty.
-        n_in: how many of the inputs are wanted, the first ones.
-        frequency: (n_freq,) rad/s.
+    `drive` are the references, or the inputs that were active; `active` with references the
+    inputs, else empty, of which the first `n_in` are wanted. `frequency` is (n_freq,) rad/s.
     """
 
     lines: Lines
@@ -259,10 +205,7 @@ class Bands(NamedTuple):
     weights: tuple[dict[int, tuple[NDArray[np.intp], NDArray[np.complex64]]], ...]
 
     def shared(self) -> NDArray[np.float64]:
-        """Return the covariance between widths for a unit disturbance.
-
-        (n_width, n_width, n_in, n_freq).
-        """
+        """Return their covariance for a unit disturbance, (n_width, n_width, n_in, n_freq)."""
         n_width, _, n_in, n_freq = self.gain.shape
         shared = np.zeros((n_width, n_width, n_in, n_freq))
         for f, weights in enumerate(self.weights):
@@ -274,10 +217,9 @@ class Bands(NamedTuple):
         return shared
 
     def packed(self, share: NDArray[np.float64]) -> tuple[LineWeights, ...]:
-        """Return the weights of the widths that have a share at each frequency.
+        """Return for each frequency the weights of widths with a share.
 
-        Args:
-            share: (n_width, n_out, n_in, n_freq).
+        It is (n_width, n_out, n_in, n_freq).
         """
         packed = []
         for f, weights in enumerate(self.weights):
@@ -321,11 +263,8 @@ def estimate_bands(task: Task) -> Bands:
 def _responses(task: Task, fit: BandFit) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Return the outputs' responses to all active inputs, from those to the driving signals.
 
-    With references r the inputs follow as u = R r, and H = H_yr R*(R R*)^-1 in the metric of r;
-    what is left of y - H u is the disturbance, whatever feedback carries of it into u.
-
-    Returns:
-        H, (n_freq, n_out, n_active); R; H's weights; the spectra of y - H u.
+    With references r the inputs follow as u = R r, and H = H_yr R*(R R*)^-1 in the metric of r.
+    They are H, (n_freq, n_out, n_active), R, H's weights, and the spectra of y - H u.
     """
     n_out, n_freq = len(task.output), fit.gain.shape[0]
     if not task.active:
@@ -392,8 +331,8 @@ def _chunks(
 def transients(task: Task) -> NDArray[np.bool_]:
     """Return where transients are to be estimated, (n_freq,).
 
-    Their lines are compared with the disturbance's, where there are enough for both. Flights
-    that begin and end in trim have none, and at the lowest frequencies could not afford them.
+    Their lines are compared with the disturbance's. Flights that begin and end in trim have none,
+    and at the lowest frequencies could not afford them.
     """
     all_on = np.ones(task.frequency.size, dtype=np.bool_)
     valid = _usable_widths(task, all_on)
@@ -445,7 +384,13 @@ def choose(
     *,
     widest: float = np.inf,
 ) -> Choice:
-    """Weigh the widths at every frequency.
+    """Weigh the widths of the band at every frequency by their mean-square errors.
+
+    A polynomial's bias grows with the width to the power ORDER + 2, so each width's follows from
+    how far it is from the next narrower one: squared, less the variance of that difference,
+    averaged over neighbouring frequencies. It doesn't fall where the band gets wider. The
+    narrowest's own follows from the next one's by the same law. Of a single band that is wider
+    than `widest` nothing is known: its bias is the whole response.
 
     Args:
         gain: (n_width, n_out, n_in, n_freq) response by each width.

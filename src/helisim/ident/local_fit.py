@@ -1,21 +1,12 @@
 """Least squares in a band of a record's lines: the response, transients, and their common pole.
 
-A record of T seconds, transformed whole and without a window, has a line every 2 pi / T rad/s.
-At a line an output is
-
-    Y = G(j w) U + T(w) + E ,
-
-exactly: G is the vehicle, T a smooth function of frequency that the state at the record's start
-and end gives (the transient), E the disturbance, which is nearly independent from line to line.
-
-Around w0 the response of all signals to the driving ones is a polynomial of ln(w / w0), the same
-for all flights, since responses are smooth on a logarithmic scale down to the lowest line; the
-transient is w0/w times a polynomial of w - w0, one for each flight. Lines count by Epanechnikov's
-kernel, so that estimates are smooth in w0.
-
-Where chi^2 falls by enough, both are divided by 1 - (w - w0)/p, with one pole p for all signals:
-found by a linear fit of A Y = B U + T, the disturbance's part in it taken out, and one step of
-Gauss and Newton's for the error of Y itself. Given the pole, the estimate is linear in the lines.
+A record of T seconds, transformed without a window, has a line every 2 pi / T rad/s, at each of
+which Y = G(j w) U + T(w) + E exactly: G is the vehicle, T the transient, a smooth function that the
+state at the record's start and end gives, E the disturbance, nearly independent from line to line.
+Around w0 G is a polynomial of ln(w / w0), the same for all flights, T is w0/w times one of w - w0
+for each. Where chi^2 falls by enough, both are divided by 1 - (w - w0)/p with one pole p for all:
+found by a linear fit of A Y = B U + T, without what the disturbance adds to it, and one step of
+Gauss and Newton's. Lines count by Epanechnikov's kernel; given p, the estimate is linear in them.
 """
 
 from collections.abc import Sequence
@@ -30,24 +21,14 @@ from helisim.records.record import FlightRecord
 ORDER = 2
 """Order of the response's polynomial: an even one is as unbiased as the next odd one, at less
 variance (Pintelon and Schoukens take 2, too)."""
-
 TRANSIENT = 3
 """Terms of a transient: 1/w, 1 and w."""
-
 _SINGULAR = 1e-11
 """Eigenvalues of the scaled normal matrix below it: the lines don't tell the inputs apart."""
-
-_WORTH = 5.0
-"""A pole is estimated where it takes so much off chi^2; chance takes 1 at most."""
-
-_ITERATIONS = 1
-"""Of Gauss and Newton's, for the pole."""
-
-_NEAREST = 0.5
-"""Lines between a pole and the frequency axis at least."""
-
-_FURTHEST = 10.0
-"""Half widths between a pole and the middle at most: beyond, it is none."""
+_WORTH = 5.0  # a pole is estimated where it takes so much off chi^2; chance takes 1 at most
+_ITERATIONS = 1  # of Gauss and Newton's, for the pole
+_NEAREST = 0.5  # lines between a pole and the frequency axis at least
+_FURTHEST = 10.0  # half widths between a pole and the middle at most: beyond, it is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,16 +55,9 @@ class Lines:
     def within(
         self, low: NDArray[np.float64], high: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the first line at or above `low` and how many reach to `high`, each flight.
+        """Return the first line at or above `low` and how many reach to `high`.
 
-        Line 0, the level, is never among them.
-
-        Args:
-            low: (n_freq,) rad/s.
-            high: (n_freq,) rad/s.
-
-        Returns:
-            (n_freq, n_flight) each.
+        (n_freq, n_flight) each, of edges (n_freq,) in rad/s; line 0, the level, never counts.
         """
         first = np.ceil(low[:, None] / self.spacing - 1e-9).astype(np.intp)
         last = np.floor(high[:, None] / self.spacing + 1e-9).astype(np.intp)
@@ -92,13 +66,7 @@ class Lines:
 
 
 def flight_lines(records: Sequence[FlightRecord], names: Sequence[str], highest: float) -> Lines:
-    """Return the lines of records, each less its mean level.
-
-    Args:
-        records: of the flights, each with all signals.
-        names: of the signals.
-        highest: lines up to it are taken, rad/s.
-    """
+    """Return the lines of records' signals, less their mean levels, up to a highest, rad/s."""
     spacing = np.array([2.0 * np.pi / (len(one) * one.sample_time) for one in records])
     each = []
     for record, step in zip(records, spacing):
@@ -146,14 +114,14 @@ def fit_band(
     transient: bool,
     poles: bool = True,
 ) -> BandFit:
-    """Fit the lines within `half` of each frequency.
+    """Fit the lines within `half` of each frequency, (n_freq,) rad/s each.
 
     Args:
         lines: of all flights.
         drive: where the driving signals are among them.
         response: where the responding ones are.
-        frequency: (n_freq,) rad/s.
-        half: (n_freq,) half widths of the bands, rad/s.
+        frequency: the bands' middles.
+        half: the bands' half widths.
         transient: estimate a transient for each flight.
         poles: give the responses a common pole where the lines ask for one.
     """
@@ -214,11 +182,9 @@ class _Solved:
         basis: (n_freq, n_flight, n_line, TRANSIENT) orthonormal terms of the transients.
         design: (n_freq, n_row, n_column) without what transients could be.
         every: (n_freq, n_column, n_row) by which the solution takes the lines.
-        solution: (n_freq, n_column, n_response).
-        remainder: (n_freq, n_row, n_response).
+        solution, remainder: (n_freq, n_column, n_response), (n_freq, n_row, n_response).
         loose: (n_freq, n_row) what of a disturbance's power in each line remains.
-        freedom: (n_freq,) equivalent number of lines that the remainder averages.
-        fits: as in `BandFit`.
+        freedom, fits: as in `BandFit`.
     """
 
     over: NDArray[np.complex128]
@@ -314,10 +280,7 @@ def _without(
 def _orthonormal(
     offset: NDArray[np.float64], root: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Return orthonormal terms of a transient, (n_freq, n_flight, n_line, TRANSIENT).
-
-    Where a flight has fewer lines than terms, the others are zero: nothing remains of it.
-    """
+    """Return orthonormal terms of a transient, (n_freq, n_flight, n_line, TRANSIENT); or zeros."""
     terms: list[NDArray[np.complex128]] = []
     for power in range(TRANSIENT):
         term = root * offset**power
@@ -336,8 +299,7 @@ def _linear_pole(
     """Return the pole of a linear fit, (n_freq,) in half widths from the middle, and its worth.
 
     Of A Y = B U + T + E, with A = a + b d, the equation error is least relative to what the
-    disturbance gives to it, so that the disturbance doesn't bias the pole. Its worth is by how
-    much it takes chi^2 down, mean over the responding signals.
+    disturbance gives to it. Its worth is what it takes off chi^2, mean over responding signals.
     """
     fitted, size = _fitted(band, solved)
     offset = band.offset.reshape(*solved.over.shape, 1)

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 USABLE_COHERENCE = 0.6
 """Partial coherence from which a point of a response can be used (Tischler and Remple)."""
-
 FORMAT = "helisim frequency response, version 1"
 
 _NO_MODEL = (
@@ -45,9 +44,7 @@ _NO_MODEL = (
     "the fit leaves over"
 )
 
-_SAME = 1e-6
-"""Frequencies of two files closer than this fraction are one, written with few digits."""
-
+_SAME = 1e-6  # frequencies of two files closer than this fraction are one, written with few digits
 _LEAST_COHERENCE = 1e-4
 """Below it the random error that coherence implies is no number worth stating."""
 

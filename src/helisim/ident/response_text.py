@@ -1,8 +1,4 @@
-"""Frequency responses as columns of text, by anyone: read by their headings, and written.
-
-Headings such as "p/lat magnitude [dB]", "freq_Hz" or "Phase (deg)" are understood. A unit is never
-guessed from the numbers: where a heading has none, it must be given.
-"""
+"""Frequency responses as columns of text, by anyone: read by their headings, and written."""
 
 import csv
 import json
@@ -43,9 +39,7 @@ _UNITS: Mapping[str, Mapping[str, Sequence[str]]] = {
 }
 """Quantity -> its units, each with the words that mean it."""
 
-_TOLD = ("frequency", "magnitude", "phase")
-"""Quantities whose units are told, as they were found."""
-
+_TOLD = ("frequency", "magnitude", "phase")  # quantities whose units are told, as they were found
 _FILLING = {"random", "partial", "response", "std", "of", "the"}
 
 _PAIR = re.compile(r"([^\s/\[\]()=,;]+/[^\s/\[\]()=,;]+)\s+(.+)")
@@ -59,14 +53,9 @@ _COMMENTS = ("#", "%", "!", "//")
 
 _PROVENANCE = "# provenance: "
 
-_SEEN = 1 << 16
-"""Bytes of a file that are read to see whether it holds a response."""
-
-_MOST_LINES = 1_000_000
-"""Of a file: no response has as many frequencies."""
-
-_ROUNDING = 1e-3
-"""By which a coherence that is written with few digits may exceed 1."""
+_SEEN = 1 << 16  # bytes of a file that are read to see whether it holds a response
+_MOST_LINES = 1_000_000  # of a file: no response has as many frequencies
+_ROUNDING = 1e-3  # by which a coherence that is written with few digits may exceed 1
 
 
 class Curve(NamedTuple):

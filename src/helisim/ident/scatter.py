@@ -1,29 +1,15 @@
 """The errors of a frequency response and their correlations, for a fit to state its own.
 
-An estimate is linear in the disturbance e = y - H u that the records hold beside the response.
-By windows,
+An estimate is linear in the disturbance e = y - H u that the records hold beside the response. By
+windows dH(w) = sum_m q_m(w) E_m(w), with E_m the windowed transform of e, and so
 
-    dH(w) = sum over windows m of  q_m(w) E_m(w) ,
-
-where E_m is the windowed transform of e and q_m follows from the reference (or the inputs)
-alone. Windows overlap, several lengths are combined, and the Hann window couples neighbouring
-frequencies; all of that is known: in terms of the disturbance's own spectrum, S(v),
-
-    E_m(w) = integral of e's transform at v times Hann(w - v) exp(j v t_m) ,
     cov[dH(w), dH(w')] = (1/4 pi) integral K_w(v) S(v) K_w'(v)* dv ,
-    K_w(v) = sum_m q_m(w) Hann(w - v) exp(j v t_m) .
+    K_w(v) = sum_m q_m(w) Hann(w - v) exp(j v t_m) ,
 
-So a sweep that passes a frequency once, in three of forty windows, has the error of three. By the
-local method it is linear in the lines of e, which are nearly independent without a window:
-
-    dH(w) = sum over flights and lines of  q(w) E ,
-    cov[dH(w), dH(w')] = sum over the lines that both use of  q(w) q(w')* S ,
-
-with S, which is smooth where q is not, before the sum. What is assumed: the disturbance is
-stationary and independent of the reference; with the direct method the latter fails under
-feedback, and this error doesn't know of the bias. S comes from the residuals. A bias that is
-left is added, the same for neighbours, unrelated further away. So is what the widths of the local
-band differ by around their average, each point for itself: the data choose which are used.
+S being e's spectrum; by the lines of whole records, which are nearly independent, it is the sum of
+q(w) q(w')* S over the lines that both use. S comes from the residuals; e is taken to be stationary
+and independent of the reference, which the direct method under feedback can't be. A bias that is
+left is added, the same for neighbours, unrelated further away.
 """
 
 import base64
@@ -43,7 +29,6 @@ Index = Sequence[int] | NDArray[np.intp]
 
 _REACH = 0.25
 """Two biases are related if their frequencies differ by less than about this, as a fraction."""
-
 _LOBES = 4.0
 """Half width of the Hann window's transform that is kept, in bins: 0.0014 % of its power is
 outside."""
@@ -56,21 +41,12 @@ def _bias_covariance(
     input_: NDArray[np.intp],
     position: NDArray[np.intp],
 ) -> NDArray[np.float64]:
-    """Return what a bias adds to the covariance between points, (n_point, n_point).
-
-    Its size is known, its sign isn't: neighbours of one response share it, others have their own.
-    """
+    """Return what a bias of unknown sign, which neighbours share, adds between points."""
     at = np.log(frequency[position])
     apart = np.subtract.outer(at, at) / _REACH
     same = (output[:, None] == output) & (input_[:, None] == input_)
     size = bias[output, input_, position]
     return np.where(same, np.outer(size, size) * np.exp(-0.5 * apart**2), 0.0)
-
-
-def _together(*parts: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    """Return the sum of independent deviations; None where none is known."""
-    known = [one for one in parts if one is not None]
-    return np.sqrt(sum(one**2 for one in known)) if known else None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,14 +80,14 @@ class Scatter(Value):
         windows: what the windows of each length contribute.
         durations: of the flights, s.
         noise: (n_freq, n_out, n_out) one-sided spectra between the outputs' disturbances.
-        bias: (n_out, n_in, n_freq) size of the windows' systematic error; none by default.
+        bias: (n_out, n_in, n_freq) size of the windows' systematic error.
     """
 
     frequency: NDArray[np.float64]
     windows: tuple[WindowWeights, ...]
     durations: tuple[float, ...]
     noise: NDArray[np.complex128]
-    bias: NDArray[np.float64] | None = None
+    bias: NDArray[np.float64]
 
     def covariance(self, output: Index, input_: Index, position: Index) -> NDArray[np.complex128]:
         """Return E[dH_k dH_l*], (n_point, n_point)."""
@@ -124,8 +100,6 @@ class Scatter(Value):
                     block = (kernel[o == a] * spectrum) @ kernel[o == b].conj().T
                     total[np.ix_(o == a, o == b)] += block * (spacing / (4.0 * np.pi))
         total = 0.5 * (total + total.conj().T)
-        if self.bias is None:
-            return total
         return total + _bias_covariance(self.bias, self.frequency, o, i, w)
 
     def variance(self, output: Index, input_: Index, position: Index) -> NDArray[np.float64]:
@@ -137,12 +111,12 @@ class Scatter(Value):
             total += np.sum(np.abs(kernel) ** 2 * np.stack(power), axis=1) * (
                 spacing / (4.0 * np.pi)
             )
-        return total if self.bias is None else total + self.bias[o, i, w] ** 2
+        return total + self.bias[o, i, w] ** 2
 
     def minus(self, other: Any) -> "Scatter":
         """Return the errors of the difference of two estimates from the same records."""
         taken = tuple(replace(one, share=-one.share) for one in other.windows)
-        bias = _together(self.bias, other.bias)
+        bias = np.sqrt(self.bias**2 + other.bias**2)
         return replace(self, windows=self.windows + taken, bias=bias)
 
     def _kernels(
@@ -173,14 +147,9 @@ class Scatter(Value):
 
 
 def hann_lobe(offset: NDArray[np.float64], length: float) -> NDArray[np.float64]:
-    """Return the transform of a Hann window around its own middle, real.
+    """Return the transform of a Hann window of so many s around its own middle, real.
 
-    Args:
-        offset: (n_point, n_grid) from the frequency, rad/s, or of any shape.
-        length: of the window, s.
-
-    Returns:
-        (n_point, n_grid), as the offset.
+    It is (n_point, n_grid), as the offset is, (n_point, n_grid) in rad/s.
     """
     bins = offset * (length / (2.0 * np.pi))
     # sinc(x) / (1 - x^2) with its limit 1/2 at x = 1.
@@ -210,11 +179,9 @@ class LineWeights(Value):
         part: Sequence[int] | NDArray[np.intp],
         weights: Sequence[tuple[NDArray[np.intp], NDArray[np.complex64]]],
     ) -> "LineWeights":
-        """Return weights of several parts as one, from the first line of any to the last.
+        """Return numbered parts as one, from the first line of any to the last.
 
-        Args:
-            part: numbers of the parts, all together.
-            weights: first lines, (n_flight,), and weights, (..., n_in, n_flight, n_line).
+        They are first lines, (n_flight,), and weights, (..., n_in, n_flight, n_line), each.
         """
         first = np.min([begin for begin, _ in weights], axis=0)
         last = np.max([begin + value.shape[-1] for begin, value in weights], axis=0)
@@ -241,8 +208,7 @@ class LocalScatter(Value):
         share: (n_width, n_out, n_in, n_freq) each width's share in the response.
         noise: (n_freq, n_out, n_out) one-sided spectra between the outputs' disturbances.
         bias: (n_out, n_in, n_freq) size of the systematic error that is left.
-        spread: (n_out, n_in, n_freq) what the choice of widths adds at each point for itself;
-            none by default.
+        spread: (n_out, n_in, n_freq) what the choice of widths adds at each point for itself.
     """
 
     frequency: NDArray[np.float64]
@@ -250,7 +216,7 @@ class LocalScatter(Value):
     share: NDArray[np.float64]
     noise: NDArray[np.complex128]
     bias: NDArray[np.float64]
-    spread: NDArray[np.float64] | None = None
+    spread: NDArray[np.float64]
 
     def covariance(self, output: Index, input_: Index, position: Index) -> NDArray[np.complex128]:
         """Return E[dH_k dH_l*], (n_point, n_point)."""
@@ -270,10 +236,8 @@ class LocalScatter(Value):
                 total[mine[b][:, None], mine[a]] = block.conj().T
         total *= root @ root.conj().T
         total += _bias_covariance(self.bias, self.frequency, o, i, w)
-        if self.spread is not None:
-            same = (o[:, None] == o) & (i[:, None] == i) & (w[:, None] == w)
-            total += np.where(same, self.spread[o, i, w] ** 2, 0.0)
-        return total
+        same = (o[:, None] == o) & (i[:, None] == i) & (w[:, None] == w)
+        return total + np.where(same, self.spread[o, i, w] ** 2, 0.0)
 
     def variance(self, output: Index, input_: Index, position: Index) -> NDArray[np.float64]:
         """Return E|dH_k|^2 of points, (n_point,)."""
@@ -287,8 +251,7 @@ class LocalScatter(Value):
             share = self.share[self.weights[at].part][:, o[k], i[k], at].T
             power = np.real(np.einsum("kc,kcd,kd->k", share, own[i[k]], share))
             total[k] = power * np.real(self.noise[at, o[k], o[k]])
-        total += self.bias[o, i, w] ** 2
-        return total if self.spread is None else total + self.spread[o, i, w] ** 2
+        return total + self.bias[o, i, w] ** 2 + self.spread[o, i, w] ** 2
 
     def minus(self, other: Any) -> "LocalScatter":
         """Return the errors of the difference of two estimates from the same records."""
@@ -304,7 +267,7 @@ class LocalScatter(Value):
             ),
             share=np.concatenate([self.share, -other.share]),
             bias=np.hypot(self.bias, other.bias),
-            spread=_together(self.spread, other.spread),
+            spread=np.sqrt(self.spread**2 + other.spread**2),
         )
 
     def _mixing(
@@ -369,22 +332,13 @@ _TYPES = ("<f8", "<f4", "<c16", "<c8", "<i8", "<i4")
 
 
 def scatter_to_plain(scatter: ErrorModel, response: NDArray[np.complex128]) -> dict[str, Any]:
-    """Return an error model as plain data for JSON.
-
-    Args:
-        scatter: the error model.
-        response: (n_out, n_in, n_freq) what it belongs to.
-    """
+    """Return an error model of a response, (n_out, n_in, n_freq), as plain data for JSON."""
     plain = _plain(scatter)
     return {"digest": _digest(plain, response), "model": plain}
 
 
 def scatter_from_plain(data: Any, response: NDArray[np.complex128]) -> ErrorModel:
-    """Return what `scatter_to_plain` wrote.
-
-    Args:
-        data: the plain data.
-        response: (n_out, n_in, n_freq) what it belongs to.
+    """Return what `scatter_to_plain` wrote of that response, (n_out, n_in, n_freq).
 
     Raises:
         InputError: it is of another response, or was changed.
@@ -433,7 +387,6 @@ def _value(item: Any) -> Any:
 
 
 def _digest(plain: Any, response: NDArray[np.complex128]) -> str:
-    """Return a digest of an error model as plain data, and of its response."""
     digest = hashlib.blake2b(np.ascontiguousarray(response).tobytes(), digest_size=12)
     for part in _parts(plain):
         digest.update(part.encode())

@@ -1,7 +1,6 @@
 """Cross-spectral matrices of flight records: detrended, Hann windows, averaged.
 
-The transform is the discrete Fourier sum at exactly the wanted frequencies (a chirp-z
-transform on a logarithmic grid): no interpolation, no energy spent outside the band.
+The transform is the discrete Fourier sum at exactly the wanted frequencies: no interpolation.
 """
 
 from collections.abc import Sequence
@@ -15,10 +14,7 @@ from helisim.records.record import FlightRecord
 
 HANN_POWER = 0.375
 """Mean square of the Hann window; dividing by it restores the power (CIFER's 1.63^2)."""
-
-_BLOCK = 64
-"""Samples in a block of the kernel's phase table: only speed depends on it."""
-
+_BLOCK = 64  # samples in a block of the kernel's phase table: only speed depends on it
 _QUADRATURE = 512
 """Instants in a record where products of windows are summed: 5 a window at the least."""
 
@@ -33,12 +29,10 @@ class Spectra:
         names: the signals, in the order of the matrix.
         window: window length, s.
         averages: equivalent number of independent windows, n_d / C_eps^2.
-        transforms: (n_freq, n_signal, n_segment) of every window, unscaled.
-        scale: the matrix is this times the sum of transforms over the windows.
-        start: (n_segment,) when each window starts within its flight, s.
-        flight: (n_segment,) which flight it belongs to.
-        energy: (n_segment,) what white noise gives to it, in units of a whole window's: less
-            at the ends of a record.
+        transforms: (n_freq, n_signal, n_segment) of every window; `scale` gives the matrix.
+        start, flight: (n_segment,) when each window starts, s, within which flight.
+        energy: (n_segment,) what white noise gives to it, relative to a whole window: less at the
+            ends of a record.
     """
 
     frequency: NDArray[np.float64]
@@ -72,11 +66,10 @@ def cross_spectra(
 ) -> list[Spectra]:
     """Return the averaged cross spectra of records, one for each window length.
 
-    No window crosses from one record to the next. Windows hang over both ends of a record, so
-    that each sample counts the same: sweeps end at their highest frequency, and a window that
-    fades out there biases the response by its slope times the vehicle's group delay. Beyond its
-    ends a record is taken to be in trim, and it is faded into that over one period of the lowest
-    frequency (5 % of the record at most).
+    Windows hang over both ends of a record, so that each sample counts the same: sweeps end at
+    their highest frequency, and a window that fades out there biases the response by its slope
+    times the vehicle's group delay. Beyond its ends a record is taken to be in trim, and it is
+    faded into that over one period of the lowest frequency (5 % of the record at most).
 
     Args:
         records: of the flights, each with all signals.
@@ -134,13 +127,7 @@ def _averaged(
 
 
 def segment_starts(samples: int, length: int, overlap: float) -> NDArray[np.intp]:
-    """Return where the windows start, (n_segment,): evenly spread, over both ends of a record.
-
-    Args:
-        samples: of the record.
-        length: of a window, samples.
-        overlap: share of a window that the next one covers at least.
-    """
+    """Return at which samples windows start, (n_segment,): evenly, over both ends of a record."""
     hop = length * (1.0 - overlap)
     count = int(np.ceil((samples + length - 2.0 * hop) / hop)) + 1
     return np.rint(np.linspace(hop - length, samples - hop, count)).astype(np.intp)
@@ -155,11 +142,7 @@ def _fade(samples: int, period: float) -> NDArray[np.float64]:
 
 
 def _kernel(length: int, step: float, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return Hann window times exp(-j w t) dt, (length, n_freq).
-
-    The phases come from two short tables multiplied together: a tenth of the time of as
-    many complex exponentials, and the same to the last bits.
-    """
+    """Return Hann window times exp(-j w t) dt, (length, n_freq), the phases from two tables."""
     blocks = -(-length // _BLOCK)
     coarse = np.exp(-1j * np.outer(np.arange(blocks) * (_BLOCK * step), frequency))
     fine = np.exp(-1j * np.outer(np.arange(_BLOCK) * step, frequency))
@@ -183,10 +166,9 @@ def _transform(
 def _shared_power(
     starts: NDArray[np.intp], length: int, fade: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the power that white noise gives to each window and shares between two.
+    """Return the power c_mn of white noise that two windows share, relative to a whole window.
 
-    In units of one whole window's. With overlap m and n, windows whose shared power is c_mn
-    average as (sum c_mm)^2 / sum c_mn^2 independent ones: n_d / C_eps^2, ends included.
+    They average as (sum c_mm)^2 / sum c_mn^2 independent ones: n_d / C_eps^2, ends included.
     """
     instant = np.linspace(0.0, fade.size, _QUADRATURE, endpoint=False)
     inside = (instant[None, :] - starts[:, None]) / length

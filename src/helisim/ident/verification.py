@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 ACCEPTABLE_TIC = 0.25
 """Theil's coefficient up to which a model predicts well (Tischler and Remple)."""
-
-_WIDTH = 80
-"""Columns of a terminal."""
+_WIDTH = 80  # columns of a terminal
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,17 +1,10 @@
 """Verifies an identified model in the time domain, on a record that no fit has seen.
 
-Estimated from the record are each output's bias and the state's trim error alone. A trim error,
-a constant rate of a state, adds the model's own motions to a constant, and so does an unknown
-initial state: the latter is what is solved for, with an input's trim beside it where the model
-integrates.
-
-From one initial state an unstable model's error grows without bound, however good the model is.
-In segments each has its own state, estimated from the segment, while biases and trims are the
-record's. Predicting ahead, a state is estimated from the samples before it alone. What a segment's
-state could make up tells nothing of the model, so it is taken out of both measured and predicted
-motion before they are compared: with P the projection on the model's free motions, Theil's
-coefficient is that of (1 - P) y and (1 - P) y_forced, whose difference is the residual of least
-squares. However short a segment is, its free numbers flatter no model.
+Estimated from the record are each output's bias and the initial state alone, with an input's trim
+where the model integrates. In segments, as unstable models need them, each has a state of its own;
+predicting ahead, a state comes from the samples before it. What a segment's state could make up
+tells nothing of the model: with P the projection on the model's free motions, Theil's coefficient
+is that of (1 - P) y and (1 - P) y_forced, so that free numbers flatter no model.
 """
 
 from collections.abc import Sequence
@@ -40,31 +33,21 @@ from helisim.records.record import FlightRecord
 _SHARED = 0.25
 """A record of whose time the fit has seen more is no new one. Less is what parts share that are
 cut side by side, with a margin for filters to settle."""
-
 _DOUBLINGS = 3.0
 """Of an error, over a segment of an unstable model and over a record that is predicted whole.
 Eight times the error of a model that is good is good still; a longer segment is upset by gusts."""
-
 _HARDLY = 0.01
 """Doublings over a record below which a pole counts as an integrator's, not as unstable."""
-
 _TELLS = 3.0
 """An output tells of a model where it moves, or is predicted to, by so many times its noise:
 noise alone then is a coefficient of 0.16, well below what is acceptable."""
-
-_PERIODS = 1.0
-"""Of the lowest frequency of a fit: the past that gives a stable model's state."""
-
+_PERIODS = 1.0  # of the lowest frequency of a fit: the past that gives a stable model's state
 _INTEGRATES = 1e8
 """Condition number of A from which the model integrates, so that an input's trim is a drift;
 otherwise bias and initial state can stand for it."""
-
 _FREE_DECADES = 1e-9
 """Bias, trim and initial-state directions weaker than this share are left at zero."""
-
-_ABSORBED = 1e-6
-"""A constant of which initial states leave no more than this share is theirs."""
-
+_ABSORBED = 1e-6  # a constant of which initial states leave no more than this share is theirs
 _PER_NUMBER = 4
 """So many samples at least for each number of a state: fewer hardly tell of the model."""
 

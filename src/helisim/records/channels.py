@@ -56,7 +56,6 @@ OUT = RATES + ATTITUDES + VELOCITIES + ACCELERATIONS + POSITIONS
 
 AXES = IN1
 """Control axes, in the order of IN1: collective, longitudinal, lateral, pedal."""
-
 _STANDARD = (
     Channel("col", "1", "IN1", "collective at the swashplate"),
     Channel("lon", "1", "IN1", "longitudinal cyclic at the swashplate, positive nose up"),
@@ -117,9 +116,7 @@ _STANDARD = (
 
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _STANDARD}
 """Every standard channel by name. IN1 (col) and IN2 (COL) differ by case."""
-
-_NAMED = 30
-"""Channels that a `repr` names, at most."""
+_NAMED = 30  # channels that a `repr` names, at most
 
 
 def channel(name: str) -> Channel:

@@ -5,30 +5,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_BLOCK = 50
-"""Samples over which the usual step of a channel is taken."""
+_BLOCK = 50  # samples over which the usual step of a channel is taken
 _STICKS_OUT = 8.0
 """Usual steps. White noise has a median step of 0.95 of its deviation, so a sample would have to
 differ from both its neighbours by 7.6 deviations: one of 1e9 does."""
-_COMES_BACK = 0.5
-"""Share of its height by which the channel may have moved on after a spike."""
+_COMES_BACK = 0.5  # share of its height by which the channel may have moved on after a spike
 _LEAST_STEP = 0.02
 """Share of the channel's median step that a quiet place is taken to have at least."""
-_WIDTHS = (1, 2)
-"""Samples of a spike: a longer one is a signal."""
-_FROZEN = 10.0
-"""Times the number of equal samples in a row that the channel usually has at most."""
-_NO_MOVE = 1e-6
-"""Share of its range by which a channel that rests at its start may move."""
-_SHORTEST = 10
-"""Samples in a row that must be equal to count as frozen."""
-_USUAL = 0.95
-"""Quantile of the runs of equal samples that counts as their usual most."""
-
-_STOP = 0.5
-"""Of a unitised input, either way."""
-_ROUNDING = 1e-6
-"""By which an input at its stop may be short of it, or beyond."""
+_WIDTHS = (1, 2)  # samples of a spike: a longer one is a signal
+_FROZEN = 10.0  # times the number of equal samples in a row that the channel usually has at most
+_NO_MOVE = 1e-6  # share of its range by which a channel that rests at its start may move
+_SHORTEST = 10  # samples in a row that must be equal to count as frozen
+_USUAL = 0.95  # quantile of the runs of equal samples that counts as their usual most
+_STOP = 0.5  # of a unitised input, either way
+_ROUNDING = 1e-6  # by which an input at its stop may be short of it, or beyond
 _OVERSHOOT = 0.06
 """By which a recorder's filter carries a jump to the stop beyond it: a Butterworth filter of
 fourth order by 11 % of the jump."""

@@ -182,7 +182,7 @@ class FlightRecord(Value, Displayed):
         """
         if not hasattr(frame, "attrs") or not hasattr(frame, "columns"):
             raise InputError(f"from_pandas takes a DataFrame, got {type(frame).__name__}")
-        stated = {key: dict(x) for key, x in frame.attrs.items() if isinstance(x, Mapping)}
+        stated = {str(key): dict(x) for key, x in frame.attrs.items() if isinstance(x, Mapping)}
         if "time" in frame.columns:
             frame = frame.set_index("time")
         elif frame.index.name != "time" and type(frame.index).__name__ == "RangeIndex":

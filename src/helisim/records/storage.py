@@ -42,14 +42,12 @@ if TYPE_CHECKING:
     import pyarrow as pa  # slow to import
 
 _FORMAT = "flight record"
-_VERSION = 1
-"""The version of both layouts; it rises when older code can't read the new files."""
+_VERSION = 1  # the version of both layouts; it rises when older code can't read the new files
 _TITLE = f"# helisim {_FORMAT}, version "
 
 _TIME = Channel("time", "s", "OTHER", "time since the start of the record")
 
-_MAX_NUMBERS = 1 << 28
-"""Numbers of a record, at most: 2 GiB. A small file can claim many more."""
+_MAX_NUMBERS = 1 << 28  # Numbers of a record, at most: 2 GiB. A small file can claim many more
 
 _Contents = tuple[NDArray[np.float64], tuple[Channel, ...], dict[str, Any]]
 """Time and channels as columns, the channels, the provenance."""
