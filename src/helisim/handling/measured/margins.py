@@ -285,8 +285,7 @@ def _error_root(scatter: LocalScatter, place: int, alike: NDArray[np.intp]) -> C
     flat = taken.reshape(n_out * n_freq, -1)
     noise = scatter.noise_root().transpose(1, 0, 2).reshape(n_out * n_freq, -1)
     random = (flat @ flat.conj().T).astype(np.complex128) * (noise @ noise.conj().T)
-    spread = 0.0 if scatter.spread is None else scatter.spread
-    size, at = np.hypot(scatter.bias, spread)[:, place], np.log(scatter.frequency)
+    size, at = np.hypot(scatter.bias, scatter.spread)[:, place], np.log(scatter.frequency)
     near = np.exp(-0.5 * (np.subtract.outer(at, at) / _REACH) ** 2)
     same = np.equal.outer(alike, alike).astype(np.float64)
     covariance = random + np.outer(size.ravel(), size.ravel()) * np.kron(same, near)
