@@ -24,8 +24,8 @@ from helisim.handling.measured.margins import Driven, MeasuredFigure, MeasuredLo
 from helisim.ident import Reduction
 from helisim.ident.verification import Trace
 from helisim.logs import Column
-from helisim.look.systemid import FlownSweep, Inferred, InferredFit, InferredLog, TakenChannel
-from helisim.look.systemid.reading import Sampling
+from helisim.look.sweeps import FlownSweep
+from helisim.look.systemid import Inferred, InferredFit, InferredLog, Sampling, TakenChannel
 from helisim.sitl.parameters import Setting
 from helisim.study.run import Run
 from made_run import make_flight, make_model, make_verification, write_run
@@ -64,7 +64,7 @@ def make_inferred():
     channel = TakenChannel("ped", Column("RATE.YOut", "1"), 400.0, "by name")
     log = InferredLog("a.bin", "ArduCopter", True, (sweep,), (channel,), {"H_SW_TYPE": 3.0}, 0.0)
     fit = InferredFit("yaw_base", ("ped",), ("r",), (), ("mixer_yaw",), (2.0, 60.0), "yaw")
-    return Inferred((log,), (fit,), Sampling(200.0, 0.25, frozenset(), 0.0), ())
+    return Inferred((log,), Sampling(200.0, 0.25, frozenset(), 0.0), (fit,), ())
 
 
 @pytest.fixture(scope="module")

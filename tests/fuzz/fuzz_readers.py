@@ -33,7 +33,7 @@ with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING])
     from helisim.ident import Structure, frequency_response, load_fit, load_response, structures
     from helisim.ident.model.expression import Expression
     from helisim.logs import REPAIRS, Clock, Column, Map, read_log
-    from helisim.logs.terms import MAP_EXAMPLE
+    from helisim.logs.mapping import MAP_EXAMPLE
     from helisim.records.channels import channel
     from helisim.records.record import FlightRecord
     from helisim.records.storage import read_record, write_record

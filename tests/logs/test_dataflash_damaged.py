@@ -7,6 +7,7 @@ from dataflash_logs import Log
 from helisim.base.errors import HelisimError, InputError, LogError, StorageError
 from helisim.logs import Column, read_log
 from helisim.logs.dataflash import DataFlash
+from remedies import said
 
 
 def counting(count=200, **options):
@@ -241,10 +242,12 @@ def test_a_logger_that_drops_messages(tmp_path):
     log.define(3, "DSF", "QII", "TimeUS,Dp,Blk")
     log.write(3, 9_000_000, int(away.sum()), 7)
     path = log.save(tmp_path)
-    with pytest.raises(LogError, match=r"most are short.*\(--max-gap 0\.\d+\), and split") as error:
+    with pytest.raises(
+        LogError, match=r"most are short.*up to 0\.\d+ s \(max_gap\), and split"
+    ) as error:
         read_log(path, channels={"p": "ONE.X"}, resample_hz=100.0)
     (finding,) = error.value.findings
-    _, allowed, *repair = finding.option.split()
+    _, allowed, *repair = said(finding).split()
     assert repair == ["--repair", "gaps"]
     read = read_log(
         path, channels={"p": "ONE.X"}, resample_hz=100.0, max_gap=float(allowed), repair="gaps"

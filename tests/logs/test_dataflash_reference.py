@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dataflash_logs import LETTERS, Log
+from helisim.base.errors import StorageError
 from helisim.logs import read_log
 from helisim.logs.dataflash import DataFlash
 
@@ -103,32 +104,14 @@ def test_instances_are_numbers_or_words(tmp_path):
     assert {"GYR[2].X", "GYR.Y", "NVF[alpha].V"} <= set(names)
 
 
-def test_text_is_read_as_its_binary(tmp_path):
-    """A ground station's text of the same log has the same numbers; the reference agrees."""
-    log = every_letter()
-    (tmp_path / "a.log").write_text(log.text, encoding="latin-1")
-    binary, text = DataFlash(log.save(tmp_path)), DataFlash(tmp_path / "a.log")
-    assert binary.is_binary
-    assert not text.is_binary
-    assert text.skipped == 0
-    assert set(text.types) == set(binary.types) - {"T3"}
-    for name in text.types:
-        assert text.instances(name) == binary.instances(name)
-        for instance in text.instances(name):
-            one, other = text.table(name, instance), binary.table(name, instance)
-            assert np.array_equal(one.time, other.time, equal_nan=True)
-            assert one.units == other.units
-            for field in one.columns:
-                assert np.array_equal(one[field], other[field]), (name, field)
-    reference = rows_of(tmp_path / "a.log", binary=False)
-    assert len(reference["GYR"][2]) == text.count("GYR")
-    assert [row[2] for row in reference["T1"][2]] == text.table("T1")["F1B"].tolist()
-    windows = "ArduCopter V3.1\r\n" + log.text.replace("\n", "\r\n") + "GYR, 5"
-    (tmp_path / "b.log").write_bytes(windows.encode("latin-1"))
-    again = DataFlash(tmp_path / "b.log")
-    assert again.skipped == len("ArduCopter V3.1\r\n") + len("GYR, 5")  # cut in its middle
-    assert again.count("GYR") == binary.count("GYR")
-    assert np.array_equal(again.table("GYR", 2)["Y"], binary.table("GYR", 2)["Y"])
+def test_text_is_refused(tmp_path):
+    """A ground station's text of a log: the message says what to give."""
+    path = tmp_path / "a.log"
+    path.write_text(every_letter().text, encoding="latin-1")
+    for read in (DataFlash, read_log):
+        with pytest.raises(StorageError, match=r"as text.*\.bin") as caught:
+            read(path)
+        assert str(path) in str(caught.value)
 
 
 LARGE = """

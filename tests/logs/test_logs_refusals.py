@@ -6,7 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from helisim.base.errors import HelisimError, InputError, RecordError, StorageError
-from helisim.logs import Clock, Column, Layout, Map, columnar, read_log
+from helisim.logs import Clock, Column, Layout, Map, read_log, source
 
 P = {"p": Column("p", "rad/s")}
 
@@ -23,7 +23,7 @@ def parquet(path, **columns):
         (lambda: Column("p", 3), "unit of column 'p' is 3, expected text"),
         (lambda: Column("p", "rad/s", sign=2), "is 2, expected 1 or -1"),
         (lambda: Column("p", "us", trim="mid", range=800), "trim of column 'p' is 'mid'"),
-        (lambda: Column("p", "us", trim=1500, range=0), "expected > 0"),
+        (lambda: Column("p", "us", trim=1500, range=0), "a number > 0"),
         (lambda: Column("p", "rad/s", unwrap="yes"), "unwrap of column 'p' is 'yes'"),
         (lambda: Column("p", "parsec"), "parsec"),
         (lambda: Clock(), "either a column or a rate"),
@@ -35,7 +35,7 @@ def parquet(path, **columns):
         (lambda: Layout(encoding="klingon"), "unknown encoding 'klingon'"),
         (lambda: Layout(header=0), "header is 0, expected a whole number from 1"),
         (lambda: Layout(skip=-1), "skip is -1, expected a whole number from 0"),
-        (lambda: Layout(names="p"), "names are 'p', expected a list"),
+        (lambda: Layout(names="p"), "names is 'p', expected a list"),
         (lambda: Map({"p": "p"}), "channel 'p' is 'p', expected a Column"),
         (lambda: Map({"time": Column("p")}), "can't be called 'time'"),
     ],
@@ -92,7 +92,7 @@ def test_a_table_that_is_no_log_is_refused_by_its_column(tmp_path, columns, time
 
 def test_a_table_of_too_many_columns_is_refused(tmp_path, monkeypatch):
     """A limit on columns, as on bytes."""
-    monkeypatch.setattr(columnar, "MAX_COLUMNS", 3)
+    monkeypatch.setattr(source, "MAX_COLUMNS", 3)
     path = parquet(tmp_path / "a.parquet", time=TIMES, p=TIMES, q=TIMES, r=TIMES)
     with pytest.raises(StorageError, match="4 columns, at most 3 are read"):
         read_log(path, channels=Map(P, Clock("time", "s")))

@@ -5,10 +5,11 @@ import pytest
 
 from helisim.base.errors import InputError, RecordError
 from helisim.logs import read_log, screen
-from helisim.logs.kinematics import clock_errors
+from helisim.logs.screening import clock_errors
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
+from remedies import said
 
 TIME = np.arange(6001) / 100.0
 NAMES = ("p", "lat")
@@ -54,7 +55,7 @@ def test_spikes_are_noted_with_their_place():
     assert not finding.repaired
     assert "column 'p': 3 of 6001 samples" in finding.text
     assert "7 s after the start" in finding.text
-    assert "--repair" in finding.text
+    assert said(finding) == "--repair spikes"
 
 
 def test_spikes_are_interpolated_on_request():
@@ -126,7 +127,7 @@ def test_without_a_request_lost_samples_stop_the_use():
     lossy = FlightRecord(TIME[kept], record.values[kept], record.channels, {})
     with pytest.raises(RecordError, match="screen"):
         _ = lossy.sample_time
-    with pytest.raises(RecordError, match="--resample"):
+    with pytest.raises(RecordError, match="resample the log"):
         screen(lossy).check_uniform()
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from helisim.base.errors import HelisimError, InputError, LogError, RecordError, StorageError
 from helisim.logs import Clock, Column, Map, read_log, read_logs
+from remedies import said
 
 MAP = Map({"p": Column("p", "rad/s"), "q": Column("q"), "lat": Column("u", "1")}, Clock("t", "s"))
 
@@ -36,10 +37,10 @@ def test_everything_that_is_wrong_is_said_at_once(tmp_path):
     with pytest.raises(LogError) as raised:
         read_logs(paths, channels=MAP, wanted=("p", "q", "lat"), resample_hz=50.0)
     findings = raised.value.findings
-    said = {(finding.kind, finding.option) for finding in findings}
-    assert ("missing number", "--repair missing") in said
-    assert ("gap", "--repair gaps") in said
-    assert ("duplicate stamp", "--repair duplicates") in said
+    found = {(finding.kind, said(finding)) for finding in findings}
+    assert ("missing number", "--repair missing") in found
+    assert ("gap", "--repair gaps") in found
+    assert ("duplicate stamp", "--repair duplicates") in found
     units = [finding for finding in findings if "says its unit" in finding.text]
     assert [finding.text.split(":")[0] for finding in units] == list(map(str, paths))
     assert len(findings) == 5
@@ -106,7 +107,7 @@ def test_a_wrong_unit_of_time_is_refused_with_the_reason(tmp_path, unit, declare
     with pytest.raises(LogError, match="its steps are") as raised:
         read_log(path, channels={"p": Column("p", "rad/s")}, time=Clock("t", declared))
     right = {1e3: "ms", 1e6: "us", 1e-3: "s"}[unit]
-    assert raised.value.findings[0].option == f"--time t:{right}"
+    assert said(raised.value.findings[0]) == f"--time t:{right}"
 
 
 def jittery(folder, share, seed=0, rate=100.0):
@@ -142,9 +143,9 @@ def test_large_jitter_is_refused_with_its_size(tmp_path):
         jittery(tmp_path, 1.0), channels={"p": Column("p", "rad/s")}, time=Clock("t", "s")
     )
     assert not log.report.repairs
-    with pytest.raises(LogError, match=r"irregular: .*4[0-3] %.*--resample") as raised:
+    with pytest.raises(LogError, match=r"irregular: .*4[0-3] %.*resample the log") as raised:
         log.check_uniform()
-    assert raised.value.findings[0].option == "--resample 100"
+    assert said(raised.value.findings[0]) == "--resample 100"
 
 
 def test_stamps_of_few_digits_are_no_fault(tmp_path):

@@ -13,8 +13,8 @@ from helisim.cli import main
 from helisim.handling.arducopter import ADDED, COMMANDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins
-from helisim.look.systemid.axes import SID_AXES
-from helisim.look.systemid.loops import flown_loops
+from helisim.look.loops import flown_loops
+from helisim.look.sweeps import SID_AXES
 from sid_logs import SidLog, _system, chirp
 
 RATE = 100.0
@@ -219,5 +219,5 @@ def test_attitudes_are_needed(tmp_path):
 
 def test_no_simulator_is_needed():
     """Not even its import."""
-    code = "import helisim.look.systemid.loops, sys; sys.exit('mujoco' in sys.modules)"
+    code = "import helisim.look.loops, sys; sys.exit('mujoco' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from helisim.look.channels import named
 from helisim.look.excitation import excitation
-from helisim.look.names import named
 
 T = np.arange(6000) / 100.0
 

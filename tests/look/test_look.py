@@ -13,13 +13,20 @@ import autopilot_logs
 from helisim.base.errors import InputError, StorageError
 from helisim.base.units import RAD_PER_DEG
 from helisim.cli import main
+from helisim.cli.look import command_line
 from helisim.ident import load_fit
 from helisim.logs import Clock, Column
 from helisim.logs.examples import copy_examples, examples
 from helisim.look import look
+from remedies import said
 
 DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04
 """Of the roll that is flown: p/lat = 90 e^(-0.04 s) / (s + 6)."""
+
+
+def command(found):
+    """Return the proposal as the command line has it, empty without one."""
+    return "" if found.proposal is None else command_line(found.proposal)
 
 
 @cache
@@ -110,7 +117,7 @@ def anyones(path, *, gap=False, unit=1.0):
 
 def runs(found, folder):
     """Run the command that a look prints; return the fit."""
-    words = shlex.split(found.command)
+    words = shlex.split(command(found))
     assert words[:2] == ["helisim", "identify"]
     out = folder / "model.json"
     assert main([*words[1:], "--json", str(out), "--quiet"]) == 0
@@ -177,8 +184,8 @@ def test_a_table_of_anyone(tmp_path):
     units = {one.name: one.column.unit for one in log.channels}
     assert units == {"p": "deg/s", "phi": "deg", "lat": "percent"}
     assert log.unused == ("row",)
-    assert "--time stamp:ms" in found.command
-    assert "--repair gaps" in found.command
+    assert "--time stamp:ms" in command(found)
+    assert "--repair gaps" in command(found)
     assert "gap" in {finding.kind for finding in log.findings}
     for frequency in (3.0, 10.0):
         same_response(runs(found, tmp_path), frequency, tolerance=0.03)
@@ -190,7 +197,7 @@ def test_what_is_given_is_taken(tmp_path):
     found = look(path, channels={"p": Column("rollRate", "rad/s")})
     given = {one.name: one.given for one in found.logs[0].channels}
     assert given == {"p": True, "phi": False, "lat": False}
-    doubted = [one.option for one in found.logs[0].findings if one.kind == "unit"]
+    doubted = [said(one) for one in found.logs[0].findings if one.kind == "unit"]
     assert doubted == ["--channel p=rollRate:deg/s"]
 
 
@@ -199,7 +206,7 @@ def test_a_wrong_unit_of_time_is_mended_and_said(tmp_path):
     found = look(anyones(tmp_path / "a.csv"), time=Clock("stamp", "s"))
     (finding,) = (one for one in found.logs[0].findings if one.kind == "unit of time")
     assert "its steps are 20 s" in finding.text
-    assert "--time stamp:ms" in found.command
+    assert "--time stamp:ms" in command(found)
 
 
 @pytest.mark.parametrize(
@@ -243,9 +250,9 @@ def test_a_closed_loop_is_told(tmp_path):
         header = "t [s],LAT [1],lat [1],p [rad/s]"
         np.savetxt(path, columns, delimiter=",", header=header, comments="")
         found = look(path)
-        options = [one.option for one in found.logs[0].findings if one.kind == "loop"]
+        options = [said(one) for one in found.logs[0].findings if one.kind == "loop"]
         assert options == (["--reference LAT"] if told else [])
-        assert ("--reference LAT" in found.command) == told
+        assert ("--reference LAT" in command(found)) == told
 
 
 def test_nothing_to_identify_is_said(tmp_path, capsys):
@@ -281,7 +288,7 @@ def test_short_names_of_controls_are_known_and_unknown_ones_asked_for(tmp_path, 
 def test_a_unit_in_a_name_that_cannot_be_is_not_taken(tmp_path):
     """p_rad_s that is in deg/s: the bank tells it, and the command has the right unit."""
     found = look(named(tmp_path / "a.csv", "ail_cmd", "p_rad_s", scale=1.0 / RAD_PER_DEG))
-    assert "p=p_rad_s:deg/s" in found.command
+    assert "p=p_rad_s:deg/s" in command(found)
     assert any("taken so" in one.text for one in found.logs[0].findings)
 
 
@@ -307,9 +314,9 @@ def test_several_logs_are_cut_alike(tmp_path):
         table = np.column_stack([t, columns[0] + noise[0], columns[1] + 10.0 * noise[1]])
         np.savetxt(path, table, delimiter=",", header="t [s],lat [1],p [rad/s]", comments="")
         paths.append(path)
-    each = [look(path).command for path in paths]
+    each = [command(look(path)) for path in paths]
     assert all(one.count("--from") == 1 for one in each)
-    assert "--from" not in look(paths).command  # they'd span nearly all
+    assert "--from" not in command(look(paths))  # they'd span nearly all
 
 
 def test_what_is_no_log_is_one_line(tmp_path, capsys):
@@ -329,7 +336,7 @@ def test_a_look_is_a_value(tmp_path):
     """It prints, and goes into JSON."""
     found = look(examples()["sweep_lat"].path)
     assert repr(found) == "Look(sweep_lat.parquet: sweep lat sweep LAT)"
-    assert str(found).endswith(found.command)
+    assert str(found).endswith(str(found.proposal))
     assert json.loads(json.dumps(found.to_dict()))["logs"][0]["format"] == "helisim record"
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from helisim.base.errors import HelisimError
 from helisim.cli import parser
+from helisim.cli.look import command_line
 from helisim.look import look
 
 HEADS = st.sampled_from(
@@ -68,6 +69,6 @@ def test_any_table_is_looked_at_or_refused(columns, count, cut, seed):
         return
     assert str(found)
     assert found.to_dict()["logs"][0]["format"] == "CSV"
-    if found.command:
-        words = shlex.split(found.command)[1:]
+    if found.proposal is not None:
+        words = shlex.split(command_line(found.proposal))[1:]
         assert parser(words).parse_args(words).command == "identify"

@@ -6,11 +6,15 @@ import pytest
 import helisim as hs
 from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.logs import Column
-from helisim.look.systemid import SID_AXES, infer
-from helisim.look.systemid.bands import followed_band
-from helisim.look.systemid.channels import usual_step
-from helisim.look.systemid.estimate import estimate_fits
-from helisim.look.systemid.sent import sent_yaw, tail_servo
+from helisim.look.sweeps import SID_AXES
+from helisim.look.systemid import (
+    estimate_fits,
+    followed_band,
+    infer,
+    sent_yaw,
+    tail_servo,
+    usual_step,
+)
 from sid_logs import TRUTH, SidLog, flown, four_axes
 
 HZ = 2.0 * np.pi
@@ -174,7 +178,7 @@ def test_dropped_messages_are_interpolated_and_said(tmp_path):
     keep[0] = True
     found = infer(one_sweep(tmp_path, keep=keep))
     assert found.logs[0].dropped == pytest.approx(0.2, abs=0.03)
-    assert any("the logger dropped" in one for one in found.remarks)
+    assert any("the logger dropped" in one for one in found.diagnostics)
     fit = identified(tmp_path / "a.bin")["yaw_base"]
     # 4 %: Akima's curve over 20 ms, half a sixth of a period at 8 Hz
     assert fit["N_ped"].value == pytest.approx(TRUTH["yaw_base"]["N_ped"], rel=0.04)
@@ -198,7 +202,7 @@ def test_a_multicopter_gets_transfer_functions(tmp_path):
     assert [(fit.structure, fit.inputs) for fit in found.fits] == [
         ("tf:0/2", ("lat",)), ("tf:0/2", ("lon",)),
     ]  # fmt: skip
-    assert any("not a helicopter" in one for one in found.remarks)
+    assert any("not a helicopter" in one for one in found.diagnostics)
 
 
 def test_channels_and_rate_can_be_overruled(tmp_path):
@@ -243,7 +247,7 @@ def test_limits_choose_among_sweeps(tmp_path):
     second = infer(path).logs[0].sweeps[1]
     found = infer(path, start=second.start - 1.0)
     assert [one.axis for one in found.logs[0].sweeps] == [12]
-    with pytest.raises(LogError, match="no sweep lies between --from and --to"):
+    with pytest.raises(LogError, match="no sweep lies within the limits"):
         infer(path, start=1000.0)
 
 
@@ -310,7 +314,7 @@ def test_look_tells_the_sweeps_and_the_command_without_an_option(tmp_path):
     path = one_sweep(tmp_path)
     found = hs.look(path)
     assert "SID_AXIS 12, mixer yaw" in str(found)
-    assert found.command == f"helisim identify {path}"
+    assert str(found.proposal) == f"identify {path}"
     assert not found.logs[0].excitations
 
 

@@ -17,9 +17,8 @@ from pkgutil import iter_modules
 
 from helisim import __version__
 from helisim.base.errors import DivergedError, HelisimError, LogError, UnknownNameError
-from helisim.base.note import Option
 from helisim.cli.bands import joined
-from helisim.cli.common import Parser, single_line
+from helisim.cli.common import Parser, single_line, worded, worded_note
 
 _EXAMPLES = """\
 examples:
@@ -83,17 +82,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 141
 
 
-def worded(remedy: Sequence[Option]) -> str:
-    """Return what mends something as options of the command line, " (--windows, --repair gaps)"."""
-    said = [f"--{one.name.replace('_', '-')} {one.value}".strip() for one in remedy]
-    return f" ({', '.join(said)})" if said else ""
-
-
 def _lines(error: HelisimError) -> str:
     """Return an error's message: one line, or one for each fault of logs."""
-    if not isinstance(error, LogError) or len(error.findings) < 2:
-        return single_line(str(error))
-    faults = [f"  {single_line(finding.text)}" for finding in error.findings]
+    findings = error.findings if isinstance(error, LogError) else ()
+    if len(findings) < 2:
+        return single_line(str(error)) + "".join(worded(one.remedy) for one in findings)
+    faults = [f"  {single_line(worded_note(finding))}" for finding in findings]
     return "\n".join([f"{len(faults)} things are wrong with the logs:", *faults])
 
 

@@ -6,10 +6,12 @@ import textwrap
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
+from shlex import quote
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from helisim.base.errors import InputError, UnknownNameError, similar
+from helisim.base.note import Note, Option
 
 if TYPE_CHECKING:
     from helisim.vehicle import Vehicle
@@ -57,6 +59,19 @@ class Parser(argparse.ArgumentParser):
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
             self.error(str(UnknownNameError("command", value, action.choices)))
         super()._check_value(action, value)
+
+
+def worded(remedy: Sequence[Option]) -> str:
+    """Return what mends something as options of the command line, " (--windows, --repair gaps)"."""
+    values = [quote(one.value) if one.value else "" for one in remedy]
+    names = [f"--{one.name.replace('_', '-')}" for one in remedy]
+    said = [f"{name} {value}".strip() for name, value in zip(names, values)]
+    return f" ({', '.join(said)})" if said else ""
+
+
+def worded_note(note: Note) -> str:
+    """Return a note's text with the options that mend it."""
+    return note.text + worded(note.remedy)
 
 
 def single_line(text: str) -> str:

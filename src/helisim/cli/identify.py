@@ -113,7 +113,7 @@ def _run_inferred(options: argparse.Namespace) -> int:
 def _print_loops(options: argparse.Namespace) -> None:
     """Print the loops as flown, of logs that say them too."""
     from helisim.cli.margins import print_loops
-    from helisim.look.systemid.loops import flown_loops
+    from helisim.look.loops import flown_loops
 
     print("\nloops as flown")
     try:

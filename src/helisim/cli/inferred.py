@@ -42,11 +42,11 @@ def infers(options: argparse.Namespace) -> bool:
         InputError: something is left open that the logs can't say.
     """
     from helisim.base.files import first_bytes
-    from helisim.look.systemid.autopilots import says_itself
+    from helisim.logs.dataflash import is_dataflash
 
     if options.structure is not None and not all(path.is_file() for path in options.logs):
         return False  # which is said where they are read; or they are p/lat=FILE
-    logged = [path for path in options.logs if says_itself(path)]
+    logged = [path for path in options.logs if is_dataflash(path)]
     if options.structure is None:
         if len(logged) < len(options.logs):
             other = next(path for path in options.logs if path not in logged)
@@ -80,7 +80,7 @@ def inferred_work(
     Raises:
         HelisimError: the logs can't be used, or not so.
     """
-    from helisim.look.systemid.estimate import estimate_fits
+    from helisim.look.systemid import estimate_fits
 
     found = _inferred(options)
     fits = _fits(options, found)
@@ -137,8 +137,7 @@ def read_sweeps(
     Raises:
         HelisimError: the logs can't be used.
     """
-    from helisim.look.systemid import SID_AXES
-    from helisim.look.systemid.autopilots import own_sweeps
+    from helisim.look.sweeps import SID_AXES, own_sweeps
 
     wanted = {*inputs, *outputs}
     if wanted <= set(given_columns(options)[0].channels):
@@ -163,7 +162,7 @@ def with_followed_bands(
     advance: Callable[[str], None],
 ) -> "tuple[Inferred, list[InferredWork]]":
     """Return work whose bands begin where its structures follow, unless --band says the band."""
-    from helisim.look.systemid.bands import followed_band
+    from helisim.look.systemid import followed_band
 
     if options.band:
         return found, work

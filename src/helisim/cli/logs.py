@@ -8,9 +8,9 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from helisim.base.errors import HelisimError, IdentificationError, InputError
-from helisim.cli.common import names, wrapped
-from helisim.logs.terms import MAP_EXAMPLE, REPAIRS
+from helisim.base.errors import IdentificationError, InputError
+from helisim.cli.common import names, worded_note, wrapped
+from helisim.logs.mapping import MAP_EXAMPLE, REPAIRS
 
 if TYPE_CHECKING:
     from helisim.logs import Clock, Column, Log, Map
@@ -152,7 +152,7 @@ def located(logs: "Sequence[Log]") -> Iterator[None]:
 
 def describe(logs: "Sequence[Log]") -> str:
     """Return how the logs were read."""
-    return "\n".join(wrapped(str(log.report), indent=2) for log in logs)
+    return "\n".join(wrapped(log.report.worded(worded_note), indent=2) for log in logs)
 
 
 def reports(logs: "Sequence[Log]") -> list[dict[str, Any]]:
@@ -192,31 +192,9 @@ def given_columns(options: argparse.Namespace) -> "tuple[Map, Clock | None]":
 
 
 def _channel(item: str) -> "tuple[str, Column]":
-    """Return NAME=COLUMN[:UNIT][:sign=-1][:trim=X][:range=X] as a channel and its column."""
-    from helisim.logs import Column
+    from helisim.logs.mapping import named_column
 
-    name, equals, rest = item.partition("=")
-    column, *further = rest.split(":")
-    if not equals or not name.strip() or not column:
-        raise InputError(f"--channel takes NAME=COLUMN:UNIT, such as p=gyro_x:deg/s, got {item!r}")
-    unit: str | None = None
-    numbers: dict[str, float] = {}
-    for part in further:
-        key, equals, text = part.partition("=")
-        if not equals and unit is None and not numbers:
-            unit = part
-            continue
-        try:
-            numbers[key] = float(text)
-        except ValueError:
-            raise InputError(
-                f"--channel: {part!r} in {item!r} isn't sign=-1, trim=X or range=X"
-            ) from None
     try:
-        sign = int(numbers.pop("sign", 1))
-        trim, width = numbers.pop("trim", None), numbers.pop("range", None)
-        if numbers:
-            raise InputError(f"{', '.join(numbers)} is unknown; available: sign, trim, range")
-        return name.strip(), Column(column, unit or None, sign, trim, width)
-    except (ValueError, OverflowError, HelisimError) as error:
-        raise InputError(f"--channel {item!r}: {error}") from None
+        return named_column(item)
+    except InputError as error:
+        raise InputError(f"--channel: {error}") from None

@@ -1,11 +1,15 @@
 """`helisim look`: what logs hold, what was flown, what is usable, and what to run next."""
 
 import argparse
+import shlex
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from helisim.cli.common import add_quiet, names, print_written, wrapped
+from helisim.cli.common import add_quiet, names, print_written, worded_note, wrapped
 from helisim.cli.logs import MAP_HELP, add_log_options, given_columns
+
+if TYPE_CHECKING:
+    from helisim.look import Proposal
 
 _EPILOG = f"""\
 example:
@@ -54,13 +58,22 @@ def _run(options: argparse.Namespace) -> int:
         stop=options.to_time,
     )
     for log in found.logs:
-        print(wrapped(str(log), indent=4))
+        print(wrapped(log.worded(worded_note), indent=4))
     print()
-    if found.command and any(one.kind in _DOUBTS for log in found.logs for one in log.findings):
+    command = "" if found.proposal is None else command_line(found.proposal)
+    if command and any(one.kind in _DOUBTS for log in found.logs for one in log.findings):
         print(wrapped("settle first what is marked ! above: what follows takes columns as named\n"))
     # one line, so that it can be pasted
-    print(f"run next:\n{found.command}" if found.command else "nothing can be identified from this")
+    print(f"run next:\n{command}" if command else "nothing can be identified from this")
     if options.json is not None:
-        write_json(found.to_dict(), options.json)
+        write_json({**found.to_dict(), "command": command}, options.json)
         print_written(options, str(options.json))
-    return 0 if found.command else 1
+    return 0 if command else 1
+
+
+def command_line(proposal: "Proposal") -> str:
+    """Return a proposal as a line that works when it is pasted."""
+    words = ["helisim", proposal.command, *proposal.logs]
+    for name, values in proposal.options:
+        words += [f"--{name.replace('_', '-')}", *values]
+    return shlex.join(words)

@@ -4,8 +4,9 @@ import argparse
 import shlex
 
 from helisim.base.errors import InputError
-from helisim.cli.common import names, wrapped
+from helisim.cli.common import names, worded_note, wrapped
 from helisim.cli.logs import given_columns
+from helisim.cli.look import command_line
 
 _OF_THE_LOOK = {"logs", "channel", "map", "time", "rate", "resample", "repair", "max_gap"}
 _OF_THE_LOOK |= {"from_time", "to_time"}
@@ -53,13 +54,14 @@ def looked(options: argparse.Namespace) -> argparse.Namespace | None:
         stop=options.to_time,
     )
     where = " ".join(shlex.quote(str(path)) for path in options.logs)
-    if not found.command:
+    if found.proposal is None:
         raise InputError(f"{options.logs[0]}: a log of PX4: {_SET.format(where)}")
     print(wrapped("a log of PX4, which says of no sweep itself: what moved is told by its signals"))
     for log in found.logs:
-        print(wrapped(str(log), indent=4))
-    print(f"\nso what is run is\n{found.command}\n")
-    return _with_own(options, found.command)
+        print(wrapped(log.worded(worded_note), indent=4))
+    command = command_line(found.proposal)
+    print(f"\nso what is run is\n{command}\n")
+    return _with_own(options, command)
 
 
 def _with_own(options: argparse.Namespace, command: str) -> argparse.Namespace:

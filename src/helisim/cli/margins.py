@@ -12,7 +12,7 @@ from helisim.cli.progress import Progress
 
 if TYPE_CHECKING:
     from helisim.handling.measured.margins import Cut, MeasuredMargins
-    from helisim.look.systemid.loops import FlownLoops
+    from helisim.look.loops import FlownLoops
 
 _EPILOG = f"""\
 example:
@@ -95,7 +95,7 @@ def _run(options: argparse.Namespace) -> int:
     from helisim.show.table import as_text, filled
     from helisim.show.tables import measured_margins
 
-    if _says_itself(options):
+    if _is_dataflash(options):
         return _run_inferred(options)
     if options.json is not None:
         check_destination(options.json, (".json",))
@@ -128,18 +128,18 @@ def _run(options: argparse.Namespace) -> int:
     return 0 if found.figures else 1
 
 
-def _says_itself(options: argparse.Namespace) -> bool:
+def _is_dataflash(options: argparse.Namespace) -> bool:
     """Return whether logs say themselves what was injected, and nothing else is asked for."""
-    from helisim.look.systemid.autopilots import says_itself
+    from helisim.logs.dataflash import is_dataflash
 
     named = (options.injected, options.total, options.returned, options.map, options.channel)
-    return not any(named) and all(path.is_file() and says_itself(path) for path in options.logs)
+    return not any(named) and all(path.is_file() and is_dataflash(path) for path in options.logs)
 
 
 def _run_inferred(options: argparse.Namespace) -> int:
     """Measure the loops that logs of SystemID cut. Return the exit status."""
     from helisim.base.files import check_destination, write_json
-    from helisim.look.systemid.loops import flown_loops
+    from helisim.look.loops import flown_loops
 
     bands = Bands.of(options)
     if bands.own:

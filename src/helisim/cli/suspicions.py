@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from helisim.base.errors import HelisimError
-from helisim.cli.common import names, wrapped
+from helisim.cli.common import names, worded_note, wrapped
 from helisim.cli.logs import given_columns
 
 if TYPE_CHECKING:
@@ -51,4 +51,4 @@ def _of_logs(options: argparse.Namespace, logs: "Sequence[Log]") -> Iterator[str
     for log in found.logs:
         for finding in log.findings:
             if finding.kind in _IMPLAUSIBLE:
-                yield f"{log.path}: {finding.text}"
+                yield f"{log.path}: {worded_note(finding)}"

@@ -1,4 +1,4 @@
-"""Which column of a log is which channel: as values, or from a small TOML file."""
+"""Which column of a log is which channel, as values or from a small TOML file; and the repairs."""
 
 import math
 import re
@@ -9,9 +9,48 @@ from typing import Any
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import read_toml
+from helisim.base.note import Option
 from helisim.base.unit_names import PULSE, TIME_UNITS, check_same, is_unit, time_unit, unit
 from helisim.base.value import FrozenMap
 from helisim.records.channels import CHANNELS, Channel
+
+REPAIRS: dict[str, str] = {
+    "duplicates": "average rows that have the same stamp",
+    "frozen": "leave out stretches in which measured motion is frozen, and split the log there "
+    "as at gaps",
+    "gaps": "split the log at its gaps",
+    "missing": "interpolate cells without a number",
+    "order": "sort rows by time",
+    "resets": "split the log where the clock goes back",
+    "spikes": "interpolate single samples, or two, that stick out",
+    "tail": "leave out an incomplete last line",
+}
+"""What may be done to a log, each only on request."""
+
+MAP_EXAMPLE = """\
+[time]
+column = "t"
+unit = "us"
+
+[channels.p]
+column = "gyro_x"
+unit = "deg/s"
+sign = -1
+
+[channels.lat]
+column = "rc1"
+unit = "us"          # pulse width: (pulse - trim) / range
+trim = 1520
+range = 800
+
+[file]               # only where it can't be found out, CSV
+delimiter = ";"
+decimal = ","
+"""
+"""A map as a file."""
+
+TIME_NAMES = ("time", "t", "timestamp", "time_s", "time_ms", "time_us", "timestamp_us", "timeus")
+"""Headings that mean time, in lower case and without a unit in brackets."""
 
 
 @dataclass(frozen=True)
@@ -38,24 +77,25 @@ class Column:
     meaning: str = ""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.column, str) or not self.column.strip():
-            raise InputError(f"column is {self.column!r}, expected a column's name")
-        for name in ("unit", "meaning"):
-            value = getattr(self, name)
-            if not isinstance(value, str) and not (value is None and name == "unit"):
-                raise InputError(f"{name} of column {self.column!r} is {value!r}, expected text")
-        if isinstance(self.sign, bool) or self.sign not in (1, -1):
-            raise InputError(f"sign of column {self.column!r} is {self.sign!r}, expected 1 or -1")
-        for name in ("trim", "range"):
-            value = getattr(self, name)
-            if value is not None and not _is_number(value):
-                raise InputError(f"{name} of column {self.column!r} is {value!r}, not a number")
-        if self.range is not None and not self.range > 0.0:
-            raise InputError(f"range of column {self.column!r} is {self.range}, expected > 0")
-        if self.unwrap not in (None, True, False):
-            raise InputError(f"unwrap of column {self.column!r} is {self.unwrap!r}, expected true")
+        name, own = self.column, f"of column {self.column!r}"
+        _check("column", name, isinstance(name, str) and bool(name.strip()), "a column's name")
+        _check(f"unit {own}", self.unit, isinstance(self.unit, str | None), "text")
+        _check(f"meaning {own}", self.meaning, isinstance(self.meaning, str), "text")
+        signed = not isinstance(self.sign, bool) and self.sign in (1, -1)
+        _check(f"sign {own}", self.sign, signed, "1 or -1")
+        _check(f"trim {own}", self.trim, self.trim is None or _is_number(self.trim), "a number")
+        wide = self.range is None or (_is_number(self.range) and self.range > 0.0)
+        _check(f"range {own}", self.range, wide, "a number > 0")
+        _check(f"unwrap {own}", self.unwrap, self.unwrap in (None, True, False), "true or false")
         if self.unit is not None and self.range is None:
             unit(self.unit)
+
+    def option(self, channel: str) -> Option:
+        """Return the option that says so, "NAME=COLUMN:UNIT:sign=-1", as `named_column` reads."""
+        parts = [f"{channel}={self.column}:{self.unit or ''}", *["sign=-1"] * (self.sign < 0)]
+        given = {"trim": self.trim, "range": self.range}
+        parts += [f"{name}={value:g}" for name, value in given.items() if value is not None]
+        return Option("channel", ":".join(parts))
 
     def converts(self, channel: str, stated: str | None) -> tuple[Channel, float]:
         """Return the channel that a log's column becomes, and SI per unit of the column.
@@ -68,10 +108,9 @@ class Column:
             InputError: no unit is known, it isn't of the channel's kind, or a pulse has no
                 trim and range.
         """
-        name = self.unit or stated
+        name, standard = self.unit or stated, CHANNELS.get(channel)
         if name is None:
-            known = CHANNELS.get(channel)
-            hint = f", such as {known.unit!r}" if known else ""
+            hint = f", such as {standard.unit!r}" if standard else ""
             raise InputError(
                 f"channel {channel!r}: neither the map nor the heading of column "
                 f"{self.column!r} says its unit; give one{hint}"
@@ -85,13 +124,37 @@ class Column:
         if self.range is not None:
             si, factor = "1", 1.0 / self.range
         else:
-            found = unit(name)
-            si, factor = found.si, found.factor
-        standard = CHANNELS.get(channel)
-        if standard is None:
-            return Channel(channel, si, "OTHER", self.meaning), self.sign * factor
-        check_same(channel, standard.unit, name, si)
-        return standard, self.sign * factor
+            si, factor = unit(name).si, unit(name).factor
+        if standard is not None:
+            check_same(channel, standard.unit, name, si)
+        return standard or Channel(channel, si, "OTHER", self.meaning), self.sign * factor
+
+
+def named_column(text: str) -> tuple[str, Column]:
+    """Return NAME=COLUMN[:UNIT][:sign=-1][:trim=X][:range=X] as a channel and its column.
+
+    Raises:
+        InputError: it is something else, or a unit or number in it can't be.
+    """
+    name, _, rest = text.partition("=")
+    column, *further = rest.split(":")
+    if not name.strip() or not column:
+        raise InputError(f"expected NAME=COLUMN:UNIT, such as p=gyro_x:deg/s, got {text!r}")
+    unit = further.pop(0) if further and "=" not in further[0] else None
+    try:
+        numbers = {key: float(value) for key, _, value in (one.partition("=") for one in further)}
+    except ValueError:
+        raise InputError(f"{text!r}: behind the unit are sign=-1, trim=X or range=X") from None
+    for key in numbers:
+        if key not in ("sign", "trim", "range"):
+            raise InputError(f"{text!r}: {key!r} is unknown; available: sign, trim, range")
+    sign = numbers.pop("sign", 1.0)
+    try:
+        return name.strip(), Column(
+            column, unit or None, sign=int(sign) if sign in (1, -1) else 0, **numbers
+        )
+    except InputError as error:
+        raise InputError(f"{text!r}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -111,14 +174,13 @@ class Clock:
     def __post_init__(self) -> None:
         if (self.column is None) == (self.rate is None):
             raise InputError("time needs either a column or a rate in Hz")
-        if self.column is not None and not isinstance(self.column, str):
-            raise InputError(f"column of time is {self.column!r}, expected a column's name")
+        name, units = self.column, ", ".join(TIME_UNITS)
+        _check("column of time", name, isinstance(name, str | None), "a column's name")
+        _check("unit of time", self.unit, isinstance(self.unit, str | None), units)
+        sane = self.rate is None or (_is_number(self.rate) and self.rate > 0.0)
+        _check("rate of time", self.rate, sane, "a positive number, Hz")
         if self.unit is not None:
-            if not isinstance(self.unit, str):
-                raise InputError(f"unit of time is {self.unit!r}, expected {', '.join(TIME_UNITS)}")
             time_unit(self.unit)
-        if self.rate is not None and not (_is_number(self.rate) and self.rate > 0.0):
-            raise InputError(f"rate of time is {self.rate!r}, expected a positive number, Hz")
 
 
 @dataclass(frozen=True)
@@ -143,26 +205,21 @@ class Layout:
     names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        delimiter = self.delimiter
-        if delimiter is not None and not (
-            isinstance(delimiter, str) and len(delimiter) == 1 and delimiter not in '\r\n" \0'
-        ):
-            raise InputError(f"delimiter is {delimiter!r}, expected one character, such as ';'")
-        if self.decimal not in (".", ",") or self.decimal == delimiter:
-            raise InputError(
-                f"decimal is {self.decimal!r}, expected '.' or ',', and not the delimiter"
-            )
-        if self.encoding is not None:
-            try:
-                "".encode(self.encoding)
-            except (LookupError, TypeError, ValueError):
-                raise InputError(f"unknown encoding {self.encoding!r}, such as 'utf-8'") from None
-        for name, least in (("header", 1), ("skip", 0)):
-            value = getattr(self, name)
-            if value is not None and (not _is_whole(value) or value < least):
-                raise InputError(f"{name} is {value!r}, expected a whole number from {least}")
-        if isinstance(self.names, str) or not all(isinstance(name, str) for name in self.names):
-            raise InputError(f"names are {self.names!r}, expected a list of column names")
+        one = self.delimiter
+        single = isinstance(one, str) and len(one) == 1 and one not in '\r\n" \0'
+        _check("delimiter", one, one is None or single, "one character, such as ';'")
+        point = self.decimal in (".", ",") and self.decimal != one
+        _check("decimal", self.decimal, point, "'.' or ',', and not the delimiter")
+        try:
+            "".encode("utf-8" if self.encoding is None else self.encoding)
+        except (LookupError, TypeError, ValueError):
+            raise InputError(f"unknown encoding {self.encoding!r}, such as 'utf-8'") from None
+        for name, value, least in (("header", self.header, 1), ("skip", self.skip, 0)):
+            whole = isinstance(value, int) and not isinstance(value, bool) and value >= least
+            allowed = whole or (value is None and name == "header")
+            _check(name, value, allowed, f"a whole number from {least}")
+        listed = not isinstance(self.names, str) and all(isinstance(n, str) for n in self.names)
+        _check("names", self.names, listed, "a list of column names")
         object.__setattr__(self, "names", tuple(self.names))
 
 
@@ -182,11 +239,24 @@ class Map:
 
     def __post_init__(self) -> None:
         for name, column in self.channels.items():
-            if not isinstance(column, Column):
-                raise InputError(f"channel {name!r} is {column!r}, expected a Column")
+            _check(f"channel {name!r}", column, isinstance(column, Column), "a Column")
             if not isinstance(name, str) or not name or name == "time":
                 raise InputError(f"a channel can't be called {name!r}")
         object.__setattr__(self, "channels", FrozenMap(self.channels))
+
+    @classmethod
+    def of(
+        cls,
+        channels: "Map | Mapping[str, Column | str] | None",
+        time: Clock | str | None = None,
+    ) -> "Map":
+        """Return a map of what a user may say: columns and the clock as values or by name."""
+        if not isinstance(channels, Map):
+            given = (channels or {}).items()
+            channels = Map({k: Column(one) if isinstance(one, str) else one for k, one in given})
+        if time is None:
+            return channels
+        return replace(channels, time=Clock(time) if isinstance(time, str) else time)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Map":
@@ -198,15 +268,11 @@ class Map:
         for key in data:
             if key not in ("time", "channels", "file"):
                 raise UnknownNameError("key of a map", key, ("time", "channels", "file"))
-        tables = _table("channels", data.get("channels", {}))
-        channels = {
-            name: _build(
-                Column, f"channels.{name}", {"column": name} | _table(f"channels.{name}", table)
-            )
-            for name, table in tables.items()
-        }
-        time = _build(Clock, "time", _table("time", data["time"])) if "time" in data else None
-        return cls(channels, time, _build(Layout, "file", _table("file", data.get("file", {}))))
+        channels = data.get("channels", {})
+        _check("[channels]", channels, isinstance(channels, Mapping), "a table")
+        columns = {k: _build(Column, f"channels.{k}", one, column=k) for k, one in channels.items()}
+        time = _build(Clock, "time", data["time"]) if "time" in data else None
+        return cls(columns, time, _build(Layout, "file", data.get("file", {})))
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Map":
@@ -245,8 +311,8 @@ def find_column(wanted: str, names: Sequence[str], what: str) -> str:
         UnknownNameError: there is none; the message lists those that exist.
         InputError: there are several.
     """
-    exact = [name for name in names if name == wanted]
-    found = exact or [name for name in names if split_heading(name)[0] == wanted.strip()]
+    found = [name for name in names if name == wanted]
+    found = found or [name for name in names if split_heading(name)[0] == wanted.strip()]
     if not found:
         raise UnknownNameError(what, wanted, [repr(name) for name in names[:60]])
     if len(found) > 1:
@@ -254,33 +320,26 @@ def find_column(wanted: str, names: Sequence[str], what: str) -> str:
     return found[0]
 
 
-def _build(kind: type[Any], where: str, table: Mapping[str, Any]) -> Any:
+def _build(kind: type[Any], where: str, table: object, **usual: object) -> Any:
+    if not isinstance(table, Mapping):
+        raise InputError(f"[{where}] is {table!r:.100}, expected a table")
     known = [one.name for one in fields(kind)]
     for key in table:
         if key not in known:
             raise UnknownNameError(f"key of [{where}]", key, known)
     try:
-        return kind(**table)
+        return kind(**{**usual, **table})
     except InputError as error:
         raise InputError(f"[{where}] {error}") from None
 
 
-def _table(where: str, data: object) -> dict[str, Any]:
-    if not isinstance(data, Mapping):
-        raise InputError(f"[{where}] is {data!r}, expected a table")
-    return dict(data)
+def _check(what: str, value: object, sound: bool, expected: str) -> None:
+    if not sound:
+        raise InputError(f"{what} is {value!r:.100}, expected {expected}")
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and _finite(value)
-
-
-def _finite(value: float) -> bool:
     try:
-        return math.isfinite(value)
+        return isinstance(value, int | float) and type(value) is not bool and math.isfinite(value)
     except OverflowError:
         return False
-
-
-def _is_whole(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)

@@ -1,33 +1,72 @@
-"""Reads a log: columns to channels, units to SI, gaps and clocks to records."""
+"""Reads a log: columns to channels, units to SI, screened, repaired, cut, to records."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from helisim.base.errors import InputError, RecordError, StorageError, UnknownNameError
-from helisim.base.files import first_bytes
-from helisim.logs.assembly import from_record, from_source
-from helisim.logs.dataflash.layout import SNIFFED, is_dataflash
-from helisim.logs.dataflash.source import open_dataflash
-from helisim.logs.log import Log
-from helisim.logs.mapping import Clock, Column, Map, find_column, split_heading
-from helisim.logs.parts import Options
-from helisim.logs.report import Findings
-from helisim.logs.resample import check_rate
-from helisim.logs.source import Source, digest, file_digest, read_log_bytes
-from helisim.logs.terms import REPAIRS
-from helisim.logs.text import TIME_NAMES, TextLog
+from helisim.base.errors import (
+    HelisimError,
+    InputError,
+    RecordError,
+    StorageError,
+    UnknownNameError,
+)
+from helisim.base.files import first_bytes, read_bytes
+from helisim.base.note import Option
+from helisim.base.unit_names import is_unit, unit
+from helisim.logs.dataflash import is_dataflash, open_dataflash
+from helisim.logs.mapping import (
+    REPAIRS,
+    TIME_NAMES,
+    Clock,
+    Column,
+    Map,
+    find_column,
+    split_heading,
+)
+from helisim.logs.report import OURS, Findings, Log, LogReport
+from helisim.logs.resample import Cut, check_rate, cut
+from helisim.logs.screening import (
+    Channels,
+    clock_findings,
+    implausible,
+    note_lost_samples,
+    screened,
+)
+from helisim.logs.source import Source, file_digest, place
+from helisim.logs.tables import ParquetLog, TextLog
+from helisim.logs.timing import (
+    Options,
+    Samples,
+    check_missing,
+    check_unit_of_time,
+    common_rate,
+    in_order,
+    within,
+    without_duplicates,
+)
 from helisim.logs.ulog import ULOG_MAGIC, open_ulog
+from helisim.records.channels import Channel
+from helisim.records.provenance import made_by, plain
 from helisim.records.record import FlightRecord
-from helisim.records.storage import read_record
+from helisim.records.storage import read_record, read_table
 
 _OURS_CSV = b"# helisim flight record"
 _PARQUET_MAGIC = b"PAR1"
 _MANY_CLOCKS = 4
 """A log whose columns have more isn't read as a whole: hardly two of its messages are."""
+_NO_MOVE = 1e-12
+"""Of a channel's largest value: it is constant if it varies by less, which is rounding."""
+_WRAP = 1.5 * np.pi
+"""rad: an angle that jumps by more between two samples went around."""
+_LONG_ENOUGH = 20.0
+"""s, of a part whose clocks are looked at."""
+_SAY = "say which column is which channel (a map has more); a first look at the log guesses which"
 
 
 def read_log(
@@ -72,36 +111,102 @@ def read_log(
     """
     path = Path(path)
     options = _options(resample_hz, repair, max_gap, min_duration, (start, stop))
-    findings = Findings()
-    content = file_digest(path)
-    mapped = isinstance(channels, Map | Mapping)
-    map_, wanted = _as_map(channels)
-    if not mapped and is_ours(path):
-        return from_record(path, read_record(path), content, options, wanted)
-    if time is not None:
-        map_ = replace(map_, time=Clock(time) if isinstance(time, str) else time)
+    content, findings = file_digest(path), Findings()
+    by_name = (channels,) if isinstance(channels, str) else channels
+    mapped = isinstance(by_name, Map | Mapping)
+    ours = is_ours(path)
+    if ours and not mapped:
+        return _from_record(path, read_record(path), content, options, by_name)
+    map_ = Map.of(by_name if mapped else None, time)
     source = _open(path, map_, "tail" in options.repairs, content)
-    if wanted is not None:
-        map_ = map_.with_channels(_by_name(source, wanted, map_.channels, findings))
+    if by_name is not None and not mapped:
+        map_ = map_.with_channels(_by_name(source, by_name, findings))
     elif not map_.channels:
         map_ = map_.with_channels(_stated(source))
-    ended = _ended(path) if mapped and is_ours(path) else {}
-    return from_source(source, map_, content, options, ended, findings)
+    return from_source(source, map_, content, options, _ended(path) if ours else {}, findings)
 
 
-def open_source(path: str | Path, map_: Map | None = None, *, cut_tail: bool = False) -> Source:
-    """Return a file's columns as they are, unmapped and unscreened; a record's too.
+def read_logs(
+    paths: Iterable[str | Path],
+    *,
+    channels: Map | Mapping[str, Column | str] | Sequence[str] | None = None,
+    wanted: Sequence[str] = (),
+    moving: bool = False,
+    time: Clock | str | None = None,
+    resample_hz: float | None = None,
+    repair: Iterable[str] = (),
+    max_gap: float | None = None,
+    min_duration: float = 0.0,
+    start: float | None = None,
+    stop: float | None = None,
+    use_ended: bool = False,
+    on_progress: Callable[[str], None] | None = None,
+) -> tuple[Log, ...]:
+    """Read logs that are to be used together: uniform, with the channels that are wanted.
 
     Args:
-        path: the file.
-        map_: says how a CSV is written; its channels don't matter.
-        cut_tail: leave out an incomplete last line.
+        paths: the files.
+        channels: as for `read_log`, and so are all options that aren't below.
+        wanted: channels that every log must have.
+        moving: whether each of these must move in one of the logs.
+        time: see `read_log`.
+        resample_hz: Hz.
+        repair: see `REPAIRS`.
+        max_gap: s.
+        min_duration: s.
+        start: s.
+        stop: s.
+        use_ended: take logs of simulated flights that were terminated early, too.
+        on_progress: called with each file's name.
 
     Raises:
-        StorageError: the file can't be read.
+        LogError: all that is wrong with any of them; `findings` has it item by item.
+        InputError: an option doesn't exist, and nothing else is wrong.
     """
-    path = Path(path)
-    return _open(path, map_ or Map(), cut_tail, file_digest(path))
+    asked = (repair,) if isinstance(repair, str) else tuple(repair)
+    findings, logs, unknown = Findings(), [], None
+    try:
+        _check_repairs(asked)
+    except InputError as error:
+        asked, unknown = tuple(name for name in asked if name in REPAIRS), error
+    for path in map(Path, paths):
+        try:
+            log = read_log(
+                path,
+                channels=channels,
+                time=time,
+                resample_hz=resample_hz,
+                repair=asked,
+                max_gap=max_gap,
+                min_duration=min_duration,
+                start=start,
+                stop=stop,
+            )
+        except HelisimError as error:
+            if isinstance(error, InputError) and str(path) not in str(error):
+                raise  # an option, which is the same for all
+            findings.refuse_error(path, error)
+            continue
+        _check_usable(log, wanted, use_ended, findings)
+        log.refuse_uneven(findings)
+        logs.append(log)
+        if on_progress is not None:
+            on_progress(path.name)
+    if unknown is not None and not findings.refused:
+        raise unknown
+    if unknown is not None:
+        findings.refuse_error("", unknown)
+    for name in wanted if moving else ():
+        have = [log for log in logs if name in log.records[0]]
+        columns = [record[name] for log in have for record in log.records]
+        if columns and all(np.ptp(one) <= _NO_MOVE * np.max(np.abs(one)) for one in columns):
+            text = (
+                f"{'; '.join(log.where(name) for log in have)}: channel {name!r} is constant, so "
+                "nothing can be identified from it; map it to another column, or leave it out"
+            )
+            findings.refuse("constant", text)
+    findings.check()
+    return tuple(logs)
 
 
 def screen(
@@ -128,13 +233,67 @@ def screen(
         InputError: an option doesn't exist.
     """
     options = _options(resample_hz, repair, max_gap, min_duration, (None, None))
-    content = digest(record.time.tobytes() + record.values.tobytes())
+    content = record.time.tobytes() + record.values.tobytes()
     wanted = (channels,) if isinstance(channels, str) else channels
-    return from_record(Path("record"), record, content, options, wanted)
+    digest = blake2b(content, digest_size=16).hexdigest()
+    return _from_record(Path("record"), record, digest, options, wanted)
 
 
-def check_repairs(names: Iterable[str]) -> None:
-    """Raise InputError if a repair doesn't exist, or excludes another."""
+def open_source(path: str | Path, map_: Map | None = None, *, cut_tail: bool = False) -> Source:
+    """Return a file's columns as they are, unmapped and unscreened; a record's too.
+
+    Args:
+        path: the file.
+        map_: says how a CSV is written; its channels don't matter.
+        cut_tail: leave out an incomplete last line.
+
+    Raises:
+        StorageError: the file can't be read.
+    """
+    path = Path(path)
+    return _open(path, map_ or Map(), cut_tail, file_digest(path))
+
+
+def is_ours(path: Path) -> bool:
+    """Return whether a file is a helisim record, which needs no map. Raises StorageError."""
+    start = first_bytes(path, 64)
+    if not start.startswith(_PARQUET_MAGIC):
+        return start.removeprefix(b"\xef\xbb\xbf").startswith(_OURS_CSV)
+    data = read_bytes(path)
+    try:
+        found = b"helisim" in data[-(1 << 16) :] and read_table(path, data).schema.metadata
+    except StorageError:
+        return False
+    return b"helisim" in (found or {})
+
+
+def _ended(path: Path) -> dict[str, Any]:
+    """Return the mark of a helisim record whose flight was terminated early, or nothing."""
+    try:
+        provenance = read_record(path).provenance
+    except (StorageError, RecordError):
+        return {}  # it is read by a map as what it is: anyone's columns
+    return {key: provenance[key] for key in ("ended",) if key in provenance}
+
+
+def _open(path: Path, map_: Map, cut_tail: bool, content: str) -> Source:
+    """Open a file whose digest is `content`."""
+    if is_dataflash(path):
+        return open_dataflash(path, content).source
+    if first_bytes(path, len(ULOG_MAGIC)) == ULOG_MAGIC:
+        return open_ulog(path, content)
+    data = read_bytes(path)
+    if data.startswith(_PARQUET_MAGIC):
+        return ParquetLog(path, data)
+    if data.lstrip().startswith(b"{"):
+        raise StorageError(
+            f"{path}: JSON, which no log is in; helisim identify takes frequency responses that "
+            "helisim frf wrote, in place of logs"
+        )
+    return TextLog(path, data, map_.layout, cut_tail=cut_tail)
+
+
+def _check_repairs(names: Iterable[str]) -> None:
     for name in sorted(names):
         if name not in REPAIRS:
             raise UnknownNameError("repair", name, REPAIRS)
@@ -150,104 +309,30 @@ def _options(
     limits: tuple[float | None, float | None],
 ) -> Options:
     names = frozenset((repair,) if isinstance(repair, str) else repair)
-    check_repairs(names)
+    _check_repairs(names)
     if max_gap is not None and not max_gap > 0.0:
         raise InputError(f"max_gap is {max_gap}, expected a time in s")
     if not 0.0 <= min_duration < np.inf:
         raise InputError(f"min_duration is {min_duration}, expected a time in s")
-    if "frozen" in names:
-        names |= {"gaps"}
     start = -np.inf if limits[0] is None else limits[0]
     stop = np.inf if limits[1] is None else limits[1]
     if not start < stop:
         raise InputError(f"the log's limits are {start:g} and {stop:g} s, expected start < stop")
     rate = None if rate is None else check_rate(rate)
+    names |= {"gaps"} if "frozen" in names else set()
     return Options(rate, names, max_gap, min_duration, (start, stop))
 
 
-def _as_map(
-    channels: Map | Mapping[str, Column | str] | Sequence[str] | None,
-) -> tuple[Map, tuple[str, ...] | None]:
-    """Return a map, and the names of channels that are to be found by their names."""
-    if channels is None:
-        return Map(), None
-    if isinstance(channels, Map):
-        return channels, None
-    if isinstance(channels, Mapping):
-        columns = {
-            name: Column(column) if isinstance(column, str) else column
-            for name, column in channels.items()
-        }
-        return Map(columns), None
-    return Map(), (channels,) if isinstance(channels, str) else tuple(channels)
-
-
-def is_ours(path: Path) -> bool:
-    """Return whether a file is a helisim record, which needs no map. Raises StorageError."""
-    start = first_bytes(path, 64)
-    if start.removeprefix(b"\xef\xbb\xbf").startswith(_OURS_CSV):
-        return True
-    if not start.startswith(_PARQUET_MAGIC):
-        return False
-    data = read_log_bytes(path)
-    return b"helisim" in data[-(1 << 16) :] and _has_key(data)
-
-
-def _ended(path: Path) -> dict[str, Any]:
-    """Return the mark of a helisim record whose flight was terminated early, or nothing."""
-    try:
-        provenance = read_record(path).provenance
-    except (StorageError, RecordError):
-        return {}  # it is read by a map as what it is: anyone's columns
-    return {key: provenance[key] for key in ("ended",) if key in provenance}
-
-
-def _has_key(data: bytes) -> bool:
-    from helisim.logs.columnar import ParquetLog  # pyarrow is slow to import
-
-    try:
-        return b"helisim" in ParquetLog(Path("."), data).metadata
-    except StorageError:
-        return False
-
-
-def _open(path: Path, map_: Map, cut_tail: bool, content: str) -> Source:
-    """Open a file whose digest is `content`."""
-    start = first_bytes(path, SNIFFED)
-    if is_dataflash(start):
-        return open_dataflash(path, content)
-    if start.startswith(ULOG_MAGIC):
-        return open_ulog(path, content)
-    data = read_log_bytes(path)
-    if data.startswith(_PARQUET_MAGIC):
-        from helisim.logs.columnar import ParquetLog
-
-        return ParquetLog(path, data)
-    if data.lstrip().startswith(b"{"):
-        raise StorageError(
-            f"{path}: JSON, which no log is in; helisim identify takes frequency responses that "
-            "helisim frf wrote, in place of logs"
-        )
-    return TextLog(path, data, map_.layout, cut_tail=cut_tail)
-
-
-def _by_name(
-    source: Source, wanted: Sequence[str], mapped: Mapping[str, Column], findings: Findings
-) -> dict[str, Column]:
+def _by_name(source: Source, wanted: Sequence[str], findings: Findings) -> dict[str, Column]:
     """Return the columns of the wanted channels that there are; the others are refused."""
     found = {}
     for name in wanted:
-        if name in mapped:
-            continue
         try:
             found[name] = Column(find_column(name, source.names, "column"))
         except UnknownNameError as error:
-            findings.refuse(
-                "no such column",
-                f"{source.path}: {error}; map the channel to a column (--channel "
-                f"{name}=COLUMN:UNIT, or --map FILE.toml); helisim look guesses which",
-                option=f"--channel {name}=COLUMN:UNIT",
-            )
+            text = f"{source.path}: {error}; {_SAY}"
+            remedy = Option("channel", f"{name}=COLUMN:UNIT")
+            findings.refuse("no such column", text, remedy=remedy)
         except InputError as error:
             findings.refuse_error(source.path, error)
     return found
@@ -255,21 +340,321 @@ def _by_name(
 
 def _stated(source: Source) -> dict[str, Column]:
     """Return a column for every heading that states a unit."""
-    found = {}
+    found: dict[str, Column] = {}
     for heading in source.names:
         name = split_heading(heading)[0] if source.counts == "line" else heading
-        if name.lower() not in TIME_NAMES and source.stated_unit(heading) and name not in found:
-            found[name] = Column(heading)
+        if name.lower() not in TIME_NAMES and source.stated_unit(heading):
+            found.setdefault(name, Column(heading))
+    remedy = Option("channel", "NAME=COLUMN:UNIT")
     if not found:
-        raise InputError(
-            f"{source.path}: no column states its unit, as 'p [deg/s]' does; say which column is "
-            "which channel (--channel NAME=COLUMN:UNIT, or --map FILE.toml)"
-        )
+        said = "no column states its unit, as 'p [deg/s]' does"
+        raise InputError(f"{source.path}: {said}; {_SAY}", remedy=remedy)
     clocks = {source.clock(column.column) for column in found.values()}
     if len(clocks) > _MANY_CLOCKS:
-        raise InputError(
-            f"{source.path}: an autopilot's log, {len(found)} columns with a unit on {len(clocks)} "
-            "clocks; say which column is which channel (--channel NAME=COLUMN:UNIT, or --map "
-            "FILE.toml); helisim look guesses which"
-        )
+        said = f"{len(found)} columns with a unit on {len(clocks)} clocks"
+        raise InputError(f"{source.path}: an autopilot's log, {said}; {_SAY}", remedy=remedy)
     return found
+
+
+def _check_usable(log: Log, wanted: Sequence[str], use_ended: bool, findings: Findings) -> None:
+    """Refuse a log that lacks a channel, or whose flight was terminated early."""
+    path, first = log.report.path, log.records[0]
+    for name in wanted:
+        if name not in first.names:
+            text = f"{path}: has no channel {name!r}; available: {', '.join(first.names)}"
+            findings.refuse("no such channel", text)
+    if first.ended and not use_ended:
+        text = (
+            f"{path}: of a flight that was terminated early, because {first.ended}; leave it out, "
+            "or use it as it is, with use_ended"
+        )
+        findings.refuse("ended", text, remedy="use_ended")
+
+
+@dataclass(frozen=True, eq=False)
+class _Mapped:
+    """A log's columns as channels in SI.
+
+    Attributes:
+        channels: name -> the channel.
+        headings: name -> the column's heading.
+        computed: name -> how it is computed, for people.
+        declared: name -> the column with its unit, as far as that is known.
+        by_clock: clock -> name -> (n_time,) values, NaN where there is no number.
+    """
+
+    channels: dict[str, Channel] = field(default_factory=dict)
+    headings: dict[str, str] = field(default_factory=dict)
+    computed: dict[str, str] = field(default_factory=dict)
+    declared: dict[str, Column] = field(default_factory=dict)
+    by_clock: dict[str, dict[str, NDArray[np.float64]]] = field(default_factory=dict)
+
+
+def _from_record(
+    path: Path,
+    record: FlightRecord,
+    digest: str,
+    options: Options,
+    wanted: Sequence[str] | None,
+) -> Log:
+    """Read a helisim record, which needs no map."""
+    findings, names = Findings(), record.names
+    rows = np.arange(len(record))
+    samples = Samples(path, "row", rows, record.time, record.values, names, "time")
+    limits = tuple((record.time[0] + np.array(options.limits)).tolist())
+    known = [one for one in record.channels if is_unit(one.unit)]
+    mapped = _Mapped(
+        {one.name: one for one in record.channels},
+        {name: name for name in names},
+        {one.name: f"as recorded, in {one.unit}" for one in record.channels},
+        {one.name: Column(one.name, one.unit, unwrap=False) for one in known},
+        {"time": dict.fromkeys(names, rows)},
+    )
+    head = (str(path), OURS, digest, "row", len(record))
+    samples = (within(samples, limits, findings),)
+    origin = f"{record.time[0]:.9g} s"
+    log = _assembled(
+        head, mapped, samples, (), origin, options, findings, record.provenance, wanted
+    )
+    report = log.report
+    if report.resampled_hz or report.repairs or report.parts[0].samples != len(record):
+        return log
+    return replace(log, records=(record,))
+
+
+def from_source(
+    source: Source,
+    map_: Map,
+    digest: str,
+    options: Options,
+    facts: Mapping[str, Any],
+    findings: Findings,
+) -> Log:
+    """Read anyone's log by a map whose channels are complete.
+
+    Args:
+        source: the opened log.
+        map_: which column is which channel.
+        digest: of the file.
+        options: how it is read.
+        facts: for the records' provenance.
+        findings: what was found before, refusals too; more is added.
+
+    Raises:
+        LogError: all that stops its use.
+    """
+    try:
+        findings += source.findings
+        mapped = _mapped(source, map_, findings)
+        samples, origins = _samples(source, mapped, map_, options, findings)
+        if not samples:
+            source.stamps(source.clock(source.names[0]), map_.time)  # is time wrong, too?
+            findings.check()
+        used = {*mapped.headings.values(), *origins}
+        unused = tuple(name for name in source.names if name not in used)
+        longest = max(one.time.size for one in samples)
+        head = (str(source.path), source.format, digest, source.counts, longest)
+        made = made_by("log reader", **facts)
+        origin = next(iter(origins.values()))
+        return _assembled(head, mapped, samples, unused, origin, options, findings, made)
+    except HelisimError as error:
+        findings.refuse_error(source.path, error)
+        findings.check()
+        raise
+
+
+def _mapped(source: Source, map_: Map, findings: Findings) -> _Mapped:
+    """Return the columns of a map's channels; those that can't be are refused."""
+    mapped = _Mapped()
+    for name, column in map_.channels.items():
+        try:
+            heading = find_column(column.column, source.names, f"column of channel {name!r}")
+            stated = source.stated_unit(heading)
+            channel, factor = column.converts(name, stated)
+            values = _converted(source, heading, column, factor)
+        except HelisimError as error:
+            findings.refuse_error(source.path, error)
+            continue
+        given = column.unit or stated
+        number = f"{heading!r}" if column.trim is None else f"({heading!r} - {column.trim:g})"
+        number = number if column.range is None else f"{number} / {column.range:g}"
+        sign = "-" if column.sign < 0 else ""
+        known = unit(given).name if given and column.range is None else given
+        mapped.channels[name], mapped.headings[name] = channel, heading
+        mapped.computed[name] = f"{sign}{number} [{given}] in {channel.unit}"
+        mapped.declared[name] = replace(column, column=heading, unit=known)
+        mapped.by_clock.setdefault(source.clock(heading), {})[name] = values
+    return mapped
+
+
+def _converted(source: Source, heading: str, column: Column, factor: float) -> NDArray[np.float64]:
+    """Return a column in SI, NaN where there is no number."""
+    raw = source.numbers(heading)
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = factor * (raw - (0.0 if column.trim is None else column.trim))
+    wild = np.flatnonzero(np.isinf(values))
+    if wild.size:
+        row = int(source.rows(source.clock(heading))[wild[0]])
+        where = place(source.path, source.counts, row, heading)
+        raise RecordError(f"{where}: {raw[wild[0]]:g} is too large for its unit")
+    return values
+
+
+def _samples(
+    source: Source, mapped: _Mapped, map_: Map, options: Options, findings: Findings
+) -> tuple[tuple[Samples, ...], dict[str, str]]:
+    """Return the samples of each clock within the limits, and each clock's first stamp.
+
+    Channels without a number are refused, and left out of `mapped`.
+    """
+    samples, origins = [], {}
+    for clock, columns in list(mapped.by_clock.items()):
+        stamps, origin, heading = source.stamps(clock, map_.time)
+        origins[heading] = origin
+        names = tuple(mapped.headings[name] for name in columns)
+        values = np.column_stack(list(columns.values()))
+        rows = source.rows(clock)
+        read = Samples(source.path, source.counts, rows, stamps, values, names, heading)
+        if map_.time is None or map_.time.rate is None:
+            check_unit_of_time(read, findings)
+        read = within(read, options.limits, findings)
+        full = ~np.all(np.isnan(read.values), axis=0)
+        for k in np.flatnonzero(~full):
+            findings.refuse("no number", read.empty(read.columns[k]))
+        mapped.by_clock[clock] = {n: columns[n] for n, there in zip(columns, full) if there}
+        if full.any():
+            samples.append(read.pick(full))
+        else:
+            del mapped.by_clock[clock]
+    return tuple(samples), origins
+
+
+def _assembled(
+    head: tuple[str, str, str, str, int],
+    mapped: _Mapped,
+    samples: tuple[Samples, ...],
+    unused: tuple[str, ...],
+    origin: str,
+    options: Options,
+    findings: Findings,
+    provenance: Mapping[str, Any],
+    wanted: Sequence[str] | None = None,
+) -> Log:
+    """Return the log of samples by their clocks: tidied, screened, cut, resampled.
+
+    Args:
+        head: path, format, digest, what rows are counted in, and samples, for the report.
+        mapped: the channels of each clock.
+        samples: of each clock.
+        unused: columns.
+        origin: the first stamp.
+        options: how it is read.
+        findings: what was found before; more is added.
+        provenance: of the records, beside the report.
+        wanted: channels to screen; all if None.
+    """
+    groups = [list(columns) for columns in mapped.by_clock.values()]
+    order = [name for names in groups for name in names]
+    channels = tuple(mapped.channels[name] for name in order)
+    stretches = []
+    for stretch in _tidied(samples, options, findings):
+        whole = [_unwrapped(*one, mapped, findings) for one in zip(stretch, groups)]
+        each = [[mapped.channels[name] for name in names] for names in groups]
+        checked = [screened(*one, options, findings, wanted) for one in zip(whole, each)]
+        stretches.append(tuple(checked))
+    if options.rate is None:
+        options = options._replace(rate=common_rate(stretches, options, findings))
+    steps = np.concatenate([np.diff(one.time) for stretch in stretches for one in stretch])
+    steps = steps if steps.size else np.zeros(1)
+    shortest, usual, longest = (float(f(steps)) for f in (np.min, np.median, np.max))
+    for one in (one for stretch in stretches for one in stretch):
+        note_lost_samples(one, options, findings)
+    made = [cut(stretch, options, findings) for stretch in stretches]
+    parts = [part for found, _ in made for part in found]
+    findings.check()
+    _check_uniform_parts(parts, order, mapped.declared, samples[0].clock, findings)
+    report = LogReport(
+        *head,
+        columns=mapped.computed,
+        unused=unused,
+        origin=origin,
+        step=(shortest, usual, longest),
+        findings=tuple(findings),
+        resampled_hz=options.rate,
+        passband_hz=next((band for _, band in made if band is not None), None),
+        parts=tuple(one.part for one in parts),
+    )
+    if not parts:
+        reasons = "; ".join(finding.text for finding in findings) or "no samples"
+        raise RecordError(f"{head[0]}, {reasons}; nothing is left of it")
+    shared = plain({**provenance, "log": report.to_dict()})
+    records = []
+    for k, (time, values, part) in enumerate(parts):
+        rows = f"{head[3]}s {part.first_row} to {part.last_row}"
+        bad = np.flatnonzero(~np.all(np.isfinite(values), axis=0))
+        if bad.size:
+            column = mapped.headings[order[bad[0]]]
+            raise RecordError(f"{head[0]}, column {column!r}, {rows}: too large to interpolate")
+        try:
+            records.append(FlightRecord(time, values, channels, shared.extended(part=k)))
+        except RecordError as error:
+            raise RecordError(f"{head[0]}, {rows}: {error}") from None
+    return Log(tuple(records), report, mapped.headings)
+
+
+def _tidied(
+    samples: tuple[Samples, ...], options: Options, findings: Findings
+) -> list[tuple[Samples, ...]]:
+    """Return stretches of all clocks, in order and without duplicates."""
+    in_time = [in_order(one, options, findings) for one in samples]
+    if len(samples) > 1 and any(len(stretches) > 1 for stretches in in_time):
+        raise RecordError(
+            f"{samples[0].path}: its channels have {len(samples)} clocks and one was reset, so "
+            "they can't be matched after it: cut the log there, or map channels of one topic"
+        )
+    found = []
+    for stretch in zip(*in_time):
+        found.append(tuple(without_duplicates(one, options, findings) for one in stretch))
+        for one in found[-1]:
+            check_missing(one, options, findings)
+    return found
+
+
+def _unwrapped(
+    samples: Samples, names: Sequence[str], mapped: _Mapped, findings: Findings
+) -> Samples:
+    """Return the samples with angles that went around made continuous."""
+    values = samples.values.copy()
+    for k, name in enumerate(names):
+        column, angle = mapped.declared.get(name), mapped.channels[name].unit == "rad"
+        asked = None if column is None else column.unwrap
+        known = np.flatnonzero(np.isfinite(values[:, k]))
+        turns = np.flatnonzero(np.abs(np.diff(values[known, k])) > _WRAP)
+        if turns.size and (angle if asked is None else asked):
+            values[known, k] = np.unwrap(values[known, k])
+            rows = tuple(samples.rows[known[turns + 1]].tolist())
+            text = (
+                f"column {samples.columns[k]!r}: goes around {turns.size} times, the first in "
+                f"{samples.counts} {rows[0]}; made continuous"
+            )
+            findings.note("angle wraps", text, turns.size, rows, repaired=True)
+    return replace(samples, values=values)
+
+
+def _check_uniform_parts(
+    parts: Sequence[Cut],
+    order: Sequence[str],
+    declared: Mapping[str, Column],
+    clock: str,
+    findings: Findings,
+) -> None:
+    """Note wrong clocks of long uniform parts, and what the longest shows can't be as declared."""
+    uniform = [one for one in parts if one.part.uneven is None]
+    columns = [dict(zip(order, one.values.T)) for one in uniform]
+    for one, mine in zip(uniform, columns):
+        if one.part.duration >= _LONG_ENOUGH:
+            findings += clock_findings(one.time, mine)
+    if uniform:
+        one, mine = max(zip(uniform, columns), key=lambda pair: pair[0].part.duration)
+        step = one.part.duration / (one.time.size - 1)
+        findings += implausible(Channels(step, mine, declared, clock))

@@ -1,15 +1,18 @@
-"""The report of a log that was read: what was found, and what was repaired."""
+"""A log that was read, and its report: what was found, and what was repaired."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from helisim.base.errors import HelisimError, LogError, UnknownNameError
+from helisim.base.errors import HelisimError, LogError, RecordError, UnknownNameError
+from helisim.base.note import Note, Remedy, options
 from helisim.base.value import FrozenMap, Value
+from helisim.records.channels import some_names
+from helisim.records.record import FlightRecord
 
 OURS = "helisim record"
 """Name of helisim's own format, whose channels need no map."""
-
 _PARTS_SHOWN = 20
 """Of a log with more, only so many are printed."""
 _ROWS_KEPT = 20
@@ -17,38 +20,29 @@ _ROWS_KEPT = 20
 
 
 @dataclass(frozen=True)
-class LogFinding:
+class LogFinding(Note):
     """One fault or oddity of a log, and whether it was repaired.
 
     Attributes:
         kind: such as "gap", "duplicate stamp" or "missing number".
         text: what was found, where, and what was done.
+        remedy: options that mend it or are worth a try, such as Option("repair", "gaps").
         count: how often.
         rows: where, the first 20, numbered as `LogReport.counts` says.
         repaired: whether the data were changed because of it.
-        option: of the command line, that mends it or is worth a try, such as "--repair gaps".
     """
 
-    kind: str
-    text: str
     count: int = 1
     rows: tuple[int, ...] = ()
     repaired: bool = False
-    option: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rows", tuple(int(row) for row in self.rows[:_ROWS_KEPT]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        return {
-            "kind": self.kind,
-            "text": self.text,
-            "count": self.count,
-            "rows": list(self.rows),
-            "repaired": self.repaired,
-            "option": self.option,
-        }
+        remedy = [f"{one.name}={one.value}" for one in self.remedy]
+        return {**vars(self), "remedy": remedy, "rows": list(self.rows)}
 
 
 class Findings(list[LogFinding]):
@@ -63,36 +57,54 @@ class Findings(list[LogFinding]):
         self.refused: list[LogFinding] = []
         self._unlisted: tuple[str, ...] = ()
 
+    def note(
+        self,
+        kind: str,
+        text: str,
+        count: int = 1,
+        rows: tuple[int, ...] = (),
+        *,
+        repaired: bool = False,
+        remedy: Remedy = (),
+    ) -> None:
+        """Add what is noted; the same text is kept once."""
+        if all(text != one.text for one in self):
+            self.append(LogFinding(kind, text, options(remedy), count, rows, repaired))
+
     def refuse(
-        self, kind: str, text: str, *, rows: Iterable[int] = (), count: int = 1, option: str = ""
+        self,
+        kind: str,
+        text: str,
+        count: int = 1,
+        rows: tuple[int, ...] = (),
+        *,
+        remedy: Remedy = (),
     ) -> None:
         """Add what stops the log's use; the same text is kept once."""
-        if all(text != finding.text for finding in self.refused):
-            finding = LogFinding(kind, text, count, tuple(rows), option=option)
-            self.refused.append(finding)
+        if all(text != one.text for one in self.refused):
+            self.refused.append(LogFinding(kind, text, options(remedy), count, rows))
 
     def refuse_error(self, path: object, error: HelisimError) -> None:
         """Add what an exception says stops the log's use."""
-        if isinstance(error, LogError):
-            for finding in error.findings:
-                self.refuse(finding.kind, finding.text, option=finding.option, rows=finding.rows)
+        if isinstance(error, LogError | UnknownNameError):
             self._unlisted += error.unlisted
-            return
-        text = str(error)
-        if isinstance(error, UnknownNameError):
-            self._unlisted += error.unlisted
-        self.refuse("refused", text if text.startswith(str(path)) else f"{path}: {text}")
+        found = error.findings if isinstance(error, LogError) else ()
+        for one in found:
+            self.refuse(one.kind, one.text, one.count, one.rows, remedy=one.remedy)
+        if not found:
+            text = str(error)
+            text = text if text.startswith(str(path)) else f"{path}: {text}"
+            self.refuse("refused", text, remedy=error.remedy)
 
     def check(self) -> None:
         """Raise LogError, with everything that stops the log's use, if anything does."""
-        if not self.refused:
-            return
         lines = [finding.text for finding in self.refused]
         if len(lines) > 1:
             lines = [f"{len(lines)} things are wrong:", *(f"- {line}" for line in lines)]
-        error = LogError("\n".join(lines))
-        error.findings, error.unlisted = tuple(self.refused), self._unlisted
-        raise error
+        if lines:
+            error = LogError("\n".join(lines))
+            error.findings, error.unlisted = tuple(self.refused), self._unlisted
+            raise error
 
 
 @dataclass(frozen=True)
@@ -104,8 +116,7 @@ class Part:
         samples: how many the record has.
         start: s since the log's first stamp.
         duration: s.
-        uneven: where and how the samples aren't uniform, and what to do; empty if they are.
-        option: of the command line, that makes them uniform.
+        uneven: where and how the samples aren't uniform, and what makes them so; None if they are.
     """
 
     first_row: int
@@ -113,8 +124,7 @@ class Part:
     samples: int
     start: float
     duration: float
-    uneven: str = ""
-    option: str = ""
+    uneven: LogFinding | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +143,7 @@ class LogReport(Value):
         step: smallest, median and largest time between samples, s.
         findings: what was noticed and what was repaired.
         resampled_hz: rate of the records, if they were resampled.
-        passband_hz: frequency up to which the anti-alias filter changes nothing, if there
-            was one.
+        passband_hz: frequency up to which the anti-alias filter changes nothing, if there was one.
         parts: one a record.
     """
 
@@ -169,7 +178,6 @@ class LogReport(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        low, middle, high = self.step
         return {
             "path": self.path,
             "format": self.format,
@@ -179,7 +187,7 @@ class LogReport(Value):
             "columns": dict(self.columns),
             "unused_columns": list(self.unused),
             "origin": self.origin,
-            "step_s": {"smallest": low, "median": middle, "largest": high},
+            "step_s": dict(zip(("smallest", "median", "largest"), self.step)),
             "findings": [finding.to_dict() for finding in self.findings],
             "resampled_hz": self.resampled_hz,
             "passband_hz": self.passband_hz,
@@ -196,6 +204,10 @@ class LogReport(Value):
         }
 
     def __str__(self) -> str:
+        return self.worded(lambda finding: finding.text)
+
+    def worded(self, word: Callable[[LogFinding], str]) -> str:
+        """Return the report for people, each finding as `word` has it."""
         low, middle, high = self.step
         total = sum(part.duration for part in self.parts)
         lines = [
@@ -205,23 +217,73 @@ class LogReport(Value):
         if self.format != OURS:
             lines += [f"  {name} = {text}" for name, text in self.columns.items()]
         if self.resampled_hz is not None:
-            message = (
-                f"low-pass filtered, unchanged up to {self.passband_hz:.4g} Hz"
-                if self.passband_hz is not None
-                else "no filter: the log is not faster"
-            )
-            lines.append(f"  resampled to {self.resampled_hz:g} Hz, {message}")
+            filtered = "no filter: the log is not faster"
+            if self.passband_hz is not None:
+                filtered = f"low-pass filtered, unchanged up to {self.passband_hz:.4g} Hz"
+            lines.append(f"  resampled to {self.resampled_hz:g} Hz, {filtered}")
         if len(self.parts) > 1:
             more = f", the {_PARTS_SHOWN} longest" if len(self.parts) > _PARTS_SHOWN else ""
-            lines.append(f"  {len(self.parts)} records{more}:")
             longest = sorted(self.parts, key=lambda part: -part.duration)[:_PARTS_SHOWN]
-            lines += [
+            lines += [f"  {len(self.parts)} records{more}:"] + [
                 f"    {self.counts}s {part.first_row} to {part.last_row}, {part.duration:.4g} s"
                 for part in self.parts
                 if part in longest
             ]
-        lines += [
-            f"  {'repaired' if finding.repaired else 'note'}: {finding.text}"
-            for finding in self.findings
-        ]
+        for one in self.findings:
+            lines.append(f"  {'repaired' if one.repaired else 'note'}: {word(one)}")
         return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Log(Value):
+    """A log that was read.
+
+    Attributes:
+        records: one for each uninterrupted part.
+        report: how they were made.
+        headings: channel -> the column that it comes from.
+    """
+
+    records: tuple[FlightRecord, ...]
+    report: LogReport
+    headings: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "headings", FrozenMap(self.headings))
+
+    def __repr__(self) -> str:
+        samples = sum(map(len, self.records))
+        return (
+            f"Log({Path(self.report.path).name!r}: {samples} samples in {len(self.records)} "
+            f"record(s), {len(self.headings)} channels: {some_names(self.headings)})"
+        )
+
+    @property
+    def record(self) -> FlightRecord:
+        """The record of a log that has one part. Raises RecordError if it has several."""
+        if len(self.records) != 1:
+            raise RecordError(
+                f"{self.report.path}: has {len(self.records)} parts; use `records`, which "
+                "frequency_response and verify accept"
+            )
+        return self.records[0]
+
+    def where(self, channel: str) -> str:
+        """Return where a channel comes from: file, column and rows."""
+        parts, counts = self.report.parts, self.report.counts
+        rows = f"{counts}s {parts[0].first_row} to {parts[-1].last_row}"
+        return f"{self.report.path}, column {self.headings.get(channel, channel)!r}, {rows}"
+
+    def check_uniform(self) -> None:
+        """Raise LogError, with the rows and what to do, unless every record is uniform."""
+        findings = Findings()
+        self.refuse_uneven(findings)
+        findings.check()
+
+    def refuse_uneven(self, findings: Findings) -> None:
+        """Add the first part whose samples aren't uniform, and how many more there are."""
+        uneven = [part for part in self.report.parts if part.uneven is not None]
+        for part, found in [(one, one.uneven) for one in uneven[:1] if one.uneven]:
+            more = f" (and in {len(uneven) - 1} more parts)" if len(uneven) > 1 else ""
+            rows = (part.first_row, part.last_row)
+            findings.refuse(found.kind, found.text + more, rows=rows, remedy=found.remedy)

@@ -1,30 +1,34 @@
 """Opens a log of which nothing is known: its clocks, its channels, and the records it can give."""
 
-import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from helisim.base.errors import HelisimError, LogError
+from helisim.base.note import Option
 from helisim.base.unit_names import is_unit
-from helisim.logs.clock import Steadiness, steadiness
-from helisim.logs.log import Log
-from helisim.logs.mapping import Clock, Column, Map, split_heading
+from helisim.logs.mapping import REPAIRS, Clock, Column, Map, named_column, split_heading
 from helisim.logs.read import is_ours, open_source, read_log
 from helisim.logs.report import OURS, Findings, LogFinding
 from helisim.logs.source import Source
-from helisim.logs.terms import REPAIRS
-from helisim.look.guess import SeenChannel, guess
+from helisim.logs.timing import steadiness
+from helisim.look.channels import AS_RECORDED, SeenChannel, guess
 from helisim.records.record import FlightRecord
 
-AS_RECORDED = "as recorded"
 _ATTEMPTS = 4
 """Readings, each with the options that the one before asked for."""
 _FASTEST = 200.0
 """Hz, at which channels of several clocks are looked at, at most."""
 _COUNTERS = {"index", "idx", "row", "sample", "count", "counter", "seq", "frame", "n", "i"}
+_UNITS = {
+    "rate": "rate_hz",
+    "duration": "duration_s",
+    "jitter": "jitter_rms_s",
+    "largest": "largest_s",
+}
 
 
 @dataclass(frozen=True)
@@ -51,18 +55,26 @@ class SeenClock:
     even: str
     gaps: int
 
-    def to_dict(self) -> dict[str, object]:
+    @classmethod
+    def of(cls, name: str, time: NDArray[np.float64]) -> "SeenClock":
+        """Return a clock by its stamps, (n_time,) s, increasing."""
+        even = steadiness(time)
+        span = float(np.ptp(time)) if time.size else 0.0
+        return cls(name, even.rate, time.size, span, even.rms, even.largest, even.kind, even.gaps)
+
+    def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        return {
-            "name": self.name,
-            "rate_hz": self.rate,
-            "samples": self.samples,
-            "duration_s": self.duration,
-            "jitter_rms_s": self.jitter,
-            "largest_s": self.largest,
-            "even": self.even,
-            "gaps": self.gaps,
-        }
+        return {_UNITS.get(name, name): value for name, value in vars(self).items()}
+
+    def __str__(self) -> str:
+        gaps = f", {self.gaps} gap{'s' * (self.gaps > 1)}" if self.gaps else ""
+        even = "irregular: " if self.even == "irregular" else ""
+        even += f"jitter {1e3 * self.jitter:.2g} ms rms, at most {1e3 * self.largest:.2g} ms"
+        even = "uniform" if self.even == "uniform" else even
+        return (
+            f"clock {self.name}: {self.rate:.4g} Hz, {self.samples} samples, {self.duration:.4g} "
+            f"s, {even}{gaps}"
+        )
 
 
 class Opened(NamedTuple):
@@ -75,16 +87,16 @@ class Opened(NamedTuple):
         unused: its other columns.
         records: uniform; empty if nothing could be read.
         findings: what is wrong, or to be noted.
-        options: of the command line, that it was read with.
+        options: that it was read with.
     """
 
     format: str
-    clocks: tuple[SeenClock, ...]
-    seen: tuple[SeenChannel, ...]
-    unused: tuple[str, ...]
-    records: tuple[FlightRecord, ...]
-    findings: tuple[LogFinding, ...]
-    options: tuple[str, ...]
+    clocks: tuple[SeenClock, ...] = ()
+    seen: tuple[SeenChannel, ...] = ()
+    unused: tuple[str, ...] = ()
+    records: tuple[FlightRecord, ...] = ()
+    findings: tuple[LogFinding, ...] = ()
+    options: tuple[Option, ...] = ()
 
 
 class Asked(NamedTuple):
@@ -117,88 +129,74 @@ def opened(path: Path, asked: Asked) -> Opened:
     if not asked.map.channels and is_ours(path):
         return _ours(path, asked)
     source = open_source(path, asked.map, cut_tail=True)
-    if any(finding.kind == "incomplete last line" for finding in source.findings):
-        asked = asked._replace(repair=(*asked.repair, "tail"))
     findings = Findings(source.findings)
-    time, option = asked.map.time, ""
-    if source.counts != "row" or source.format == "Parquet":
-        time, option = _clock(source, asked.map.time)
+    time, tail = asked.map.time, ()
+    if any(finding.kind == "incomplete last line" for finding in findings):
+        asked, tail = asked._replace(repair=(*asked.repair, "tail")), (Option("repair", "tail"),)
+    if source.counts == "line" or source.format == "Parquet":
+        time = _clock(source, time)
+    timed = () if time is None or time == asked.map.time else (_time_option(time),)
     clocks = _clocks(source, time, findings)
     rates = {clock: one.rate for clock, one in clocks.items()}
     seen = guess(source, asked.map.channels, rates)
-    used = {source.clock(c) for one in seen if one.moves for c in [one.column.column]}
-    shown = tuple(clocks[clock] for clock in sorted(used) if clock in clocks)
+    used = sorted({source.clock(one.column.column) for one in seen if one.moves} & set(clocks))
     mapped = {*(one.column.column for one in seen), *(one.name for one in clocks.values())}
     unused = tuple(name for name in source.names if name not in mapped)
     wanted = {one.name: one.column for one in seen if one.moves}
     if not wanted:
-        findings.refuse(
-            "channels",
-            f"{path}: no column looks like a channel that moves; say which is which "
-            "(--channel NAME=COLUMN:UNIT)",
-        )
+        text = f"{path}: no column looks like a channel that moves; say which is which"
+        findings.refuse("channels", text, remedy=Option("channel", "NAME=COLUMN:UNIT"))
+    shown = tuple(clocks[clock] for clock in used)
     if not wanted or not clocks:
         said = (*findings.refused, *findings)
-        return Opened(source.format, shown, seen, unused, (), said, ())
+        return Opened(source.format, shown, seen, unused, findings=said)
     rate = asked.resample_hz
     if rate is None and len(used) > 1:
         rate = min(max(one.rate for one in shown), _FASTEST)
-    reading = _Reading(
-        path,
-        replace(asked.map, channels=wanted, time=time),
-        asked._replace(resample_hz=rate),
-        frozenset(one.name for one in seen if one.guessed),
-    )
+    reading = _Reading(path, asked._replace(resample_hz=rate), wanted, time)
+    reading.guessed = {one.name for one in seen if one.guessed}
     records = reading.records()
-    options = (option, *reading.options) if option else tuple(reading.options)
-    if "tail" in asked.repair:
-        options = (*options, "--repair tail")
     if reading.time != time:
-        clocks = _clocks(source, reading.time, Findings())
-        shown = tuple(clocks.get(clock, one) for clock, one in zip(sorted(used), shown))
+        clocks = _clocks(source, reading.time, Findings()) or clocks
+    shown = tuple(clocks[clock] for clock in used if clock in clocks)
+    sampled = [(one, clocks.get(source.clock(one.column.column))) for one in seen]
     seen = tuple(
-        replace(
-            one,
-            column=reading.channels.get(one.name, one.column),
-            rate=clocks[source.clock(one.column.column)].rate,
-            clock=clocks[source.clock(one.column.column)].name,
-        )
-        for one in seen
+        replace(one, rate=clock.rate, clock=clock.name) if clock is not None else one
+        for one, clock in sampled
     )
-    said = (*findings.refused, *reading.said)
-    return Opened(source.format, shown, seen, unused, records, said, options)
+    seen = tuple(replace(one, column=reading.channels.get(one.name, one.column)) for one in seen)
+    found, options = (*findings.refused, *reading.said), (*timed, *reading.options, *tail)
+    return Opened(source.format, shown, seen, unused, records, found, options)
+
+
+def _time_option(time: Clock) -> Option:
+    return Option("time", f"{time.column}:{time.unit}")
 
 
 def _ours(path: Path, asked: Asked) -> Opened:
     """Read a helisim record, which says itself what it holds."""
-    reading = _Reading(path, None, asked, frozenset())
-    records, findings, options = reading.records(), tuple(reading.said), tuple(reading.options)
+    reading = _Reading(path, asked, None, None)
+    records = reading.records()
     if not records:
-        return Opened(OURS, (), (), (), (), findings, options)
+        return Opened(OURS, findings=tuple(reading.said), options=tuple(reading.options))
     record = max(records, key=lambda one: one.duration)
-    even = steadiness(record.time)
-    clock = _seen_clock("time", record.time, even)
+    clock = SeenClock.of("time", record.time)
+    kinds = ("IN1", "IN2", "OUT")
     seen = tuple(
         SeenChannel(
-            channel.name,
-            Column(channel.name, channel.unit if channel.unit not in ("N", "N m") else None),
+            one.name,
+            Column(one.name, one.unit if is_unit(one.unit) else None),
             AS_RECORDED,
             clock.rate,
-            float(record[channel.name].min()),
-            float(record[channel.name].max()),
+            float(record[one.name].min()),
+            float(record[one.name].max()),
         )
-        for channel in record.channels
-        if channel.kind in ("IN1", "IN2", "OUT")
+        for one in record.channels
+        if one.kind in kinds
     )
-    unused = tuple(one.name for one in record.channels if one.kind not in ("IN1", "IN2", "OUT"))
-    return Opened(OURS, (clock,), seen, unused, records, findings, options)
-
-
-def _seen_clock(name: str, time: np.ndarray, even: Steadiness) -> SeenClock:
-    duration = float(np.ptp(time)) if time.size else 0.0
-    return SeenClock(
-        name, even.rate, time.size, duration, even.rms, even.largest, even.kind, even.gaps
-    )
+    unused = tuple(one.name for one in record.channels if one.kind not in kinds)
+    said, options = tuple(reading.said), tuple(reading.options)
+    return Opened(OURS, (clock,), seen, unused, records, said, options)
 
 
 def _clocks(source: Source, time: Clock | None, findings: Findings) -> dict[str, SeenClock]:
@@ -212,37 +210,32 @@ def _clocks(source: Source, time: Clock | None, findings: Findings) -> dict[str,
             return {}
         rising = np.unique(stamps[np.isfinite(stamps)])
         if rising.size > 2:
-            found[clock] = _seen_clock(name, rising, steadiness(rising))
+            found[clock] = SeenClock.of(name, rising)
     return found
 
 
-def _clock(source: Source, time: Clock | None) -> tuple[Clock | None, str]:
-    """Return where a table's time comes from, guessed where nothing says it, and the option."""
+def _clock(source: Source, time: Clock | None) -> Clock | None:
+    """Return where a table's time comes from, guessed where nothing says it."""
     try:
         source.stamps(source.clock(source.names[0]), time)
+        return time
     except HelisimError:
-        pass
-    else:
-        return time, ""
-    if time is not None and (time.rate is not None or time.unit is not None):
-        return time, ""
+        if time is not None and (time.rate is not None or time.unit is not None):
+            return time
     names = source.names if time is None else (time.column or "",)
-    for name in sorted(names, key=lambda one: "time" not in one.lower()):
-        if name not in source.names or split_heading(name)[0].lower() in _COUNTERS:
-            continue
+    there = [name for name in names if name in source.names]
+    for name in sorted(there, key=lambda one: "time" not in one.lower()):
         try:
-            values = source.numbers(name)
+            steps = np.diff(source.numbers(name))
         except HelisimError:
             continue
-        steps = np.diff(values)
-        if not (steps.size > 10 and np.all(np.isfinite(steps)) and np.all(steps >= 0.0)):
-            continue
-        step = float(np.median(steps))
-        if step <= 0.0 or np.max(steps) > 1e6 * step:
-            continue
-        unit = "s" if step < 1.0 else "ms" if step < 1e3 else "us" if step < 1e6 else "ns"
-        return Clock(name, unit), "--time " + shlex.quote(f"{name}:{unit}")
-    return time, ""
+        sane = steps.size > 10 and np.all(np.isfinite(steps)) and np.all(steps >= 0.0)
+        step = float(np.median(steps)) if sane else 0.0
+        counter = split_heading(name)[0].lower() in _COUNTERS
+        if step > 0.0 and np.max(steps) <= 1e6 * step and not counter:
+            unit = "s" if step < 1.0 else "ms" if step < 1e3 else "us" if step < 1e6 else "ns"
+            return Clock(name, unit)
+    return time
 
 
 class _Reading:
@@ -250,25 +243,38 @@ class _Reading:
 
     Attributes:
         said: what was refused, and what the last reading noted.
-        options: of the command line, that were taken.
+        options: that were taken.
         channels: that are read, as far as they can be.
         time: the clock that they are read by.
+        guessed: channels whose unit was guessed.
     """
 
-    def __init__(self, path: Path, map_: Map | None, asked: Asked, guessed: frozenset[str]) -> None:
+    def __init__(
+        self, path: Path, asked: Asked, channels: dict[str, Column] | None, time: Clock | None
+    ) -> None:
         self.said: list[LogFinding] = []
-        self.options: list[str] = []
-        self.channels = {} if map_ is None else dict(map_.channels)
-        self._path, self._map, self._asked, self._guessed = path, map_, asked, guessed
-        self._repairs, self._rate = set(asked.repair), asked.resample_hz
-        self._max_gap = asked.max_gap
-        self.time = None if map_ is None else map_.time
+        self.options: list[Option] = []
+        self.channels, self.time = channels or {}, time
+        self.guessed: set[str] = set()
+        self._path, self._asked, self._ours = path, asked, channels is None
 
     def records(self) -> tuple[FlightRecord, ...]:
         """Return the records, none if the log can't be read."""
+        mended = () if self._ours else ("repair", "resample")
         for _ in range(_ATTEMPTS):
+            asked, channels = self._asked, None
+            if not self._ours:
+                channels = replace(asked.map, channels=self.channels, time=self.time)
             try:
-                log = self._log()
+                log = read_log(
+                    self._path,
+                    channels=channels,
+                    resample_hz=asked.resample_hz,
+                    repair=asked.repair,
+                    max_gap=asked.max_gap,
+                    start=asked.start,
+                    stop=asked.stop,
+                )
                 log.check_uniform()
             except LogError as error:
                 known = {finding.text for finding in self.said}
@@ -276,69 +282,52 @@ class _Reading:
                 if not sum(self._take(finding) for finding in error.findings):
                     return ()
             except HelisimError as error:
-                self.said.append(LogFinding("refused", str(error)))
+                self.said.append(LogFinding("refused", str(error), error.remedy))
                 return ()
             else:
-                if not sum(self._take_unit(finding) for finding in log.report.findings):
-                    mended = ("--repair", "--resample") if self._map is not None else ()
+                findings = log.report.findings
+                if not sum(self._take_unit(finding) for finding in findings):
                     self.said += [
-                        finding
-                        for finding in log.report.findings
-                        if not (finding.repaired and finding.option.startswith(mended))
-                        or finding.kind in ("jitter", "clocks")
+                        one
+                        for one in findings
+                        if one.kind in ("jitter", "clocks")
+                        or not (one.repaired and any(o.name in mended for o in one.remedy))
                     ]
                     return log.records
         return ()
 
-    def _log(self) -> Log:
-        channels = self._map
-        if channels is not None:
-            channels = replace(channels, channels=self.channels, time=self.time)
-        return read_log(
-            self._path,
-            channels=channels,
-            resample_hz=self._rate,
-            repair=self._repairs,
-            max_gap=self._max_gap,
-            start=self._asked.start,
-            stop=self._asked.stop,
-        )
-
     def _take(self, finding: LogFinding) -> bool:
         """Take what a refusal says mends it; return whether there is such a thing."""
-        words = shlex.split(finding.option)
-        taken = False
-        for option, value in zip(words[::2], words[1::2]):
-            if option == "--repair" and value in REPAIRS and value not in self._repairs:
-                self._repairs.add(value)
-            elif option == "--resample" and self._rate is None:
-                self._rate = float(value)
-            elif option == "--max-gap" and self._max_gap is None:
-                self._max_gap = float(value)
-            elif option == "--time":
+        taken = []
+        for option in finding.remedy:
+            name, value, asked = option.name, option.value, self._asked
+            if name == "repair" and value in REPAIRS and value not in asked.repair:
+                self._asked = asked._replace(repair=(*asked.repair, value))
+            elif name == "resample" and asked.resample_hz is None:
+                self._asked = asked._replace(resample_hz=float(value))
+            elif name == "max_gap" and asked.max_gap is None:
+                self._asked = asked._replace(max_gap=float(value))
+            elif name == "time" and value:
                 column, _, unit = value.rpartition(":")
                 self.time = Clock(column, unit)
             else:
                 continue
-            taken = True
-            self.options.append(f"{option} {shlex.quote(value)}")
-        if not finding.option:
-            left = {k: c for k, c in self.channels.items() if repr(c.column) not in finding.text}
-            taken = bool(left) and len(left) < len(self.channels)
-            self.channels = left if taken else self.channels
-        return taken
+            taken.append(option)
+        self.options += taken
+        kept = {k: c for k, c in self.channels.items() if repr(c.column) not in finding.text}
+        if finding.remedy or not 0 < len(kept) < len(self.channels):
+            return bool(taken)
+        self.channels = kept
+        return True
 
     def _take_unit(self, finding: LogFinding) -> bool:
         """Take a unit that the data show, where it was guessed; return whether it was."""
-        if finding.kind != "unit" or not finding.option.startswith("--channel "):
+        if finding.kind != "unit" or not finding.option or finding.option.name != "channel":
             return False
-        name, _, rest = shlex.split(finding.option)[1].partition("=")
+        name, found = named_column(finding.option.value)
         column = self.channels.get(name)
-        parts = rest.split(":")
-        if column is None or name not in self._guessed or not is_unit(parts[1]):
-            return False
-        if column.unit == parts[1]:
+        if column is None or name not in self.guessed or column.unit == found.unit:
             return False
         self.said.append(replace(finding, text=f"{finding.text}: taken so"))
-        self.channels[name] = replace(column, unit=parts[1])
+        self.channels[name] = replace(column, unit=found.unit)
         return True

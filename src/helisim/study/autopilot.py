@@ -6,10 +6,8 @@ from pathlib import Path
 from helisim.base.errors import InputError
 from helisim.design.plant import Plant
 from helisim.ident import identify, load_fit, structures
-from helisim.look.systemid import infer
-from helisim.look.systemid.autopilots import says_itself
-from helisim.look.systemid.bands import followed_band
-from helisim.look.systemid.estimate import estimate_fits
+from helisim.logs.dataflash import is_dataflash
+from helisim.look.systemid import estimate_fits, followed_band, infer
 from helisim.sitl.parameters import AutopilotParameters, parameters_for
 from helisim.study.for_design import identify_for_design
 from helisim.study.swept import Source
@@ -41,7 +39,7 @@ def autopilot_parameters(
     """
     if source is None:
         return parameters_for(vehicle, gyro=gyro)
-    own = isinstance(source, str | PathLike) and Path(source).is_file() and says_itself(source)
+    own = isinstance(source, str | PathLike) and Path(source).is_file() and is_dataflash(source)
     plant = source if isinstance(source, Plant) else _plant(source, seed, own)
     told = ", ".join(fit.structure.name for fit in plant.fits)
     lifts = [abs(fit["Z_col"].value) for fit in plant.fits if "Z_col" in fit.parameters]

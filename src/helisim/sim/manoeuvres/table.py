@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.logs.mapping import Clock, Column, split_heading
+from helisim.logs.mapping import TIME_NAMES, Clock, Column, split_heading
 from helisim.logs.read import open_source
-from helisim.logs.text import TIME_NAMES
 from helisim.records.channels import IN1, IN2, SERVOS
 from helisim.sim.excitation import split_axes
 from helisim.sim.places import PLACES, unit

@@ -1,21 +1,87 @@
-"""Finds the sweeps that an ArduPilot log holds: what was injected, from when to when."""
+"""Finds the sweeps that an ArduPilot log of its mode SystemID holds: what was injected, and when.
+
+Source: ArduPilot's documentation of the parameter SID_AXIS, and of the mode ("System ID Mode").
+"""
 
 import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import LogError
-from helisim.logs.dataflash import DataFlash
-from helisim.look.systemid.axes import SID_AXES, SidAxis
+from helisim.base.note import Remedy
+from helisim.base.text import shown
+from helisim.logs.dataflash import DataFlash, is_dataflash, open_dataflash
+from helisim.logs.source import file_digest
 
-_WAIT = 1.0
-"""s that the mode waits before it injects anything."""
+Array = NDArray[np.float64]
+Place = Literal["input", "recovery", "rate", "mixer", "disturbance", "velocity"]
+PLACES: dict[Place, str] = {
+    "input": "added to the pilot's command",
+    "recovery": "added to the pilot's command, which isn't fed forward meanwhile",
+    "rate": "added to the commanded rate",
+    "mixer": "added to the command of the actuators",
+    "disturbance": "added to the measured position or velocity",
+    "velocity": "added to the commanded velocity",
+}
+"""Where a sweep is injected -> what that is."""
+
+
+@dataclass(frozen=True)
+class SidAxis:
+    """One value of SID_AXIS.
+
+    Attributes:
+        number: the value.
+        place: where the sweep is injected, of `PLACES`.
+        word: what it moves, such as "roll".
+        control: whose command it moves, as `handling.axis` calls it: "lat", "lon", "ped" or "col".
+        unit: of the sweep in the log.
+    """
+
+    number: int
+    place: Place
+    word: str
+    control: str
+    unit: str
+
+    @property
+    def name(self) -> str:
+        """The channel of what is injected, such as "mixer_roll"."""
+        return f"{self.place}_{self.word}"
+
+    @property
+    def identifies(self) -> bool:
+        """Whether the sweep is fast enough for the vehicle itself: not where positions are held."""
+        return self.place not in ("disturbance", "velocity")
+
+    def __str__(self) -> str:
+        return f"{self.place} {self.word.replace('_', ' ')}"
+
+
+_TURNS = (("roll", "lat"), ("pitch", "lon"), ("yaw", "ped"))
+_PATHS = (("right", "lat"), ("forward", "lon"))
+_ALL: tuple[tuple[Place, str, str, str], ...] = (
+    # of yaw it is a rate that is commanded, though its name says angle
+    *(("input", *turn, unit) for turn, unit in zip(_TURNS, ("deg", "deg", "deg/s"))),
+    *(("recovery", *turn, unit) for turn, unit in zip(_TURNS, ("deg", "deg", "deg/s"))),
+    *(("rate", *turn, "deg/s") for turn in _TURNS),
+    *(("mixer", *turn, "1") for turn in (*_TURNS, ("thrust", "col"))),
+    *(("disturbance", f"{word}_position", control, "m") for word, control in _PATHS),
+    *(("disturbance", f"{word}_velocity", control, "m/s") for word, control in _PATHS),
+    *(("velocity", *path, "m/s") for path in _PATHS),
+)
+SID_AXES: dict[int, SidAxis] = {k: SidAxis(k, *one) for k, one in enumerate(_ALL, start=1)}
+"""SID_AXIS -> what is swept."""
+
+_DELAY = 1.0
+"""s before the mode injects anything."""
 _AFTER = 3.0
 """s after a sweep, in which the vehicle still answers it."""
 _FIELDS = ("Time", "F", "Targ")
@@ -31,6 +97,8 @@ _OCTAVE = 1.5
 """Of its lowest frequency to its highest: what spans less shows no dynamics."""
 _PERIODS = 3.0
 """Periods of its lowest frequency that a sweep must last at least to be of use."""
+_MODE = 25
+"""Number of the mode SystemID among Copter's."""
 
 
 @dataclass(frozen=True)
@@ -65,15 +133,12 @@ class FlownSweep:
     @property
     def unused(self) -> str:
         """Why it can't identify the vehicle, empty if it can."""
+        least, lasts = _DELAY + _PERIODS * 2.0 * math.pi / self.low, self.stop - self.start
         if not self.sid_axis.identifies:
             return "it moves a loop of position or velocity, which is too slow for the vehicle"
-        least = _WAIT + _PERIODS * 2.0 * math.pi / self.low
-        if self.stop - self.start < least:
-            lasts = self.stop - self.start
+        if lasts < least:
             return f"it lasts {lasts:.3g} s, {_PERIODS:g} periods take {least:.3g} s"
-        if self.high < _OCTAVE * self.low:
-            return "it stays at one frequency"
-        return ""
+        return "it stays at one frequency" if self.high < _OCTAVE * self.low else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
@@ -91,55 +156,60 @@ class FlownSweep:
         }
 
     def __str__(self) -> str:
-        size = f"{self.magnitude:.3g}" + ("" if self.sid_axis.unit == "1" else f" {self._unit}")
+        unit = self.sid_axis.unit
+        size = f"{self.magnitude:.3g}" + ("" if unit == "1" else f" {unit}")
         return (
             f"SID_AXIS {self.axis}, {self.sid_axis}: {self.start:.1f} to {self.stop:.1f} s, "
             f"{self.low:.3g} to {self.high:.3g} rad/s, amplitude {size}, {self.end}"
         )
 
-    @property
-    def _unit(self) -> str:
-        return self.sid_axis.unit
+
+def own_sweeps(path: Path) -> tuple[FlownSweep, ...]:
+    """Return the sweeps that a log says itself were injected, none of any other log.
+
+    Raises:
+        StorageError: it can't be read.
+    """
+    try:
+        return sweeps(open_dataflash(path, file_digest(path))) if is_dataflash(path) else ()
+    except LogError:
+        return ()
 
 
-_BY_HAND = "or say it by --structure, --inputs, --outputs and --channel (helisim look LOG guesses)"
-
-
-def sweeps(log: DataFlash, first: float, *, by_hand: str = _BY_HAND) -> tuple[FlownSweep, ...]:
-    """Return the sweeps of a log, in their order.
+def sweeps(
+    log: DataFlash, remedy: Remedy = "structure,inputs,outputs,channel"
+) -> tuple[FlownSweep, ...]:
+    """Return the sweeps of a log, in their order, times after its first stamp.
 
     Args:
         log: by ArduPilot.
-        first: its first stamp, s since the autopilot was switched on.
-        by_hand: what else a user can do with a log that has none.
+        remedy: options that serve where it has none.
 
     Raises:
         LogError: it has none; the message says what to set.
     """
+    first = min(log.first_stamps.values())
     if "SIDD" not in log or not set(_FIELDS) <= set(log.table("SIDD").columns):
-        raise LogError(_without(log, by_hand))
+        raise LogError(_without(log), remedy=remedy)
     data = log.table("SIDD", fields=_FIELDS)
     columns = np.column_stack([np.asarray(data[name], np.float64) for name in _FIELDS])
     edges = [0, *(np.flatnonzero(np.diff(columns[:, 0]) < 0.0) + 1).tolist(), len(data)]
-    ended = _ends(log)
-    found = []
+    ended, found = _ends(log), []
     for low, high in pairwise(edges):
         time, rows = data.time[low:high], columns[low:high]
         start = float(np.median(time - rows[:, 0])) if time.size else 0.0
         setup = _setup(log, start, rows)
         if time.size > 1 and setup["FSt"] >= _RANGE[0] and int(setup["Ax"]) in SID_AXES:
-            found.append(_sweep(start, setup, time, rows[:, 1], ended))
+            found.append(_sweep(start, setup, time, rows[:, 1], ended, first))
     if not found:
         raise LogError(
             f"{log.path}: it has SIDD messages, and neither SIDS nor another says which axis they "
             "are of; log from before the mode SystemID is chosen"
         )
-    return tuple(
-        FlownSweep(one.axis, one.start - first, one.stop - first, *_rest(one)) for one in found
-    )
+    return tuple(found)
 
 
-def _setup(log: DataFlash, start: float, rows: NDArray[np.float64]) -> Mapping[str, float]:
+def _setup(log: DataFlash, start: float, rows: Array) -> Mapping[str, float]:
     """Return what SIDS says of the sweep that began, or what follows where the logger dropped it.
 
     Args:
@@ -148,56 +218,54 @@ def _setup(log: DataFlash, start: float, rows: NDArray[np.float64]) -> Mapping[s
         rows: its SIDD, (n_time, 3) of `_FIELDS`.
     """
     if "SIDS" in log and set(_SETUP) <= set((table := log.table("SIDS")).columns):
-        for k in np.flatnonzero(np.abs(table.time - start) < _WAIT).tolist():
+        for k in np.flatnonzero(np.abs(table.time - start) < _DELAY).tolist():
             row = {name: float(table[name][k]) for name in _SETUP}
             if _RANGE[0] <= row["FSt"] <= _RANGE[1] and all(map(math.isfinite, row.values())):
                 return row
-    said = [_AXIS.search(one.text) for one in log.messages() if abs(one.time - start) < _WAIT]
+    said = [_AXIS.search(one.text) for one in log.messages() if abs(one.time - start) < _DELAY]
     axis = next((float(word[1]) for word in said if word), None)
     if axis is None:
-        axis = log.parameters(at=start + 0.5 * _WAIT).get("SID_AXIS", 0.0)
+        axis = log.parameters(at=start + 0.5 * _DELAY).get("SID_AXIS", 0.0)
     clock, frequency, injected = rows.T
     moving = clock[injected != 0.0]
-    length = float(moving[-1]) - _WAIT if moving.size else 0.0
+    length = float(moving[-1]) - _DELAY if moving.size else 0.0
     low, size = float(frequency[0]), float(np.abs(injected).max())
     return {"Ax": axis, "Mag": size, "FSt": low, "TR": length, "TFout": _USUAL_FADE}
-
-
-def _rest(one: FlownSweep) -> tuple[float, float, float, bool, str]:
-    return one.magnitude, one.low, one.high, one.complete, one.end
 
 
 def _sweep(
     start: float,
     row: Mapping[str, float],
-    time: NDArray[np.float64],
-    frequency: NDArray[np.float64],
+    time: Array,
+    frequency: Array,
     ended: Sequence[tuple[float, str]],
+    first: float,
 ) -> FlownSweep:
-    """Return a sweep in the autopilot's time.
+    """Return a sweep.
 
     Args:
-        start: s.
+        start: s, in the autopilot's time, as are all others.
         row: of SIDS, by field.
         time: (n_time,) of its SIDD, s.
         frequency: (n_time,) Hz.
         ended: when the autopilot said or did what ends a sweep, s, and what.
+        first: stamp of the log, s.
     """
-    logged = float(time[-1])
-    length, fade = row["TR"], row["TFout"]
-    planned = start + _WAIT + length
+    logged, length, fade = float(time[-1]), row["TR"], row["TFout"]
+    planned = start + _DELAY + length
     stop, why = next(((at, why) for at, why in ended if at > start), (math.inf, ""))
     complete = min(stop, logged) >= planned - 0.5 * fade
     if complete:
         end, why = max(min(planned + _AFTER, stop, logged), planned - 0.5 * fade), "complete"
     else:
         end = min(stop, logged)
-        said = why if stop <= logged + _WAIT and why else "the log of it ends"
-        why = f"ended after {end - start:.3g} of {length + _WAIT:.3g} s: {said}"
+        said = shown(why) if stop <= logged + _DELAY and why else "the log of it ends"
+        why = f"ended after {end - start:.3g} of {length + _DELAY:.3g} s: {said}"
     used = (time <= min(end, planned - fade)) & (frequency >= _RANGE[0]) & (frequency <= _RANGE[1])
     flown = 2.0 * math.pi * np.append(frequency[used], row["FSt"])
-    low, high = float(flown.min()), float(flown.max())
-    return FlownSweep(int(row["Ax"]), start, end, abs(row["Mag"]), low, high, complete, why)
+    band = float(flown.min()), float(flown.max())
+    limits = start - first, end - first
+    return FlownSweep(int(row["Ax"]), *limits, abs(row["Mag"]), *band, complete, why)
 
 
 def _ends(log: DataFlash) -> list[tuple[float, str]]:
@@ -209,23 +277,14 @@ def _ends(log: DataFlash) -> list[tuple[float, str]]:
     ]
     if "MODE" in log:
         modes = log.table("MODE", fields=("Mode",))
-        left = [
-            (float(time), "another mode was chosen")
-            for time, mode in zip(modes.time, modes["Mode"])
-            if int(mode) != _MODE
-        ]
-        said += left
+        left = modes.time[np.asarray(modes["Mode"], np.float64) != _MODE]
+        said += [(time, "another mode was chosen") for time in left.tolist()]
     return sorted(said)
 
 
-_MODE = 25
-"""Number of the mode SystemID among Copter's."""
-
-
-def _without(log: DataFlash, by_hand: str) -> str:
+def _without(log: DataFlash) -> str:
     """Return what is wrong with a log without SystemID's messages, and what to set."""
-    mode = "MODE" in log and bool(np.any(log.table("MODE", fields=("Mode",))["Mode"] == _MODE))
-    if mode:
+    if "MODE" in log and np.any(log.table("MODE", fields=("Mode",))["Mode"] == _MODE):
         return (
             f"{log.path}: the mode SystemID was flown, but no SIDS and SIDD messages are in the "
             "log; set LOG_BITMASK so that it logs attitude fast (bits 0 and 1), and SID_AXIS to "
@@ -234,5 +293,5 @@ def _without(log: DataFlash, by_hand: str) -> str:
     return (
         f"{log.path}: no SystemID messages (SIDS, SIDD) in the log, so nothing says what was "
         "swept; fly the mode SystemID with SID_AXIS 10 to 13 and LOG_BITMASK's bits 0 and 1 set, "
-        f"{by_hand}"
+        "or name the channels yourself"
     )
