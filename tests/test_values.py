@@ -16,9 +16,8 @@ import pytest
 import helisim as hs
 from helisim.base.errors import DivergedError, HelisimError, RecordError, UnknownNameError
 from helisim.base.value import FrozenMap, Value, same
-from helisim.design.phases import Step
-from helisim.design.result import Judged
-from helisim.design.tradeoff import TradeOff
+from helisim.design.design import Judged
+from helisim.design.problem import Step
 from helisim.handling.measured.interval import Interval
 from helisim.handling.measured.margins import Driven, MeasuredFigure, MeasuredLoop
 from helisim.ident import Reduction
@@ -44,7 +43,6 @@ def make_design(law):
     """Return a design of one specification that left a law as it was."""
     spec = hs.standard("margins", axes=("lat",))[1]
     rating = spec.criterion.rated({"gain_margin": 9.0, "phase_margin": 1.0, "crossover": 12.0})
-    curve = TradeOff("lat", np.array([0.5, 1.0]), np.array([20.0, 14.0]), np.ones(2), (0.9, 15.0))
     return hs.DesignResult(
         before=law,
         law=law,
@@ -52,7 +50,6 @@ def make_design(law):
         margin=0.1,
         share=1.0,
         drawn=200,
-        trade_offs=(curve,),
         history=(Step("soft", 1, 0.2, 0.1, -3.0),),
         provenance={"seed": 1},
     )

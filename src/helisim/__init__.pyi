@@ -2,6 +2,7 @@
 
 from helisim import sitl as sitl
 from helisim.design import laws as laws
+from helisim.design.design import DesignResult as DesignResult
 from helisim.design.design import design as design
 from helisim.design.laws import AttitudeCommand as AttitudeCommand
 from helisim.design.laws import Law as Law
@@ -13,7 +14,6 @@ from helisim.design.lqg import LqgWeights as LqgWeights
 from helisim.design.lqg import Tracked as Tracked
 from helisim.design.lqg import lqg as lqg
 from helisim.design.plant import Plant as Plant
-from helisim.design.result import DesignResult as DesignResult
 from helisim.hand import HandFlight as HandFlight
 from helisim.hand import StickFeel as StickFeel
 from helisim.hand.window import fly_by_hand as fly_by_hand

@@ -52,7 +52,10 @@ def test_show_as_json_is_the_matrices(law, capsys):
         (("show", "LAW", "--period", "0"), "--period must be above 0"),
         (("lqg", "FOLDER", "--out", "law.txt"), "unknown suffix"),
         (("lqg", "FOLDER", "--out", "OUT", "--gain", "psi=1"), "--gain 'psi'; available: theta"),
-        (("lqg", "FOLDER", "--out", "OUT", "--error", "phi=-1"), "error of phi must be above 0"),
+        (
+            ("lqg", "FOLDER", "--out", "OUT", "--error", "phi=-1"),
+            "phi.error must be a number above 0",
+        ),
         (("lqg", "FOLDER", "--out", "OUT", "--effort", "lat"), "--effort takes NAME=VALUE"),
     ],
 )

@@ -8,10 +8,9 @@ import pytest
 from small_design import SmallLaw, SmallLoop, SmallPlant
 from small_specs import small_specs
 
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError
 from helisim.design.design import design
-from helisim.design.nearest import InfeasibleError
-from helisim.design.phases import UnstableError
+from helisim.design.problem import InfeasibleError, UnstableError
 
 PLANT = SmallPlant()
 
@@ -139,17 +138,6 @@ def test_a_design_is_the_same_again():
     assert one == other
 
 
-def test_the_trade_off_falls_as_more_phase_margin_is_kept():
-    """Each point keeps more than the one before; the design lies on or below the curve."""
-    curve = designed(trade_offs=("lat",)).trade_offs[0]
-    assert curve.phase_margin.size >= 3
-    assert np.all(np.diff(curve.bandwidth) <= 1e-9)
-    assert np.all(np.diff(curve.phase_margin) >= -1e-9)
-    phase, bandwidth = curve.design
-    assert np.max(curve.bandwidth) >= bandwidth - 1e-6
-    assert np.max(curve.phase_margin) >= phase - 1e-6
-
-
 def test_bad_input_is_one_line():
     lonely = SmallLaw()
     for options, words in (
@@ -165,5 +153,3 @@ def test_bad_input_is_one_line():
         with pytest.raises(InputError, match=words) as caught:
             design(PLANT, lonely, specs, close=SmallLoop, **given)
         assert "\n" not in str(caught.value)
-    with pytest.raises(UnknownNameError, match="unknown axis 'sideways'"):
-        designed(trade_offs=("sideways",))

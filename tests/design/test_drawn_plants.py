@@ -5,7 +5,7 @@ import pytest
 
 from helisim import ident
 from helisim.base.errors import InputError
-from helisim.design.drawn import draw
+from helisim.design.plant import sample_parameters
 
 OMEGA = np.geomspace(1.0, 40.0, 60)
 
@@ -27,7 +27,7 @@ def fit():
 def test_drawn_parameters_scatter_as_the_covariance_says(fit):
     """5000 draws: a variance is then known to 2 % of itself, one standard deviation."""
     rng = np.random.default_rng(1)
-    drawn = np.array([list(draw([fit], rng)[0].values()) for _ in range(5_000)])
+    drawn = np.array([list(sample_parameters([fit], rng)[0].values()) for _ in range(5_000)])
     found = np.cov(drawn.T)
     errors = np.append(np.sqrt(np.diagonal(fit.covariance)), 0.002)
     whole = np.block([[fit.covariance, fit.carried * 0.002], [fit.carried.T * 0.002, 4e-6]])
@@ -38,17 +38,17 @@ def test_drawn_parameters_scatter_as_the_covariance_says(fit):
 
 
 def test_fits_that_share_a_known_value_share_its_error(fit):
-    one, other = draw([fit, fit], np.random.default_rng(2))
+    one, other = sample_parameters([fit, fit], np.random.default_rng(2))
     assert one["tau_r_base"] == other["tau_r_base"] != 0.05
     assert one["N_ped"] != other["N_ped"]
 
 
 def test_a_fit_without_covariance_is_refused(fit):
     with pytest.raises(InputError, match="'yaw_base' doesn't state its covariance"):
-        draw([replace(fit, covariance=None)], np.random.default_rng(1))
+        sample_parameters([replace(fit, covariance=None)], np.random.default_rng(1))
 
 
 def test_a_parameter_that_the_data_do_not_see_is_refused(fit):
     unseen = np.diag([np.inf, 1.0])
     with pytest.raises(InputError, match="don't see N_r"):
-        draw([replace(fit, covariance=unseen)], np.random.default_rng(1))
+        sample_parameters([replace(fit, covariance=unseen)], np.random.default_rng(1))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from helisim.design.guarded import distance
+from helisim.design.problem import distance
 from helisim.handling.criteria import Crossover, DisturbanceRejection, Limit, StabilityMargins
 from helisim.handling.loop import Curve
 

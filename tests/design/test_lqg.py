@@ -6,8 +6,7 @@ import pytest
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.linear import zero_order_hold
-from helisim.design.lqg import LqgWeights, Tracked, lqg, regulator
-from helisim.design.stabilisable import UnstabilisableError
+from helisim.design.lqg import LqgWeights, Tracked, UnstabilisableError, lqg, regulator
 
 PERIOD = 0.01
 

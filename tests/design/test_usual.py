@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_start import Helicopter
 
-from helisim.design.usual import usual_specs
+from helisim.design.start import usual_specs
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import DisturbanceRejection
 from helisim.handling.figures import rejection

@@ -13,9 +13,8 @@ from closed_loops import flown, known_loop
 from helisim import margins
 from helisim.base.value import FrozenMap
 from helisim.cli.design import record_gust
+from helisim.design.design import DesignResult, Judged
 from helisim.design.laws import AttitudeAxis, AttitudeCommand, YawAxis
-from helisim.design.result import DesignResult, Judged
-from helisim.design.tradeoff import TradeOff
 from helisim.handling.criteria import (
     DisturbanceRejection,
     NicholsExclusion,
@@ -72,7 +71,6 @@ def made_result():
         )
         for spec in SPECS
     )
-    points = np.array([0.5, 0.8]), np.array([12.0, 9.0]), np.array([4.0, 2.0])
     return DesignResult(
         before=law,
         law=law.replace({"lat.k_rate": 0.0625}),
@@ -80,7 +78,6 @@ def made_result():
         margin=0.1,
         share=0.5,
         drawn=2,
-        trade_offs=(TradeOff("lat", *points, (0.7, 10.0)),),
         provenance={"made_by": "<a test>"},
     )
 
@@ -157,7 +154,7 @@ def test_the_page_says_what_was_asked_predicted_exact_and_flown(proof, tmp_path)
 
 
 def test_the_page_has_every_figure(proof, tmp_path):
-    """Charts, the loop over frequency and on a Nichols chart, step, gust, trade-off."""
+    """Charts, the loop over frequency and on a Nichols chart, step, gust."""
     path = write_design_page(tmp_path / "report.html", made_result(), proof=proof, before=Roll(3.0))
     names = re.findall(r'<figure id="(\w+)"', path.read_text(encoding="utf-8"))
     assert names == [
@@ -167,7 +164,6 @@ def test_the_page_has_every_figure(proof, tmp_path):
         "nichols_lat",
         "step_lat",
         "gust",
-        "trade_off_lat",
     ]
 
 
@@ -203,9 +199,9 @@ def test_a_step_without_one_before_is_drawn_alone():
 
 
 def test_a_design_is_plotted_and_shown_in_a_notebook():
-    """All charts, also those of curves, and the trade-off."""
+    """All charts, also those of curves."""
     result = made_result()
-    assert len(result.plot().axes) == 3 + 2
+    assert len(result.plot().axes) == 3
     assert "every hard and soft one keeps Level 1 in 50 %" in result._repr_html_()
 
 

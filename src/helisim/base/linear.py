@@ -443,8 +443,10 @@ def beside(parts: Sequence[LinearSystem], inputs: Sequence[str]) -> LinearSystem
         for name in "bd"
     )
     outputs = tuple(name for one in parts for name in one.outputs)
-    states = tuple(name for one in parts for name in one.states)
-    return LinearSystem(a, b, c, d, parts[0].period, tuple(inputs), outputs, states)
+    states: list[str] = []
+    for k, name in ((k, name) for k, one in enumerate(parts, start=1) for name in one.states):
+        states.append(f"{name} of part {k}" if name in states else name)
+    return LinearSystem(a, b, c, d, parts[0].period, tuple(inputs), outputs, tuple(states))
 
 
 def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:

@@ -47,7 +47,7 @@ class Trial:
     cost: float
 
 
-class Worth(Protocol):
+class Objective(Protocol):
     """What coordinates, (n,), are worth; None where a loop is unstable: distances mean nothing."""
 
     def __call__(self, at: Vector, /, near: bool = False) -> Trial | None:
@@ -96,7 +96,7 @@ class Point:
 
 
 def descend(
-    worth: Worth,
+    objective: Objective,
     start: Point,
     goal: Goal,
     box: tuple[Vector, Vector],
@@ -109,7 +109,7 @@ def descend(
     Without a cost it ends as soon as nothing is short.
 
     Args:
-        worth: of coordinates.
+        objective: of coordinates.
         start: where every loop is stable.
         goal: what is wanted.
         box: lowest and highest coordinates, (n,) each.
@@ -122,15 +122,15 @@ def descend(
         if goal.cost == 0.0 and goal.shortfall(here.trial) == 0.0:
             break
         if slopes is None:
-            slopes = _slopes(worth, here, box)
+            slopes = _slopes(objective, here, box)
         step, foreseen = _step(here, slopes, goal, box, radius)
         if foreseen < _WORTHWHILE:
             break
-        there, gained = _taken(worth, here, step, goal, box)
+        there, gained = _taken(objective, here, step, goal, box)
         if there is not None and gained <= _ACCEPTED * foreseen:
             bent = _over(there.trial.distances, here.trial.distances) - slopes[0] @ step
             step, _ = _step(here, slopes, goal, box, radius, bent)
-            there, gained = _taken(worth, here, step, goal, box)
+            there, gained = _taken(objective, here, step, goal, box)
         if there is not None and gained > _ACCEPTED * foreseen:
             here, slopes = there, None
             if on_step is not None:
@@ -145,11 +145,11 @@ def descend(
 
 
 def _taken(
-    worth: Worth, here: Point, step: Vector, goal: Goal, box: tuple[Vector, Vector]
+    objective: Objective, here: Point, step: Vector, goal: Goal, box: tuple[Vector, Vector]
 ) -> tuple[Point | None, float]:
     """Return the point that a step leads to, None where it is unstable, and what is gained."""
     there = np.clip(here.at + step, *box)
-    trial = worth(there)
+    trial = objective(there)
     if trial is None:
         return None, -np.inf
     return Point(there, trial), goal.merit(here.trial) - goal.merit(trial)
@@ -164,7 +164,7 @@ def _over(after: Vector, before: Vector) -> Vector:
 
 
 def _slopes(
-    worth: Worth, here: Point, box: tuple[Vector, Vector]
+    objective: Objective, here: Point, box: tuple[Vector, Vector]
 ) -> tuple[NDArray[np.float64], Vector]:
     """Return the derivatives of distances, (n_distance, n), and of the cost, (n,)."""
     n = here.at.size
@@ -174,7 +174,7 @@ def _slopes(
         for step in (_DIFFERENCE, -_DIFFERENCE) if forward else (-_DIFFERENCE,):
             there = here.at.copy()
             there[k] += step
-            trial = worth(there, near=True)
+            trial = objective(there, near=True)
             if trial is not None:
                 jacobian[:, k] = _over(trial.distances, here.trial.distances) / step
                 gradient[k] = (trial.cost - here.trial.cost) / step

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem, Response, beside
 from helisim.base.value import FrozenMap, Value
-from helisim.design.drawn import draw
 from helisim.handling.loop import BY_NAME, NoResponse
 from helisim.ident.fitting.result import Fit
 from helisim.ident.model import evaluate
@@ -248,7 +247,51 @@ class Plant(Value):
             InputError: a fit doesn't state the covariance of its parameters.
         """
         rng = np.random.default_rng(seed)
-        return tuple(replace(self, values=draw(self.fits, rng)) for _ in range(count))
+        return tuple(replace(self, values=sample_parameters(self.fits, rng)) for _ in range(count))
+
+
+def sample_parameters(
+    fits: Sequence[Fit], rng: np.random.Generator
+) -> tuple[Mapping[str, float], ...]:
+    """Return every parameter of each fit, sampled once as the fits' covariances say.
+
+    A known parameter errs by its stated error, the same in all fits that were given the same
+    value of it, and takes the free ones with it as each fit says.
+
+    Args:
+        fits: with covariances.
+        rng: of the random numbers.
+
+    Raises:
+        InputError: a fit doesn't state its covariance, or the data don't see a parameter.
+    """
+    shared: dict[tuple[str, float], float] = {}
+    found: list[Mapping[str, float]] = []
+    for fit in fits:
+        free = [one.name for one in fit.structure.free]
+        known = [one for one in fit.structure.parameters if one.error > 0.0]
+        if fit.covariance is None or fit.carried is None:
+            raise InputError(
+                f"the fit {fit.structure.name!r} doesn't state its covariance: identify it again"
+            )
+        variance = np.diagonal(fit.covariance)
+        blind = [name for name, own in zip(free, variance) if not np.isfinite(own)]
+        if blind:
+            raise InputError(
+                f"the data don't see {', '.join(blind)} of the fit {fit.structure.name!r}: fix it"
+            )
+        keys = [(one.name, one.start) for one in known]
+        off = np.array([shared.setdefault(key, rng.standard_normal()) for key in keys])
+        own = fit.covariance - fit.carried @ fit.carried.T
+        # a root of the covariance, rounding errors below zero apart
+        scale = np.sqrt(np.maximum(np.diagonal(own), np.finfo(float).tiny))
+        size, axes = np.linalg.eigh(own / np.outer(scale, scale))
+        root = scale[:, None] * axes * np.sqrt(np.maximum(size, 0.0))
+        moved = fit.carried @ off + root @ rng.standard_normal(len(free))
+        values = dict(fit.values)
+        values |= {name: values[name] + float(by) for name, by in zip(free, moved)}
+        found.append(values | {one.name: one.start + one.error * x for one, x in zip(known, off)})
+    return tuple(found)
 
 
 def turned(tilt: tuple[float, float]) -> Array:

@@ -69,6 +69,10 @@ class Spec:
         if self.kind not in KINDS:
             raise UnknownNameError("kind of specification", self.kind, KINDS)
 
+    def scaled(self, scale: float) -> "Spec":
+        """Return it for a vehicle that is smaller by a ratio of lengths; see `Froude`."""
+        return replace(self, criterion=replace(self.criterion, scale=scale))
+
 
 def known_criteria() -> dict[str, type[Criterion]]:
     """Return criteria by the name that files call them: all that are defined, own ones too."""
@@ -194,4 +198,4 @@ def standard(name: str, *, axes: Sequence[str] = ATTITUDES, scale: float = 1.0) 
     found += [Spec(kind(axis=axis), how) for kind, how, on in asked for axis in on]
     if name.startswith("ads33e"):
         found.append(Spec(Damping()))
-    return tuple(replace(one, criterion=replace(one.criterion, scale=scale)) for one in found)
+    return tuple(one.scaled(scale) for one in found)

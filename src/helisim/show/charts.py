@@ -15,14 +15,13 @@ from helisim.base.errors import InputError
 from helisim.base.units import decibel
 from helisim.handling.chart import Chart, ChartAxis
 from helisim.handling.criteria import Criterion, Rating
-from helisim.handling.loop import Curve, axis_of
+from helisim.handling.loop import Curve
 from helisim.handling.measured.margins import MeasuredCurve
-from helisim.show.figure import Area, Array, Drawing, Ground, Ink, Mark, Panel, Scale, extent
+from helisim.show.figure import Area, Array, Drawing, Ground, Ink, Mark, Panel, Scale
 from helisim.show.plots import DEGREES, beside, decibels, phase_degrees, spread_out
 
 if TYPE_CHECKING:
-    from helisim.design.result import Judged
-    from helisim.design.tradeoff import TradeOff
+    from helisim.design.design import Judged
 
 Loops = Mapping[str, Curve | MeasuredCurve]
 Ratings = Rating | Sequence[Rating]
@@ -237,36 +236,6 @@ def draw_loops(name: str, title: str, curves: Loops, *, caption: str = "") -> Dr
         Panel("phase, deg", tuple(phases), 110.0, steps=DEGREES, threshold=-180.0),
     )
     return Drawing(name, title, caption, panels, "frequency, rad/s", logarithmic=True)
-
-
-def draw_trade_off(found: TradeOff) -> Drawing:
-    """Draw disturbance rejection, bandwidth and peak, over the phase margin, and the design."""
-    margin = np.rad2deg(found.phase_margin)
-    phase, bandwidth = found.design
-    at = (np.array([np.rad2deg(phase)]), np.array([bandwidth]))
-    asked = (
-        Mark("line", "identified", margin, found.bandwidth, label="most there is"),
-        Mark("dots", "identified", margin, found.bandwidth),
-        Mark("rings", "data", *at, label="designed law", width=2.4, halo=True),
-    )
-    peak = (
-        Mark("line", "identified", margin, found.peak),
-        Mark("dots", "identified", margin, found.peak),
-    )
-    around = (float(found.peak.min()) - 0.5, float(found.peak.max()) + 0.5)
-    low, high = extent([np.append(margin, at[0])])
-    return Drawing(
-        f"trade_off_{found.axis}",
-        f"Disturbance rejection against phase margin, {axis_of(found.axis).word}",
-        "Each point is the most bandwidth at a phase margin, with 6 dB of gain margin; other axes "
-        "as designed.",
-        (
-            Panel("disturbance rejection bandwidth, rad/s", asked, 130.0),
-            Panel("its peak, dB", peak, 64.0, limits=around),
-        ),
-        "phase margin, deg",
-        limits=(low - 3.0, high + 3.0),
-    )
 
 
 def clipped_polygon(corners: Array) -> Array:

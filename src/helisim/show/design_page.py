@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from helisim.design.result import DesignResult, Judged
+from helisim.design.design import DesignResult, Judged
 from helisim.handling.criteria import NicholsExclusion
 from helisim.handling.loop import BY_NAME, Curve, Loop, NoResponse, axis_of
 from helisim.handling.measured.margins import MeasuredCurve, MeasuredLoop
@@ -22,7 +22,6 @@ from helisim.show.charts import (
     draw_chart,
     draw_judged,
     draw_loops,
-    draw_trade_off,
 )
 from helisim.show.figure import Drawing
 from helisim.show.page import paragraph
@@ -72,13 +71,11 @@ def write_design_page(
     known = {label: loop for label, loop in loops.items() if loop is not None}
     specs = page.preformatted(specs_to_toml(result.specs))
     source = page.preformatted(page.as_json(dict(result.provenance)))
-    trade_offs = page.figures(draw_trade_off(one) for one in result.trade_offs)
     sections = [
         ("criteria", "Handling qualities", _criteria(result, proof)),
         ("numbers", "Asked, predicted, exact, flown", _numbers(result, proof)),
         ("loops", "Broken loops", _loops(known)),
         ("steps", "Before and after", _flights(proof)),
-        ("trade", "What phase margin costs", trade_offs),
         ("law", "The law", page.preformatted(result.law.to_toml())),
         ("asked", "What was asked", page.folded("specs.toml", specs)),
         ("provenance", "Provenance", page.folded("the design", source)),

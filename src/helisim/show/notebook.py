@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from helisim.design.result import DesignResult
+    from helisim.design.design import DesignResult
     from helisim.handling.criteria import Criterion
     from helisim.sim import FlightPlan
     from helisim.study.results import Results
@@ -113,7 +113,7 @@ def plot_ratings(criterion: Criterion, ratings: Any, axes: Axes | None) -> Figur
 
 
 def plot_design(result: DesignResult) -> Figure:
-    """Draw the charts of a design's specifications, and its trade-offs."""
+    """Draw the charts of a design's specifications."""
     return _figure(_in_rows(_design_drawings(result)), None)
 
 
@@ -308,11 +308,10 @@ def _predicted(verification: Verification, records: Iterable[int]) -> list[Drawi
 
 
 def _design_drawings(result: DesignResult) -> list[Drawing]:
-    """Return the chart of each criterion, laws before and after, and the trade-offs."""
-    from helisim.show.charts import draw_judged, draw_trade_off  # which import laws
+    """Return the chart of each criterion, laws before and after."""
+    from helisim.show.charts import draw_judged  # which imports laws
 
-    charts = [draw_judged(one) for one in result.judged]
-    return [*charts, *(draw_trade_off(one) for one in result.trade_offs)]
+    return [draw_judged(one) for one in result.judged]
 
 
 def _exact_figures(model: Linearization) -> str:

@@ -33,7 +33,7 @@ from helisim.show.table import (
 from helisim.study.paper import jr700
 
 if TYPE_CHECKING:
-    from helisim.design.result import DesignResult
+    from helisim.design.design import DesignResult
     from helisim.handling.measured.margins import MeasuredMargins
     from helisim.sim import FlightPlan
     from helisim.sim.rigs import RigTest

@@ -8,13 +8,11 @@ from pathlib import Path
 from helisim.base.errors import InputError, StorageError
 from helisim.base.files import make_folder
 from helisim.base.value import Value
-from helisim.design.design import DRAWN, MARGIN, MODELS, design
-from helisim.design.free import free_parameters
+from helisim.design.design import DRAWN, MARGIN, MODELS, DesignResult, design
 from helisim.design.laws import AttitudeCommand, Law, RateCommand
 from helisim.design.plant import Plant
-from helisim.design.result import DesignResult
-from helisim.design.start import attitude_start
-from helisim.design.usual import usual_specs
+from helisim.design.problem import free_parameters
+from helisim.design.start import attitude_start, usual_specs
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import Criterion
 from helisim.handling.loop import Loop
@@ -41,7 +39,6 @@ class DesignOptions:
         models: drawn by the fits' covariances to design with.
         drawn: drawn anew to judge by.
         seed: of the draws, and of the proof's flights.
-        trade_offs: axes of which disturbance rejection over phase margin is computed.
         proof: whether the law is flown.
     """
 
@@ -49,7 +46,6 @@ class DesignOptions:
     models: int = MODELS
     drawn: int = DRAWN
     seed: int = 1
-    trade_offs: tuple[str, ...] = ATTITUDES
     proof: bool = True
 
 
@@ -123,7 +119,6 @@ def run_design(
         before=before,
         bounds=bounds,
         only=tuple(bounds) or None,
-        trade_offs=chosen.trade_offs,
         margin=chosen.margin,
         models=chosen.models,
         drawn=chosen.drawn,
