@@ -132,7 +132,7 @@ def test_a_watched_sweep_stays_clear_of_the_ground(name):
 @pytest.mark.parametrize("environment", [{}, {"DISPLAY": ""}])
 def test_no_display_is_said(environment):
     """Without a display the message says what to do instead."""
-    with pytest.raises(DisplayError, match="helisim fly --axis lat"):
+    with pytest.raises(DisplayError, match="`helisim fly` writes a recording"):
         check_display(environment, "linux")
 
 

@@ -264,7 +264,7 @@ def test_what_the_proof_looks_for_it_finds(monkeypatch):
 @pytest.mark.parametrize(
     ("packet", "said"),
     [
-        (bytes(64), "--model gazebo"),
+        (bytes(64), "model gazebo"),
         (b"\xfd" + bytes(20), "MAVLink"),
         (b"hello", "magic number 25960; expected 18458 or 29569"),
     ],

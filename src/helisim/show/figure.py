@@ -284,7 +284,12 @@ def page_style() -> str:
 
 def drawing_style() -> str:
     """Return the CSS of drawings, in the colours of the page around them."""
-    return _rules(lambda name: f"var(--{name})")
+    return _rules(variable)
+
+
+def variable(name: str) -> str:
+    """Return a colour by name as CSS takes it from a variable."""
+    return f"var(--{name})"
 
 
 def colour_variables(colours: dict[str, str]) -> str:

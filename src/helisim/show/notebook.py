@@ -55,7 +55,10 @@ _GRID = (0.1, 100.0)
 # Jupyter, VS Code, Sphinx and Colab say on an element around which theme they have.
 _LIGHT_PAGES = ('[data-jp-theme-light="true"]', ".vscode-light", '[data-theme="light"]')
 _DARK_PAGES = ('[data-jp-theme-light="false"]', ".vscode-dark", '[data-theme="dark"]')
-_VERDICTS = {"light": "--ok: #1f6b33; --bad: #a32014;", "dark": "--ok: #6fcf87; --bad: #ff8f80;"}
+_VERDICTS = {
+    "light": {"ok": "#1f6b33", "bad": "#a32014"},
+    "dark": {"ok": "#6fcf87", "bad": "#ff8f80"},
+}
 
 
 def plot_record(record: FlightRecord, channels: Names, axes: GivenAxes) -> Figure:
@@ -275,8 +278,10 @@ _PAGES: dict[str, Callable[[Any], tuple[str, ...]]] = {
 
 
 def _style() -> str:
-    light = f"color-scheme: light; {colour_variables(LIGHT)} {_VERDICTS['light']}"
-    dark = f"color-scheme: dark; {colour_variables(DARK)} {_VERDICTS['dark']}"
+    light, dark = (
+        f"color-scheme: {name}; {colour_variables(colours | _VERDICTS[name])}"
+        for name, colours in (("light", LIGHT), ("dark", DARK))
+    )
     own = "\n".join(f".helisim {rule}" for rule in drawing_style().splitlines())
     light_pages, dark_pages = (
         ", ".join(f"{one} .helisim" for one in some) for some in (_LIGHT_PAGES, _DARK_PAGES)

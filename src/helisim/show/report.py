@@ -14,7 +14,7 @@ from helisim.ident.fitting.verdicts import meanings
 from helisim.ident.model.paths import connected
 from helisim.records.record import FlightRecord
 from helisim.show import page, tables
-from helisim.show.figure import Drawing, text_at
+from helisim.show.figure import Drawing, text_at, variable
 from helisim.show.page import Section, paragraph
 from helisim.show.plots import draw_flight, draw_pair, draw_verifications, pairs_of
 from helisim.study.comparison import ComparisonTable
@@ -380,8 +380,8 @@ def correlation_map(fit: Fit) -> str:
             parts.append(
                 f"<g><title>{escape(f'{names[row]}, {names[column]}')}: {found:.3f}</title>"
                 f'<rect class="frame" x="{x:.1f}" y="{y:.1f}" width="{_CELL:g}" '
-                f'height="{_CELL:g}" style="fill: var(--{ink}); fill-opacity: '
-                f'{0.75 * abs(found):.2f}; stroke: var(--grid)"/>'
+                f'height="{_CELL:g}" style="fill: {variable(ink)}; fill-opacity: '
+                f'{0.75 * abs(found):.2f}; stroke: {variable("grid")}"/>'
                 f"{'' if abs(found) < _SHOWN else middle}</g>"
             )
     foot = (len(names) - 1) * _CELL

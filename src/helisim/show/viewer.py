@@ -51,7 +51,7 @@ _CLOSING = 5.0
 _ARROW_LENGTH, _ARROW_RADIUS = 0.5, 0.0125
 """In the model's extents: how long a thrust that carries the weight is drawn, and how thick."""
 _THRUST_COLOUR = np.array([0.9, 0.3, 0.1, 1.0], dtype=np.float32)
-_INSTEAD = "record the flight instead: helisim fly --axis lat --out lat.parquet --rerun lat.rrd"
+_INSTEAD = "record the flight instead: `helisim fly` writes a recording for Rerun"
 _STATE = ("qpos", "qvel", "act", "sensordata", "time")
 
 

@@ -82,7 +82,7 @@ def read_frame(packet: bytes) -> Frame | None:
     if layout is None:
         raise InputError(
             f"a packet of {len(packet)} bytes with the magic number {magic}{_sender(packet)}; "
-            "expected 18458 or 29569: start ArduPilot with --model JSON"
+            f"expected 18458 or 29569: start ArduPilot with {_MODEL} JSON"
         )
     if len(packet) != layout.size:
         return None
@@ -93,7 +93,7 @@ def read_frame(packet: bytes) -> Frame | None:
 def _sender(packet: bytes) -> str:
     """Return what a packet of another protocol may be."""
     if len(packet) == _GAZEBO:
-        return ", as ArduPilot's --model gazebo sends"
+        return ", as ArduPilot's model gazebo sends"
     if packet[0] in (0xFD, 0xFE):
         return ", which looks like MAVLink: that is for the autopilot's own port"
     return ""
@@ -170,8 +170,10 @@ FIELDS: dict[str, Callable[[Sensed], str]] = {
 `wind`. To their parser the word true is zero, and the first "velocity" is the velocity."""
 
 
+_MODEL, _OUT = (f"--{name}" for name in ("model", "sim-port-out"))
+"""Options of ArduPilot's program."""
 PORT = 9002
-"""Where ArduPilot's --model JSON sends to; of its instance I ten times I more."""
+"""Where ArduPilot's model JSON sends to; its instance I to a port higher by ten times I."""
 SILENT = 1.0
 """s without a frame after which another autopilot may take over: one that waits sends each s."""
 
@@ -209,7 +211,7 @@ class Link:
             bound.close()
             raise InputError(
                 f"UDP port {port} of {address} can't be bound: {error.strerror or error}; another "
-                "backend may run: end it, or take another port and give ArduPilot --sim-port-out"
+                f"backend may run: end it, or take another port and give it to ArduPilot as {_OUT}"
             ) from None
         self._over(bound, timeout)
 
@@ -375,10 +377,6 @@ _AT_ONCE = 0.5
 """s, within which a lower count is a late packet, not another start: a start's is sent again."""
 _COUNTS = 1 << 32
 """Frame counts begin again at 0 from here."""
-_START = (
-    "start ArduPilot with: arducopter-heli --model JSON:{address}{out}, and a ground station on "
-    "its TCP port 5760, for which it waits"
-)
 
 _COUNTED = ("frames", "starts", "answers", "repeated", "dropped", "late", "ahead", "silences")
 
@@ -470,9 +468,12 @@ class Backend:
 
     def _no_one(self) -> str:
         link = self._link
-        out = "" if link.port == 9002 else f" --sim-port-out {link.port}"
-        how = _START.format(address=link.address, out=out)
-        return f"no autopilot sent a frame to UDP port {link.port} in {link.timeout:g} s; {how}"
+        out = "" if link.port == PORT else f" {_OUT} {link.port}"
+        return (
+            f"no autopilot sent a frame to UDP port {link.port} in {link.timeout:g} s; start "
+            f"ArduPilot with: arducopter-heli {_MODEL} JSON:{link.address}{out}, and a ground "
+            "station on its TCP port 5760, for which it waits"
+        )
 
     def _next(self) -> Frame | None:
         """Return the next frame; None if none comes for the link's timeout."""

@@ -36,8 +36,9 @@ def find_program(path: str | os.PathLike[str] | None = None) -> Path:
     named = path or os.environ.get(PROGRAM)
     if not named:
         raise InputError(
-            f"no ArduCopter-heli to fly: give --ardupilot FILE, or set {PROGRAM} to the program "
-            "arducopter-heli that ArduPilot's `./waf configure --board sitl; ./waf heli` builds"
+            f"no ArduCopter-heli to fly: set {PROGRAM} to the program arducopter-heli that "
+            "ArduPilot's `waf heli` builds for its board sitl, or name the program",
+            remedy="ardupilot",
         )
     found = Path(named).absolute()
     if not (found.is_file() and os.access(found, os.X_OK)):
@@ -81,12 +82,17 @@ class Autopilot:
             raise InputError(f"ArduPilot can't be started on {sys.platform}: use Linux or WSL")
         self.folder = Path(tempfile.mkdtemp(prefix="helisim-ardupilot-"))
         (self.folder / "start.parm").write_text(parameters, encoding="ascii")
-        others = [f"--serial{k}=none:" for k in _OTHER_PORTS]
-        arguments = [
-            *("--model", "JSON:127.0.0.1", "--wipe", "--defaults", "start.parm"),
-            *("--speedup", f"{speed:g}", "--start-time", f"{_START_TIME}"),
-            *("--sim-port-out", "{0}", "--serial0", "udpclient:127.0.0.1:{1}", *others, *more),
-        ]
+        options = {
+            "model": "JSON:127.0.0.1",
+            "defaults": "start.parm",
+            "speedup": f"{speed:g}",
+            "start-time": f"{_START_TIME}",
+            "sim-port-out": "{0}",
+            "serial0": "udpclient:127.0.0.1:{1}",
+            **{f"serial{k}": "none:" for k in _OTHER_PORTS},
+        }
+        given = (word for name, value in options.items() for word in (f"--{name}", value))
+        arguments = ["-w", *given, *more]
         try:
             self._start(program, arguments)
         except BaseException:
