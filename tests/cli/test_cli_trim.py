@@ -9,7 +9,7 @@ import pytest
 
 from helisim.base.errors import InputError
 from helisim.cli import main
-from helisim.cli.trim import speeds_of
+from helisim.cli.vehicle import speeds_of
 
 
 def printed(capsys, *arguments):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.cli.structures import find_structure
+from helisim.cli.fitting import find_structure
 from helisim.ident import FrequencyResponse, Structure, identify, structures
 from helisim.ident.fitting.modes import modes
 from helisim.ident.model.evaluate import response, response_and_slope

@@ -1,7 +1,7 @@
 """The command line: each command parses, calls the library once, prints, and exits.
 
-A module in this folder that has an `add` is the command of that name; only the one that was asked
-for is imported.
+A command is a function whose docstring is its page, see `helisim.cli.options`. Only the module of
+the one that was asked for is imported.
 
 Exit status: 0 all is well, 1 the result misses a tolerance or a guideline, 2 the input is at
 fault, 3 a flight was terminated early, 130 interrupted, 141 whoever read the output has gone.
@@ -13,12 +13,18 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from pkgutil import iter_modules
 
 from helisim import __version__
 from helisim.base.errors import DivergedError, HelisimError, LogError, UnknownNameError
-from helisim.cli.bands import joined
-from helisim.cli.common import Parser, single_line, worded, worded_note
+from helisim.base.text import single_line
+from helisim.cli.options import (
+    Options,
+    Parser,
+    add_command,
+    joined_band,
+    worded,
+    worded_note,
+)
 
 _EXAMPLES = """\
 examples:
@@ -29,36 +35,28 @@ examples:
       --json model.json
   helisim verify model.json doublet.parquet
 """
-
-_SHARED = {
-    "bands",
-    "by_hand",
-    "common",
-    "fitting",
-    "given",
-    "ground",
-    "inferred",
-    "logs",
-    "looked",
-    "manoeuvres",
-    "missions",
-    "progress",
-    "responses",
-    "sitl_script",
-    "sitl_serving",
-    "suspicions",
-    "units",
-    "weather",
+_MODULES = {
+    "autopilot": "ardupilot parm sitl",
+    "design": "design law law_show law_lqg margins",
+    "fitting": "identify structures verify",
+    "flying": "fly view",
+    "logs": "examples frf look record",
+    "study": "campaign errata recover report reproduce",
+    "vehicle": "bench calibrate linearize trim tune vehicle vehicle_new vehicle_check "
+    "vehicle_build vehicle_list",
 }
-"""Modules here that are no commands."""
+"""Module -> its commands, one with parts ahead of them."""
+_COMMANDS = {name: module for module, words in _MODULES.items() for name in words.split()}
+_COMMANDS["completion"] = ""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    words = joined(sys.argv[1:] if arguments is None else arguments)
+    words = joined_band(sys.argv[1:] if arguments is None else arguments)
     options = parser(words).parse_args(words)
     try:
         with _messages(quiet=getattr(options, "quiet", False)):
+            _check_files(options)
             status = options.run(options)
         sys.stdout.flush()
         return status
@@ -105,9 +103,18 @@ def _messages(*, quiet: bool) -> Iterator[None]:
         logger.setLevel(before)
 
 
+def _check_files(options: Options) -> None:
+    """Refuse a file that can't be written before any time is spent. Raises StorageError."""
+    for name, suffixes in options.files.items():
+        if getattr(options, name) is not None:
+            from helisim.base.files import check_destination
+
+            check_destination(getattr(options, name), suffixes)
+
+
 def command_names() -> list[str]:
     """Return the names of all commands, sorted, without importing any."""
-    return sorted({module.name for module in iter_modules(__path__)} - _SHARED)
+    return sorted(name for name in _COMMANDS if "_" not in name)
 
 
 def parser(words: Sequence[str] = ()) -> Parser:
@@ -129,8 +136,43 @@ def parser(words: Sequence[str] = ()) -> Parser:
         dest="command", required=True, metavar="COMMAND", parser_class=Parser
     )
     for name in wanted:
-        import_module(f"helisim.cli.{name}").add(commands)
-        commands.choices[name].add_argument(
+        command = _add(commands, name, name)
+        parts = [one for one in _COMMANDS if one.startswith(f"{name}_")]
+        if parts:
+            inner = command.add_subparsers(
+                dest="part", required=True, metavar="PART", parser_class=Parser
+            )
+            for part in parts:
+                _add(inner, part, part.removeprefix(f"{name}_"))
+        command.add_argument(
             "--names", action="store_true", help="of a name that does not exist, list all that do"
         )
     return whole
+
+
+def _add(commands: object, function: str, name: str) -> Parser:
+    """Add a command that a function is, named so, to others."""
+    from helisim.cli.shared import SHARED
+
+    module = import_module(f"helisim.cli.{_COMMANDS[function]}".rstrip("."))
+    return add_command(commands, getattr(module, function), SHARED, name)
+
+
+def completion(options: Options) -> int:
+    """Print what a shell needs to complete commands and options.
+
+    Print a script that makes a shell complete helisim's commands, options and file names.
+
+    Options:
+        shell SHELL  bash, zsh or tcsh
+
+    examples:
+      helisim completion bash > ~/.local/share/bash-completion/completions/helisim
+      eval "$(helisim completion zsh)"          in ~/.zshrc
+    """
+    import shtab
+
+    if options.shell not in shtab.SUPPORTED_SHELLS:
+        raise UnknownNameError("shell", options.shell, shtab.SUPPORTED_SHELLS)
+    print(shtab.complete(parser(), options.shell))
+    return 0
