@@ -7,6 +7,7 @@ import pytest
 
 from autopilot_logs import dataflash, ulog
 from closed_loops import flown, known_loop
+from command import fails
 from helisim.cli import main
 from helisim.records.storage import write_record
 
@@ -100,7 +101,4 @@ def test_what_is_wrong_is_said_in_a_line(record, tmp_path, capsys, words, said):
     """Status 2, one line, nothing written."""
     path = tmp_path / "loop.parquet"
     write_record(record, path)
-    assert main(["margins", str(path), "--quiet", *words]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
+    assert said in fails(capsys, "margins", path, "--quiet", *words)

@@ -8,7 +8,7 @@ import numpy as np
 from aircraft import Aircraft
 from numpy.typing import NDArray
 
-from helisim.cli.responses import resolved_band
+from helisim.cli.logs import resolved_band
 from helisim.ident import (
     ClosedLoopWarning,
     CrossControlWarning,

@@ -120,6 +120,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Exit with a message and status 2."""
+        message = re.sub(r"^argument (\S+): takes", r"\1 takes", message)
         self.exit(2, f"{self.prog}: {single_line(message)}; see {self.prog} --help\n")
 
     def parse_args(self, *arguments: Any, **options: Any) -> Any:
