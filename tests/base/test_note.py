@@ -7,7 +7,7 @@ import pytest
 from helisim.base.errors import IdentificationError, InputError, LogError, UnknownNameError
 from helisim.base.note import Note, Option, options
 from helisim.base.text import shown
-from helisim.cli import worded
+from helisim.cli.options import worded
 
 
 @pytest.mark.parametrize(

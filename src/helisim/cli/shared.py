@@ -130,11 +130,14 @@ a map is a TOML file, such as
 """Options that several commands have, and texts below them, by the names that docstrings say."""
 
 
+_SILENT, _INTERVAL = 3.0, 10.0
+"""s, before the first line in a log file, and between two: most commands are done by then."""
+
+
 class Progress:
     """Show how many steps of a command are done, on standard error, unless it shall be quiet.
 
-    A bar on a terminal; in a log file a line after 3 s, as most commands are done by then, and one
-    every 10 s.
+    A bar on a terminal, a line now and then in a log file.
 
     Args:
         steps: in all; None if that is not known.
@@ -149,7 +152,7 @@ class Progress:
         self._bar = tqdm(total=steps, disable=quiet or None, unit=unit, leave=False)
         self._writes_lines = not quiet and not sys.stderr.isatty()
         self._start = time.monotonic()
-        self._next = self._start + 3.0
+        self._next = self._start + _SILENT
 
     def __enter__(self) -> Callable[[str], None]:
         return self._advance
@@ -160,7 +163,7 @@ class Progress:
         self._bar.update()
         now = time.monotonic()
         if self._writes_lines and now >= self._next:
-            self._next = now + 10.0
+            self._next = now + _INTERVAL
             done = f"{self._unit} {self._done}{self._of_all}, {now - self._start:.0f} s"
             print(f"{label}: {done}", file=sys.stderr, flush=True)
 
