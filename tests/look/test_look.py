@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helisim.cli.look import command_line
 
 import autopilot_logs
 from helisim.base.errors import InputError, StorageError
 from helisim.base.units import RAD_PER_DEG
 from helisim.cli import main
+from helisim.cli.logs import command_line
 from helisim.ident import load_fit
 from helisim.logs import Clock, Column
 from helisim.logs.examples import copy_examples, examples

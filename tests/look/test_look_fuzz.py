@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helisim.cli.look import command_line
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helisim.base.errors import HelisimError
 from helisim.cli import parser
+from helisim.cli.logs import command_line
 from helisim.look import look
 
 HEADS = st.sampled_from(
