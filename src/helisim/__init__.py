@@ -34,7 +34,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from helisim.base.registration import register as _register
+from helisim.base import register as _register
 
 __version__ = "0.1.0"
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
-from helisim.base.user_units import UserUnits, parts, unit_text
+from helisim.base.units import UserUnits, parts, unit_text
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
 from helisim.ident.in_units import dimensions, fit_in
 from helisim.ident.model.evaluate import response

@@ -11,7 +11,7 @@ from helisim.base.errors import InputError
 from helisim.cli.options import Options, imported
 
 if TYPE_CHECKING:
-    from helisim.base.user_units import UserUnits
+    from helisim.base.units import UserUnits
     from helisim.vehicle import Vehicle
 
 SHARED = {
@@ -231,7 +231,7 @@ def chosen_units(options: Options) -> "UserUnits | None":
     """Return the units that --units asks for, None for SI. Raises InputError."""
     if options.units is None:
         return None
-    from helisim.base.user_units import UserUnits
+    from helisim.base.units import UserUnits
 
     return UserUnits.of(options.units)
 

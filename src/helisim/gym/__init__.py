@@ -7,11 +7,11 @@ module before the colon:
 """
 
 try:
-    import gymnasium.envs.registration  # noqa: F401  (helisim.base.registration looks for it)
+    import gymnasium.envs.registration  # noqa: F401  (helisim.base looks for it)
 except ImportError as error:
     raise ImportError(f"helisim.gym needs gymnasium ({error}): pip install helisim[gym]") from None
 
-from helisim.base.registration import register
+from helisim.base import register
 from helisim.gym.agent import Action
 from helisim.gym.settings import Setup, Start
 from helisim.gym.single import HelicopterEnv

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
-from helisim.base.user_units import CONTROL, Powers, UserUnits, parts
+from helisim.base.units import CONTROL, Powers, UserUnits, parts
 from helisim.ident.fitting.fitted import FittedParameter
 from helisim.ident.fitting.result import Fit
 from helisim.ident.model.structure import Structure

@@ -14,9 +14,7 @@ from helisim.base.display import Displayed, shower
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import check_suffix, read_json, write_json
 from helisim.base.settings import check, from_plain, placed, to_plain
-from helisim.base.unit_names import is_unit, unit
-from helisim.base.units import decibel
-from helisim.base.user_units import UserUnits
+from helisim.base.units import UserUnits, decibel, is_unit, unit
 from helisim.base.value import Value
 from helisim.ident.response_text import (
     Curve,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.trend import without_trend
+from helisim.base.units import without_trend
 from helisim.records.record import FlightRecord
 
 HANN_POWER = 0.375

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
 from helisim.base.settings import check, from_plain, to_plain
-from helisim.base.user_units import UserUnits
+from helisim.base.units import UserUnits
 from helisim.base.value import Value
 from helisim.records.channels import signal_in
 

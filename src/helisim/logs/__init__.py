@@ -5,7 +5,7 @@ refused with the row's number, or repaired where the user asked for it, and ever
 in the report and in the record's provenance.
 """
 
-from helisim.base.unit_names import UNITS
+from helisim.base.units import UNITS
 from helisim.logs.dataflash import DataFlash
 from helisim.logs.mapping import REPAIRS, Clock, Column, Layout, Map
 from helisim.logs.read import read_log, read_logs, screen

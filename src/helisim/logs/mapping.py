@@ -10,7 +10,7 @@ from typing import Any
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import read_toml
 from helisim.base.note import Option
-from helisim.base.unit_names import PULSE, TIME_UNITS, check_same, is_unit, time_unit, unit
+from helisim.base.units import PULSE, TIME_UNITS, check_same, is_unit, time_unit, unit
 from helisim.base.value import FrozenMap
 from helisim.records.channels import CHANNELS, Channel
 

@@ -18,7 +18,7 @@ from helisim.base.errors import (
 )
 from helisim.base.files import first_bytes, read_bytes
 from helisim.base.note import Option
-from helisim.base.unit_names import is_unit, unit
+from helisim.base.units import is_unit, unit
 from helisim.logs.dataflash import is_dataflash, open_dataflash
 from helisim.logs.mapping import (
     REPAIRS,

@@ -16,9 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.note import Option
-from helisim.base.trend import without_trend
-from helisim.base.unit_names import PULSE, TIME_UNITS, UNITS
-from helisim.base.units import RAD_PER_DEG, STANDARD_GRAVITY
+from helisim.base.units import (
+    PULSE,
+    RAD_PER_DEG,
+    STANDARD_GRAVITY,
+    TIME_UNITS,
+    UNITS,
+    without_trend,
+)
 from helisim.logs.mapping import Column
 from helisim.logs.report import Findings, LogFinding
 from helisim.logs.timing import GAP, Options, Samples

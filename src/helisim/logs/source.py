@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError, RecordError, StorageError
 from helisim.base.files import file_size, pieces
 from helisim.base.text import shown
-from helisim.base.unit_names import DATES, TIME_UNITS, is_unit, time_unit
+from helisim.base.units import DATES, TIME_UNITS, is_unit, time_unit
 from helisim.logs.mapping import TIME_NAMES, Clock, find_column, split_heading
 from helisim.logs.report import LogFinding
 

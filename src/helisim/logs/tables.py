@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import RecordError, StorageError
-from helisim.base.unit_names import DATES, TIME_UNITS
+from helisim.base.units import DATES, TIME_UNITS
 from helisim.logs.mapping import Clock, Layout, split_heading
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Source, place

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import HelisimError
-from helisim.base.unit_names import PULSE, UNITS, is_unit, unit
+from helisim.base.units import PULSE, UNITS, is_unit, unit
 from helisim.logs.mapping import Column, find_column, split_heading
 from helisim.logs.source import Source
 from helisim.records.channels import (

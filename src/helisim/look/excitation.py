@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.note import Option
-from helisim.base.trend import without_trend
+from helisim.base.units import without_trend
 from helisim.ident.fitting.order import order
 from helisim.ident.response import USABLE_COHERENCE
 from helisim.logs.report import LogFinding

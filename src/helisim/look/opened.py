@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import HelisimError, LogError
 from helisim.base.note import Option
-from helisim.base.unit_names import is_unit
+from helisim.base.units import is_unit
 from helisim.logs.mapping import REPAIRS, Clock, Column, Map, named_column, split_heading
 from helisim.logs.read import is_ours, open_source, read_log
 from helisim.logs.report import OURS, Findings, LogFinding

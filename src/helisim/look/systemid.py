@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.base.note import Option
-from helisim.base.unit_names import unit
+from helisim.base.units import unit
 from helisim.base.value import FrozenMap
 from helisim.ident import (
     CrossControlWarning,

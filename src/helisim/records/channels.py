@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from helisim.base.errors import UnknownNameError
-from helisim.base.user_units import CONTROL, Powers, UserUnits, parts
+from helisim.base.units import CONTROL, Powers, UserUnits, parts
 
 Kind = Literal["IN1", "IN2", "OUT", "SERVO", "OTHER"]
 

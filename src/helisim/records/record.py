@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
 from helisim.base.errors import InputError, RecordError, UnknownNameError
-from helisim.base.unit_names import check_same
-from helisim.base.unit_names import unit as unit_of
+from helisim.base.units import check_same
+from helisim.base.units import unit as unit_of
 from helisim.base.value import Value
 from helisim.records.channels import CHANNELS, Channel, some_names
 from helisim.records.provenance import plain
