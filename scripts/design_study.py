@@ -21,12 +21,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import helisim as hs
+from helisim.design.exact import exact_over, hands_off
+from helisim.design.proof import Proof, ProofPlan, prove
 from helisim.show.design_page import write_design_page
 from helisim.study.design_chain import DesignRun, run_design, write_design
-from helisim.study.proof.air import exact_over
-from helisim.study.proof.flights import ProofPlan
-from helisim.study.proof.hands import hands_off
-from helisim.study.proof.prove import Proof, prove
 
 BARS = {
     "crossover": (2.0, "%"),

@@ -1,6 +1,6 @@
 """How often the 95 % intervals of a loop's figures, as flown, hold the exact ones.
 
-Each replicate flies the sweeps of a proof (`helisim.study.proof.sweeps`) with the JR700's gyro,
+Each replicate flies the sweeps of a proof (`helisim.design.proof`) with the JR700's gyro,
 hands off, with the noise of its flight computer, in light turbulence, and measures the loops from
 the records alone. Exact is the sampled linearisation. Wanted: at least 94 % of the replicates, and
 intervals as wide as the figures scatter: "stated" is the standard deviation that they state.
@@ -16,10 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 import helisim as hs
+from helisim.design.exact import exact_loop, hands_off
+from helisim.design.proof import SWEEPS, sweep
 from helisim.handling.measured.interval import Asked
-from helisim.study.proof.exact import exact_loop
-from helisim.study.proof.hands import hands_off
-from helisim.study.proof.sweeps import SWEEPS, sweep
 from helisim.vehicle import Vehicle
 
 WANTED = 0.94

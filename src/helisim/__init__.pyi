@@ -4,6 +4,7 @@ from helisim import sitl as sitl
 from helisim.design import laws as laws
 from helisim.design.design import DesignResult as DesignResult
 from helisim.design.design import design as design
+from helisim.design.exact import exact_loop as exact_loop
 from helisim.design.laws import AttitudeCommand as AttitudeCommand
 from helisim.design.laws import Law as Law
 from helisim.design.laws import RateCommand as RateCommand
@@ -14,6 +15,8 @@ from helisim.design.lqg import LqgWeights as LqgWeights
 from helisim.design.lqg import Tracked as Tracked
 from helisim.design.lqg import lqg as lqg
 from helisim.design.plant import Plant as Plant
+from helisim.design.proof import ProofPlan as ProofPlan
+from helisim.design.proof import prove as prove
 from helisim.hand import HandFlight as HandFlight
 from helisim.hand import StickFeel as StickFeel
 from helisim.hand.window import fly_by_hand as fly_by_hand
@@ -99,9 +102,6 @@ from helisim.study.autopilot import autopilot_parameters as autopilot_parameters
 from helisim.study.check import check_vehicle as check_vehicle
 from helisim.study.for_design import identify_for_design as identify_for_design
 from helisim.study.new_vehicle import new_vehicle as new_vehicle
-from helisim.study.proof.exact import exact_loop as exact_loop
-from helisim.study.proof.flights import ProofPlan as ProofPlan
-from helisim.study.proof.prove import prove as prove
 from helisim.study.reproduce import reproduce as reproduce
 from helisim.vehicle import Controller as Controller
 from helisim.vehicle import GyroSettings as GyroSettings

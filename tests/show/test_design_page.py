@@ -15,6 +15,7 @@ from helisim.base.value import FrozenMap
 from helisim.cli.design import record_gust
 from helisim.design.design import DesignResult, Judged
 from helisim.design.laws import AttitudeAxis, AttitudeCommand, YawAxis
+from helisim.design.proof import Proof, ProofFlights, Stops, compare
 from helisim.handling.criteria import (
     DisturbanceRejection,
     NicholsExclusion,
@@ -25,9 +26,6 @@ from helisim.handling.spec import Spec
 from helisim.show.charts import draw_loops
 from helisim.show.design_page import draw_step, write_design_page
 from helisim.sim import Gust
-from helisim.study.proof.comparison import compare
-from helisim.study.proof.flights import ProofFlights, Stops
-from helisim.study.proof.prove import Proof
 from made_run import make_flight
 
 OMEGA = np.geomspace(1.0, 60.0, 80)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
+from helisim.design.proof import ComparedCriterion, ComparedFigure, Deviation, Stops, deviations
 from helisim.handling.criteria import Limit, StabilityMargins
 from helisim.handling.measured.interval import Interval
 from helisim.handling.spec import Spec
@@ -13,9 +14,6 @@ from helisim.records.channels import CHANNELS
 from helisim.records.record import FlightRecord
 from helisim.show import tables
 from helisim.show.table import as_text
-from helisim.study.proof.comparison import ComparedCriterion, ComparedFigure
-from helisim.study.proof.deviation import Deviation, deviations
-from helisim.study.proof.flights import Stops
 
 
 def test_figures_stand_side_by_side():

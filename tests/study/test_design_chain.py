@@ -9,10 +9,10 @@ import helisim as hs
 from command import fails
 from helisim.base.units import RAD_PER_DEG
 from helisim.cli import main
+from helisim.design.exact import exact_loop
 from helisim.handling.criteria import StabilityMargins
 from helisim.handling.figures import rejection
 from helisim.handling.spec import read_specs
-from helisim.study.proof.exact import exact_loop
 from helisim.study.reproduce import reproduce
 
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
+from helisim.design.exact import exact_loop, hands_off
 from helisim.handling.figures import margins, rejection
 from helisim.sim import FlightPlan, Pilot, Step, simulate
-from helisim.study.proof.exact import exact_loop
-from helisim.study.proof.hands import hands_off
 
 
 @pytest.fixture(scope="module")

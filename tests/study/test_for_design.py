@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError, StorageError
+from helisim.design.exact import exact_loop
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import bandwidth, margins, rejection
 from helisim.sim import Recorder
 from helisim.study.flights import fly_sweeps
 from helisim.study.for_design import identify_for_design, servos_of
-from helisim.study.proof.exact import exact_loop
 from helisim.study.swept import swept
 from helisim.vehicle import load
 from made_run import make_flight

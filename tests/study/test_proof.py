@@ -6,17 +6,25 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
+from helisim.design.exact import exact_loop, hands_off
 from helisim.design.laws import AttitudeAxis, AttitudeCommand, YawAxis
+from helisim.design.proof import (
+    GRID,
+    LINEAR,
+    SWEEPS,
+    ProofPlan,
+    SweepKind,
+    compare,
+    prove,
+    step_size,
+    stops,
+    sweep,
+    with_usual,
+)
 from helisim.handling.criteria import Damping, DisturbanceRejection, StabilityMargins
 from helisim.handling.spec import Spec
 from helisim.records.storage import read_record
 from helisim.sim import FlightPlan, Pilot, Pulse, Recorder, Weather, simulate
-from helisim.study.proof.comparison import compare, with_usual
-from helisim.study.proof.exact import exact_loop
-from helisim.study.proof.flights import ProofPlan, step_size, stops
-from helisim.study.proof.hands import hands_off
-from helisim.study.proof.prove import GRID, prove
-from helisim.study.proof.sweeps import LINEAR, SWEEPS, SweepKind, sweep
 
 HOLDS = AttitudeCommand(
     lat=AttitudeAxis(stick=0.6, frequency=6.0, k_angle=0.6, k_rate=0.05, k_integral=0.3),

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 import helisim as hs
+from helisim.design.exact import MeanLoop, exact_loop, exact_over
 from helisim.handling.loop import NoResponse
-from helisim.study.proof.air import MeanLoop, exact_over
-from helisim.study.proof.exact import exact_loop
 
 GRID = np.geomspace(1.0, 100.0, 20)
 SAME = 1e-9

@@ -5,10 +5,8 @@ from types import SimpleNamespace
 import pytest
 
 import helisim as hs
-from helisim.base.errors import TrimError
+from helisim.design.proof import Proof, over_air
 from helisim.sim import Weather
-from helisim.study.proof import prove
-from helisim.study.proof.prove import Proof
 
 
 def rated(level):
@@ -34,14 +32,9 @@ def test_hard_and_soft_specifications_are_held_against_flight_first(kind, flown,
     assert misses == (() if said is None else (f"stability_margins of roll: {said}",))
 
 
-def test_a_wind_that_a_vehicle_can_not_hover_in_is_a_remark(monkeypatch):
+def test_a_wind_that_a_vehicle_can_not_hover_in_is_a_remark(jr700):
     """A small vehicle meets gusts that it couldn't hover in: exact figures are of calm air then."""
-
-    def refuse(*_):
-        raise TrimError("the hover needs ped = -1.03")
-
-    monkeypatch.setattr(prove, "exact_over", refuse)
-    found, doubts = prove._over_air(None, Weather(turbulence="light"))
+    found, remarks = over_air(jr700, Weather(wind=4.0, turbulence="severe"))
     assert found is None
-    assert doubts[0].endswith("of calm air alone: the hover needs ped = -1.03")
-    assert prove._over_air(None, Weather()) == (None, ())
+    assert "of calm air alone: " in remarks[0]
+    assert over_air(jr700, Weather()) == (None, ())

@@ -7,10 +7,11 @@ import pytest
 from numpy.polynomial.hermite_e import hermegauss
 
 from helisim import ident
+from helisim.design.exact import air_met
 from helisim.physics.motion import flip
 from helisim.sim import Recorder, Weather
 from helisim.study.models import HEAVE, ROLLPITCH_IN2, YAW_BASE, YAW_GYRO, YAW_OVERALL
-from helisim.study.truth import air_met, exact_response, mean_derivatives, true_values
+from helisim.study.truth import exact_response, mean_derivatives, true_values
 
 GAINS = ("k_p", "k_delta", "k_a")
 LIGHT = Weather(turbulence="light")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from helisim.base.errors import InputError
 from helisim.base.linear import Linear, LinearSystem, Response
 from helisim.handling.loop import GRID, Axis, Curve, History, NoResponse, axis_of
 from helisim.records.channels import IN2
@@ -115,6 +116,31 @@ class ClosedLoop:
         if by == "stick":
             return self._curve(self._by_stick(axis)[:, place, 0])
         return self._curve(self._by_sensors(self._turned(axis))[:, place])
+
+    def reached(self, place: str, axis: str) -> dict[str, Curve]:
+        """Return what an oscillation that is added somewhere moves, by channel.
+
+        Commands as they reach the actuators, and all that the plant shows.
+
+        Args:
+            place: "actuators", "sensors" (the attitude is turned) or "sticks".
+            axis: of control.
+
+        Raises:
+            InputError: there is no such place.
+        """
+        match place:
+            case "actuators":
+                given = self._follows[:, :, self._place(axis)]
+            case "sensors":
+                given = self._by_sensors(self._turned(axis))
+            case "sticks":
+                given = self._by_stick(axis)[:, :, 0]
+            case _:
+                raise InputError(f"add at actuators, sensors or sticks, not at {place!r}")
+        moved = (self._plant @ given[:, :, None])[:, :, 0]
+        found = {name: self._curve(given[:, k]) for k, name in enumerate(self.axes)}
+        return found | {name: self._curve(moved[:, k]) for k, name in enumerate(self.plant.outputs)}
 
     @property
     def poles(self) -> Response:

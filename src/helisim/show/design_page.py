@@ -28,8 +28,7 @@ from helisim.show.page import paragraph
 from helisim.show.plots import draw_compared
 
 if TYPE_CHECKING:
-    from helisim.study.proof.comparison import ComparedCriterion
-    from helisim.study.proof.prove import Proof
+    from helisim.design.proof import ComparedCriterion, Proof
 
 REPORT = "report.html"
 _OPEN = 1e-6

@@ -34,6 +34,7 @@ from helisim.study.paper import jr700
 
 if TYPE_CHECKING:
     from helisim.design.design import DesignResult
+    from helisim.design.proof import ComparedCriterion, ComparedFigure, Proof
     from helisim.handling.measured.margins import MeasuredMargins
     from helisim.sim import FlightPlan
     from helisim.sim.rigs import RigTest
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
     from helisim.study.paper.eq8 import OverallCheck
     from helisim.study.paper.errata import Erratum
     from helisim.study.paper.gyro_effect import Change, GyroEffect, Statement
-    from helisim.study.proof.comparison import ComparedCriterion, ComparedFigure
-    from helisim.study.proof.prove import Proof
     from helisim.vehicle import Linearization, Vehicle
 
 Flown = Mapping[tuple[Criterion, str], float]

@@ -12,6 +12,7 @@ from helisim.design.design import DRAWN, MARGIN, MODELS, DesignResult, design
 from helisim.design.laws import AttitudeCommand, Law, RateCommand
 from helisim.design.plant import Plant
 from helisim.design.problem import free_parameters
+from helisim.design.proof import GRID, Proof, prove
 from helisim.design.start import attitude_start, usual_specs
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import Criterion
@@ -20,7 +21,6 @@ from helisim.handling.spec import ATTITUDES, Spec, write_specs
 from helisim.records.channels import AXES
 from helisim.study.flights import Flights
 from helisim.study.for_design import flown_vehicle, identify_for_design
-from helisim.study.proof.prove import GRID, Proof, prove
 from helisim.study.swept import Source, swept
 from helisim.vehicle import Vehicle
 

@@ -5,54 +5,18 @@ flies forwards, sideways, up and down through the air. What is to be found then 
 that air, not the hover in calm air.
 """
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
-from numpy.polynomial.hermite_e import hermegauss
 from numpy.typing import NDArray
 
 from helisim import ident
-from helisim.sim import Recorder, Weather
+from helisim.design.exact import Air
+from helisim.sim import Recorder
 from helisim.study.models import ModelSpec
 from helisim.vehicle import Linearization, Vehicle
 
 _GAINS = ("k_p", "k_I", "k_delta", "k_a")
-
-Air = tuple[tuple[float, Vehicle], ...]
-"""The winds that a flight meets: the share of each, and the vehicle trimmed in it."""
-
-
-def air_met(vehicle: Vehicle, weather: Weather, points: tuple[int, int, int] = (3, 7, 3)) -> Air:
-    """Return a vehicle trimmed in the winds that it meets: one if there is no turbulence.
-
-    Gauss-Hermite quadrature over steady winds of the turbulence's rms. Derivatives bend where a
-    gust brings a rotor near its vortex ring. The tail's is met by winds across: of the JR700's mean
-    N_r in light turbulence 3 points there miss 6 %, 7 of them 1 %. The main rotor's is met by
-    updraughts: of Z_w 3 points miss 3 %.
-
-    Args:
-        vehicle: to trim.
-        weather: whose steady wind and turbulence.
-        points: along the path through the air, across and down.
-
-    Raises:
-        TrimError: the vehicle can't hover in one of the winds.
-    """
-    dryden = weather.dryden
-    if dryden is None:
-        return ((1.0, weather.trimmed(vehicle)),)
-    rules = [hermegauss(count) for count in points]
-    cosine, sine = np.cos(dryden.heading), np.sin(dryden.heading)
-    path_to_earth = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    air = []
-    for at in itertools.product(*map(range, points)):
-        picked = [(nodes[k], weights[k] / weights.sum()) for (nodes, weights), k in zip(rules, at)]
-        gust = path_to_earth @ (np.array(dryden.rms) * [node for node, _ in picked])
-        wind = tuple(np.array(weather.wind_to) + gust)
-        share = float(np.prod([weight for _, weight in picked]))
-        air.append((share, vehicle.trimmed(height=weather.height, wind=wind)))
-    return tuple(air)
 
 
 def mean_derivatives(air: Air) -> dict[str, float]:

@@ -5,12 +5,13 @@ from pathlib import Path
 import pytest
 
 import helisim as hs
+from helisim.design.exact import air_met
 from helisim.study.campaign import campaign_from
 from helisim.study.campaign.dataset import Dataset
 from helisim.study.campaign.replicate import fly_and_identify
 from helisim.study.identification import identify_model
 from helisim.study.models import HEAVE
-from helisim.study.truth import air_met, mean_derivatives
+from helisim.study.truth import mean_derivatives
 
 PLAN = {
     "campaign": {"models": ["heave"], "flights": 1, "seed": 2, "integrator": "Euler"},

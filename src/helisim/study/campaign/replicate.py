@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 from helisim.base.errors import DivergedError, HelisimError
+from helisim.design.exact import air_met
 from helisim.ident import ClosedLoopWarning, CrossControlWarning, Fit
 from helisim.records.channels import AXES, IN1
 from helisim.records.record import FlightRecord
@@ -18,7 +19,6 @@ from helisim.study.identification import GroundTests, comparison_table, identify
 from helisim.study.known import SERVOS
 from helisim.study.models import ModelSpec
 from helisim.study.servos import servo_test
-from helisim.study.truth import air_met
 from helisim.vehicle import Vehicle
 
 T = TypeVar("T")
