@@ -4,8 +4,7 @@ import re
 import shutil
 from pathlib import Path
 
-from helisim.vehicle.folder import model_folder
-from helisim.vehicle.roles import ROLES
+from helisim.vehicle.folder import ROLES, model_folder
 
 TAGS = {
     "body": "body",

@@ -30,7 +30,7 @@ from helisim.show.figure import Drawing, Mark, Panel
 from helisim.study.paper import lynx
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.blade import lock_reduction
-from helisim.vehicle.known import flapping_of
+from helisim.vehicle.calibrate import flapping_of
 
 CLOSE = 0.15
 """Relative difference up to which a prediction counts as the print."""

@@ -10,8 +10,8 @@ from helisim.physics.native import installed
 from helisim.show.viewer import SLOWED, TILT_GAIN, aim, check_display, prepare_live, watch
 from helisim.sim import Doublet, Sweep
 from helisim.vehicle import load
-from helisim.vehicle.mirror import mirrored
 from helisim.vehicle.motion import addresses
+from mirror import mirrored
 
 
 class Window:

@@ -13,7 +13,7 @@ from helisim.records.storage import read_record
 from helisim.study.new_vehicle import new_vehicle
 from helisim.vehicle import load, standard_parameters
 from helisim.vehicle.folder import vehicle_names
-from helisim.vehicle.glossary import term
+from helisim.vehicle.parameters import term
 from own_vehicle import renamed
 
 

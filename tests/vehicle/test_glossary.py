@@ -7,8 +7,7 @@ from helisim.base.errors import ModelError
 from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.calibrate import DIRECT, SOLVED
 from helisim.vehicle.folder import vehicle_names
-from helisim.vehicle.glossary import glossary, term
-from helisim.vehicle.written_unit import WrittenUnit, unit_fault
+from helisim.vehicle.parameters import WrittenUnit, glossary, term, unit_fault
 from own_vehicle import copied, edited
 
 
@@ -21,7 +20,7 @@ def test_the_shipped_vehicles_are_plausible(name):
         assert known is not None, key
         assert parameters.entry(key).unit == known.unit
         assert known.low <= parameters[key] <= known.high, key
-    assert all(key in parameters for key, known in glossary().items() if known.needed)
+    assert all(key in parameters for key, known in glossary().items() if not known.optional)
 
 
 def test_every_term_says_what_it_is_and_where_from():

@@ -6,8 +6,8 @@ import pytest
 
 from helisim.study.calibrate import calibrated_text
 from helisim.vehicle import load, read_parameters, standard_parameters
+from helisim.vehicle.calibrate import flapping_of, is_known, settled
 from helisim.vehicle.folder import model_folder
-from helisim.vehicle.known import flapping_of, is_known, settled
 
 FOLDER = model_folder("lynx")
 

@@ -15,9 +15,9 @@ from helisim.sim.excitation import Excitation
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import assemble
 from helisim.vehicle.folder import model_folder
-from helisim.vehicle.mirror import mirrored
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import find_trim
+from mirror import mirrored
 
 ROUNDING = 1e-11
 """Of some 10 m, m/s and rad: a sum in another order, in a flight that is stable."""

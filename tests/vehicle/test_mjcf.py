@@ -4,7 +4,7 @@ import mujoco
 import pytest
 
 from helisim.base.errors import ModelError, StorageError
-from helisim.vehicle.mjcf import Mjcf
+from helisim.vehicle.build import Mjcf
 
 MAIN = """\
 <?xml version="1.0"?>

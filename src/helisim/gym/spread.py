@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import HelisimError, InputError, UnknownNameError
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import total_inertia
-from helisim.vehicle.blade_inertia import changed
+from helisim.vehicle.blade import changed
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.parameters import Parameters

@@ -65,7 +65,7 @@ from helisim.show.scene import (
 from helisim.show.table import as_markdown
 from helisim.study.identified import IdentifiedModel
 from helisim.study.run import Run
-from helisim.vehicle.roles import Roles
+from helisim.vehicle.folder import Roles
 
 APPLICATION = "helisim"
 

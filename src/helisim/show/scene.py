@@ -25,7 +25,7 @@ from helisim.records.channels import ATTITUDES, POSITIONS, ROTOR
 from helisim.records.record import FlightRecord
 from helisim.show.viewer import SLOWED, TILT_GAIN, drawn_tilt, drawn_turn
 from helisim.sim.ground import ground_of
-from helisim.vehicle.roles import Roles
+from helisim.vehicle.folder import Roles
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]

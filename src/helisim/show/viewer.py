@@ -26,8 +26,8 @@ from helisim.sim.excitation import Excitation, check_excitation
 from helisim.sim.injection import injection
 from helisim.sim.pilot import hover_height
 from helisim.vehicle import Vehicle
+from helisim.vehicle.folder import Roles
 from helisim.vehicle.motion import addresses, root_body
-from helisim.vehicle.roles import Roles
 from helisim.vehicle.trim import place
 
 if TYPE_CHECKING:

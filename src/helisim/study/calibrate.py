@@ -12,13 +12,17 @@ from helisim.base.errors import ModelError
 from helisim.study.paper import published
 from helisim.vehicle import calibrate, read_parameters
 from helisim.vehicle.assembly import mass_and_gravity
-from helisim.vehicle.blade_inertia import INERTIA, REDUCTION, lock_number, with_both
-from helisim.vehicle.calibrate import spared
-from helisim.vehicle.estimate import estimated_targets
+from helisim.vehicle.blade import INERTIA, REDUCTION, lock_number, with_both
+from helisim.vehicle.calibrate import (
+    estimated_targets,
+    is_known,
+    lacking,
+    settled,
+    spared,
+    stated_targets,
+)
 from helisim.vehicle.folder import is_shipped, model_folder
-from helisim.vehicle.known import is_known, settled
 from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, to_toml
-from helisim.vehicle.targets import lacking, stated_targets
 
 _HEADER = """\
 Written by `helisim calibrate --write`; not by hand.

@@ -30,7 +30,7 @@ from helisim.study.servos import servo_test
 from helisim.study.swept import Source, swept
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.folder import rig_names, vehicle_names
-from helisim.vehicle.load import standard_parameters
+from helisim.vehicle.vehicle import standard_parameters
 
 Servos = Mapping[str, float | tuple[float, float]]
 

@@ -17,21 +17,20 @@ from helisim.vehicle import (
     read_parameters,
     standard_parameters,
 )
-from helisim.vehicle.blade_inertia import stated
-from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS
+from helisim.vehicle.blade import stated
+from helisim.vehicle.calibrate import DIRECT, HOVER, SOLVED, UNKNOWNS, is_known
 from helisim.vehicle.folder import (
     PARAMETER_FILES,
+    ROLES,
+    Roles,
     is_shipped,
     mjcf_file,
     model_folder,
     read_roles,
     vehicle_names,
 )
-from helisim.vehicle.glossary import glossary, sections, term
-from helisim.vehicle.known import HOVER, is_known
-from helisim.vehicle.parameters import to_toml
+from helisim.vehicle.parameters import glossary, sections, term, to_toml
 from helisim.vehicle.rate_command import STARTS
-from helisim.vehicle.roles import ROLES, Roles
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WIDTH = 98

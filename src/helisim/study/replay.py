@@ -15,7 +15,7 @@ from helisim.study.identified import read_models
 from helisim.study.reproduce import Arguments, reproduce
 from helisim.study.results import read_results
 from helisim.study.run import FITS, FLIGHTS
-from helisim.vehicle.choices import number_of
+from helisim.vehicle.parameters import number_of
 
 _APART = ("versions", "made_by", "model_digest", "marks", "spans")
 """Left out of the numbers: versions are compared apart, marks and spans only say which records a

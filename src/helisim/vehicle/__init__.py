@@ -1,14 +1,18 @@
 """The vehicle: MJCF and parameters to a model that is trimmed and can be linearised."""
 
-from helisim.vehicle.atmosphere import isa_density
 from helisim.vehicle.blade import Flapping, flapping_from_blade
 from helisim.vehicle.calibrate import calibrate
 from helisim.vehicle.controller import Controller, ControllerLike, set_controller
 from helisim.vehicle.linearize import Linearization, linearize
-from helisim.vehicle.load import load, standard_parameters
-from helisim.vehicle.parameters import GyroSettings, Parameters, PhysicalParameter, read_parameters
+from helisim.vehicle.parameters import (
+    GyroSettings,
+    Parameters,
+    PhysicalParameter,
+    isa_density,
+    read_parameters,
+)
 from helisim.vehicle.trim import Trim, find_trim
-from helisim.vehicle.vehicle import Vehicle
+from helisim.vehicle.vehicle import Vehicle, load, standard_parameters
 
 __all__ = [
     "Controller",

@@ -24,6 +24,8 @@ from helisim.physics.layout import (
 )
 from helisim.physics.memory import TICK_TOLERANCE
 from helisim.vehicle.folder import (
+    ROLES,
+    Roles,
     mjcf_file,
     model_folder,
     read_roles,
@@ -33,7 +35,6 @@ from helisim.vehicle.folder import (
 from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.parameters import Parameters
-from helisim.vehicle.roles import ROLES, Roles
 
 Integrator = Literal["RK4", "Euler"]
 Around = Callable[[mujoco.MjSpec, mujoco.MjModel], None]

@@ -3,6 +3,20 @@
 The search starts from closed forms of a hovering helicopter: momentum theory and untwisted blades
 (Padfield, Helicopter Flight Dynamics, ch. 3 and 4), without stall, tilt of the thrust or the
 tail's side force: a few percent from the solution, whatever the size of the helicopter.
+
+What is solved for are the derivatives of Wu and Chen's equations (1), (8) and (10), in the field's
+axes, as an identification of one's own flights finds them and `Vehicle.derivatives` has them. They
+are stated in `[targets]` of the vehicle's parameters:
+
+    [targets]
+    Z_w = { value = -0.80, unit = "1/s", source = "sweeps of 12 May" }
+
+Or they are estimated from its geometry, in closed form: a start, not a truth. For the tip-path
+plane that is a rotor with a spring at its centre, its Lock number reduced by the inflow that the
+blades' own flapping makes, under a swashplate that is turned so that it tilts the disc straight. No
+delta-3, no dampers: flown derivatives of small helicopters are up to some four times larger in
+tau_f and in A_b and B_a. Of a vehicle whose blades, hub and inertias are known, only the pitch of
+its hover is solved for, with collective and pedals centred; its derivatives are then a prediction.
 """
 
 import math
@@ -17,9 +31,9 @@ from scipy.optimize import root
 
 from helisim.base.errors import InputError, ModelError
 from helisim.vehicle.assembly import assemble, mass_and_gravity
-from helisim.vehicle.blade_inertia import INERTIA
+from helisim.vehicle.blade import INERTIA, Flapping, flapping_from_blade, lock_reduction
 from helisim.vehicle.linearize import linearize, plain_rotor, stability_derivatives
-from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, untuned
+from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, glossary, untuned
 from helisim.vehicle.swashplate import Swashplate
 from helisim.vehicle.trim import find_trim
 
@@ -230,4 +244,216 @@ def first_guess(
         "airframe.izz": izz,
         "tail_rotor.pitch_trim": tail.pitch(tail_slope),
         "tail_rotor.pitch_range": targets["N_ped"] * izz / (arm * tail.per_pitch(tail_slope)),
+    }
+
+
+UNITS = {name: glossary()["targets." + name].unit for name in DIRECT + SOLVED}
+"""Every derivative that a calibration takes, and its unit."""
+
+_SIGNS = {"tau_f": 1, "Z_w": -1, "Z_col": -1, "N_r": -1, "N_ped": 1, "L_b": 1, "M_a": 1}
+"""Of those that can have one sign only, whichever way the rotor turns."""
+
+
+def stated_targets(given: Parameters) -> Parameters:
+    """Return the derivatives that a vehicle's parameters state, by name, such as "Z_w".
+
+    Raises:
+        ModelError: one has a sign that no helicopter has.
+    """
+    found = {}
+    for key, unit in UNITS.items():
+        if "targets." + key not in given:
+            continue
+        entry = given.entry("targets." + key)
+        sign = _SIGNS.get(key)
+        if sign is not None and not sign * entry.value > 0.0:
+            wanted = "positive" if sign > 0 else "negative"
+            raise ModelError(f"targets.{key} must be {wanted}, got {entry.value:g} {unit}")
+        found[key] = PhysicalParameter(key, entry.value, unit, entry.source)
+    return Parameters(found)
+
+
+def lacking(targets: Mapping[str, float], given: Container[str]) -> list[str]:
+    """Return the derivatives that a calibration still lacks, each with its unit.
+
+    Args:
+        targets: derivatives that are stated, by name.
+        given: the vehicle's parameters, from which one may follow.
+    """
+    there = {*targets, *spared(given)}
+    return [f"{name} ({unit})" for name, unit in UNITS.items() if name not in there]
+
+
+GEOMETRY = (
+    "lift_slope",
+    "blade_inertia",
+    "hub_stiffness",
+    "collective_range",
+    "cyclic_range",
+    "tail_range",
+    "iyy",
+    "izz",
+)
+"""What an estimate takes beside the vehicle's other parameters, all in `[geometry]`."""
+
+_SOURCE = "estimated: closed form, from the geometry"
+
+
+def estimated_targets(given: Parameters, mass: float, gravity: float) -> Parameters:
+    """Return an estimate of every derivative that a calibration takes, by name.
+
+    Args:
+        given: the vehicle's parameters, those of `GEOMETRY` among them.
+        mass: kg.
+        gravity: m/s^2.
+
+    Raises:
+        ModelError: one of the geometry is missing, or not positive.
+    """
+    terms = {name: glossary()["geometry." + name] for name in GEOMETRY}
+    missing = [
+        f"{name} ({terms[name].unit})" for name in GEOMETRY if "geometry." + name not in given
+    ]
+    if missing:
+        raise ModelError(
+            f"an estimate from the geometry needs a section [geometry] with {', '.join(missing)}"
+        )
+    own = {name: given["geometry." + name] for name in GEOMETRY}
+    for name, value in own.items():
+        if not value > 0.0:
+            raise ModelError(f"geometry.{name} must be positive, got {value:g} {terms[name].unit}")
+    values = {**_forces(given, own, mass, gravity), **_flapping(given, own, mass * gravity)}
+    return Parameters(
+        {name: PhysicalParameter(name, values[name], unit, _SOURCE) for name, unit in UNITS.items()}
+    )
+
+
+def _forces(
+    given: Mapping[str, float], own: Mapping[str, float], mass: float, gravity: float
+) -> dict[str, float]:
+    """Return the derivatives of vertical force, yaw moment and hub moment."""
+    main = Disc.of(given, "main_rotor", mass * gravity)
+    slope = own["lift_slope"] * main.solidity
+    arm = abs(given["tail_rotor.arm_x"])
+    tail = Disc.of(given, "tail_rotor", hover_torque(given, main) / arm)
+    tail_slope = given["tail_rotor.lift_slope"] * tail.solidity
+    stiffness = own["hub_stiffness"] - main.thrust * given["main_rotor.hub_z"]
+    return {
+        "Z_w": -main.per_climb(slope) / mass,
+        "Z_col": -own["collective_range"] * main.per_pitch(slope) / mass,
+        "N_r": -(arm**2) * tail.per_climb(tail_slope) / own["izz"],
+        "N_ped": arm * own["tail_range"] * tail.per_pitch(tail_slope) / own["izz"],
+        "L_b": stiffness / given["airframe.ixx"],
+        "M_a": stiffness / own["iyy"],
+    }
+
+
+def _flapping(
+    given: Mapping[str, float], own: Mapping[str, float], weight: float
+) -> dict[str, float]:
+    """Return the derivatives of the tip-path plane."""
+    main = Disc.of(given, "main_rotor", weight)
+    radius, speed = given["main_rotor.radius"], given["main_rotor.speed"]
+    inertia, slope = own["blade_inertia"], own["lift_slope"]
+    lock = given["air.density"] * slope * given["main_rotor.chord"] * radius**4 / inertia
+    spring = 2.0 * own["hub_stiffness"] / given["main_rotor.blades"]  # of one blade
+    found = flapping_from_blade(
+        lock_number=lock / lock_reduction(slope, main.solidity, main.inflow),
+        speed=speed,
+        direction=given["main_rotor.direction"],
+        flap_frequency=math.sqrt(1.0 + spring / (inertia * speed**2)),
+        lon_range=own["cyclic_range"],
+        lat_range=own["cyclic_range"],
+    )
+    return {
+        "tau_f": found.tau_f,
+        "A_b": found.a_b,
+        "B_a": found.b_a,
+        "A_lat": 0.0,
+        "A_lon": own["cyclic_range"],
+        "B_lat": own["cyclic_range"],
+        "B_lon": 0.0,
+    }
+
+
+HOVER = ("main_rotor.pitch_trim", "tail_rotor.pitch_trim")
+"""What hovering fixes."""
+BLADE = ("main_rotor.blade_inertia", "flapping.lock_reduction", "geometry.cyclic_range")
+"""What the tip-path plane takes beside the rotor's own parameters."""
+_TRIALS = 4
+"""Pitch is linear in the controls: one trial finds the hover, a second confirms it."""
+_CENTRED = 1e-9
+"""Of the controls, unitised."""
+
+
+def is_known(given: Mapping[str, float]) -> bool:
+    """Return whether parameters, uncalibrated, say all but the hover that is solved for."""
+    solved = set(UNKNOWNS) - {*HOVER, "main_rotor.hub_cross"}
+    return all(name in given for name in (*solved, *BLADE))
+
+
+def settled(vehicle: str | PathLike[str], given: Parameters) -> Parameters:
+    """Return what follows from a vehicle's known parameters: section [flapping], and the hover.
+
+    Args:
+        vehicle: name of a shipped one or path of a folder, whose MJCF is flown.
+        given: its parameters; the gyro's may be missing.
+
+    Raises:
+        ModelError: there are no such blades, or they carry it in no hover.
+        TrimError: it can't hover.
+    """
+    entries = {name: given.entry(name) for name in given}
+    for name, value in flapping_of(given).to_parameters().items():
+        unit = {"flapping.tau_f": "s", "flapping.a_b": "1", "flapping.b_a": "1"}.get(name, "rad")
+        source = "computed: blade, hub stiffness and cyclic range"
+        entries[name] = PhysicalParameter(name, value, unit, source)
+    pitch = _first_pitch(given, *mass_and_gravity(vehicle))
+    for _ in range(_TRIALS):
+        for name, value in pitch.items():
+            source = (
+                f"solved: hover with the {'pedals' if 'tail' in name else 'collective'} centred"
+            )
+            entries[name] = PhysicalParameter(name, value, "rad", source)
+        complete = completed(untuned(Parameters(entries)))
+        trim = find_trim(assemble(vehicle, complete, delays=False))
+        if max(abs(trim.col), abs(trim.ped)) < _CENTRED:
+            solved = (name for name in entries if name not in given)
+            return Parameters({name: entries[name] for name in solved})
+        pitch["main_rotor.pitch_trim"] += complete["main_rotor.pitch_range"] * trim.col
+        hand = complete["main_rotor.direction"]
+        pitch["tail_rotor.pitch_trim"] += hand * complete["tail_rotor.pitch_range"] * trim.ped
+    raise ModelError(f"{vehicle}: no pitch of the blades holds the hover with controls centred")
+
+
+def flapping_of(given: Mapping[str, float]) -> Flapping:
+    """Return the tip-path plane's equation of a rotor whose blade and hub are known.
+
+    Args:
+        given: parameters by name, `BLADE` and the main rotor's among them.
+
+    Raises:
+        InputError: a number that no rotor has.
+    """
+    inertia, speed = given["main_rotor.blade_inertia"], given["main_rotor.speed"]
+    lift = given["air.density"] * given["main_rotor.lift_slope"] * given["main_rotor.chord"]
+    lift /= given["flapping.lock_reduction"]
+    spring = 2.0 * given["main_rotor.hub_stiffness"] / given["main_rotor.blades"]  # of one blade
+    return flapping_from_blade(
+        lock_number=lift * given["main_rotor.radius"] ** 4 / inertia,
+        speed=speed,
+        direction=given["main_rotor.direction"],
+        lon_range=given["geometry.cyclic_range"],
+        lat_range=given["geometry.cyclic_range"],
+        flap_frequency=math.sqrt(1.0 + spring / (inertia * speed**2)),
+    )
+
+
+def _first_pitch(given: Mapping[str, float], mass: float, gravity: float) -> dict[str, float]:
+    """Return the pitch of main and tail blades in hover, near enough to solve from."""
+    main = Disc.of(given, "main_rotor", mass * gravity)
+    tail = Disc.of(given, "tail_rotor", hover_torque(given, main) / abs(given["tail_rotor.arm_x"]))
+    return {
+        f"{rotor}.pitch_trim": disc.pitch(given[f"{rotor}.lift_slope"] * disc.solidity)
+        for rotor, disc in (("main_rotor", main), ("tail_rotor", tail))
     }

@@ -1,12 +1,13 @@
 """Controllers: which law moves which servos, at the gyro's place and rate."""
 
+import hashlib
 import inspect
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from functools import cached_property, partial
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -36,18 +37,7 @@ from helisim.physics.layout import (
     rotor_states,
 )
 from helisim.physics.native import check_is_model
-from helisim.vehicle.law_checks import (
-    check_law,
-    check_passes,
-    law_name,
-    qualified_name,
-    source_digest,
-)
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.written_law import WrittenLaw
-
-if TYPE_CHECKING:
-    from helisim.vehicle.vehicle import Vehicle
 
 Law = Callable[..., Any]
 """`law(seen, state, settings)` or with the first one or two of these; returns servo commands."""
@@ -61,6 +51,19 @@ STATES: dict[Place, int] = {
 """How many states a law has where nothing is said: as the gyro's own, so every MJCF has room."""
 _MOST = 1000
 SHIPPED = "shipped"
+
+
+@runtime_checkable
+class WrittenLaw(Protocol):
+    """A control law as data, which makes a controller for a vehicle; `helisim.laws` has them."""
+
+    def on(self, vehicle: Any) -> "Controller":
+        """Return the controller that flies it on a `Vehicle`, about its trim."""
+        ...
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as plain data."""
+        ...
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -226,7 +229,7 @@ class Controller(Value):
             facts["settings"] = self.settings.tolist()
         return facts
 
-    def on(self, vehicle: "Vehicle") -> "Controller":
+    def on(self, vehicle: Any) -> "Controller":
         """Return it as it flies on a vehicle: as it is, or its law as data on this one."""
         return self if self.written is None else self.written.on(vehicle)
 
@@ -313,7 +316,7 @@ DIRECT = Controller(swash=None, tail=None)
 ControllerLike = Controller | WrittenLaw | Law | None
 
 
-def as_controller(given: ControllerLike, vehicle: "Vehicle | None" = None) -> Controller:
+def as_controller(given: ControllerLike, vehicle: Any = None) -> Controller:
     """Return a controller as it is, a law as the controller of all servos, None as none.
 
     Args:
@@ -361,3 +364,78 @@ def law_room(model: mujoco.MjModel, prefix: str = "") -> int:
     """Return for how many states of control laws there is room in a model."""
     kept = int(model.actuator_actnum[addresses(model, prefix).rotor])
     return (kept - rotor_states(0)) // 2
+
+
+def source_digest(*functions: Any) -> str:
+    """Return a digest of what functions or the classes of objects say, or of their bytecode."""
+    digest = hashlib.blake2b(digest_size=16)
+    for function in functions:
+        if function is None:
+            continue
+        written = described(function)
+        try:
+            digest.update(inspect.getsource(written).encode())
+        except (OSError, TypeError):
+            code = getattr(written, "__code__", None)
+            digest.update(code.co_code if code is not None else qualified_name(function).encode())
+    return digest.hexdigest()
+
+
+def described(function: Any) -> Any:
+    """Return the function or class that a law is written as."""
+    if isinstance(function, KnownLaw):
+        return function.function
+    if is_compiled(function):
+        return function.py_func
+    if is_native(function):
+        return function._pyfunc
+    if isinstance(function, partial):
+        return described(function.func)
+    return function if inspect.isroutine(function) else type(function)
+
+
+def law_name(law: Any) -> str:
+    """Return the name of a law's function or class, for messages."""
+    return getattr(described(law), "__name__", repr(law))
+
+
+def qualified_name(law: Any) -> str:
+    """Return where a law is written, as module:name."""
+    written = described(law)
+    return f"{written.__module__}:{written.__qualname__}"
+
+
+def check_law(law: Any, place: str) -> None:
+    """Raise InputError if something can't be a law in its place, or a law's reset."""
+    if is_native(law):
+        if len(law._sig.args) != 4:
+            raise InputError(
+                "a numba.cfunc as a law has the signature void(double*, double*, double*, "
+                f"double*), got {law._sig}"
+            )
+        return
+    if not callable(law) or isinstance(law, type):
+        what = "a controller" if place == "all" else f"{place} of a controller"
+        other = {"swash": '"shipped"', "tail": '"shipped"'}.get(place, "a Controller")
+        advice = f"; give an object of it, {law.__name__}(...)" if isinstance(law, type) else ""
+        raise InputError(
+            f"{what} must be a function of (seen, state, settings), an object that is called so, "
+            f"{other} or None; got {law!r:.80}{advice}"
+        )
+    if arity(law) == 0 and place != "reset":
+        raise InputError(
+            f"controller {law_name(law)!r} takes nothing; it must take (seen), (seen, state) or "
+            "(seen, state, settings)"
+        )
+
+
+def check_passes(law: Any, name: str) -> None:
+    """Raise InputError if a law can't be found again by another process."""
+    written = described(law)
+    found = "<" not in getattr(written, "__qualname__", "") or is_compiled(law)
+    if is_native(law) or not found:
+        what = "a numba.cfunc" if is_native(law) else "defined inside a function"
+        raise InputError(
+            f"controller {name!r} can't pass to another process: it is {what}; take a function "
+            "at the top of a module that both can import, plain or compiled by numba.njit"
+        )

@@ -1,9 +1,10 @@
 """The numbers that the compiled force laws read, from a vehicle's parameters."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from helisim.base.errors import ModelError
 from helisim.physics.flow import lift_slope
@@ -19,168 +20,9 @@ from helisim.physics.layout import (
     TAIL_STATES,
     WASH,
 )
-from helisim.vehicle.blade import TipPathPlane
-from helisim.vehicle.blade_inertia import with_both
-from helisim.vehicle.parameters import Parameters, check_settings, completed
+from helisim.vehicle.blade import TipPathPlane, with_both
+from helisim.vehicle.parameters import Parameters, check_settings, completed, glossary
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.wake import wash_coefficients
-
-_DIRECT = {
-    "air_density": "air.density",
-    "ground_effect": "air.ground_effect",
-    "main_direction": "main_rotor.direction",
-    "main_radius": "main_rotor.radius",
-    "main_speed": "main_rotor.speed",
-    "main_lift_slope": "main_rotor.lift_slope",
-    "main_induced_factor": "main_rotor.induced_factor",
-    "main_profile_drag": "main_rotor.profile_drag",
-    "main_pitch_trim": "main_rotor.pitch_trim",
-    "main_pitch_range": "main_rotor.pitch_range",
-    "main_twist": "main_rotor.twist",
-    "main_stall": "main_rotor.stall",
-    "main_dynamic_inflow": "main_rotor.inflow",
-    "hub_stiffness": "main_rotor.hub_stiffness",
-    "hub_cross": "main_rotor.hub_cross",
-    "flap_back": "main_rotor.flap_back",
-    "flap_stop": "main_rotor.flap_stop",
-    "tail_radius": "tail_rotor.radius",
-    "tail_speed": "tail_rotor.speed",
-    "tail_lift_slope": "tail_rotor.lift_slope",
-    "tail_pitch_trim": "tail_rotor.pitch_trim",
-    "tail_pitch_range": "tail_rotor.pitch_range",
-    "tail_stall": "tail_rotor.stall",
-    "tail_induced_factor": "tail_rotor.induced_factor",
-    "tail_profile_drag": "tail_rotor.profile_drag",
-    "tail_direction": "tail_rotor.direction",
-    "tail_x": "tail_rotor.arm_x",
-    "tail_z": "tail_rotor.arm_z",
-    "tail_blockage": "tail_rotor.blockage",
-    "drive_governor": "drive.governor",
-    "drive_engine": "drive.engine",
-    "drive_inertia": "drive.inertia",
-    "drive_friction": "drive.friction",
-    "drive_gear": "drive.gear",
-    "drive_voltage": "drive.voltage",
-    "drive_speed_constant": "drive.speed_constant",
-    "drive_resistance": "drive.resistance",
-    "drive_no_load_current": "drive.no_load_current",
-    "drive_current_limit": "drive.current_limit",
-    "drive_power": "drive.power",
-    "drive_power_speed": "drive.power_speed",
-    "drive_lag": "drive.lag",
-    "drive_k_p": "drive.k_p",
-    "drive_k_i": "drive.k_i",
-    "drive_collective_gain": "drive.collective_gain",
-    "drive_spool_up": "drive.spool_up",
-    "drive_bail_out": "drive.bail_out",
-    "drag_x": "airframe.drag_area_x",
-    "drag_y": "airframe.drag_area_y",
-    "drag_z": "airframe.drag_area_z",
-    "drag_centre_x": "airframe.drag_centre_x",
-    "drag_centre_z": "airframe.drag_centre_z",
-    "pitch_volume": "airframe.pitch_volume",
-    "pitch_zero": "airframe.pitch_zero",
-    "yaw_volume": "airframe.yaw_volume",
-    "download": "airframe.download",
-    "fin_area": "fin.area",
-    "fin_x": "fin.x",
-    "fin_z": "fin.z",
-    "fin_stall": "fin.stall",
-    "tailplane_area": "tailplane.area",
-    "tailplane_x": "tailplane.x",
-    "tailplane_z": "tailplane.z",
-    "tailplane_stall": "tailplane.stall",
-    "swash_frequency": "servo.swash_frequency",
-    "swash_damping": "servo.swash_damping",
-    "tail_frequency": "servo.tail_frequency",
-    "tail_damping": "servo.tail_damping",
-    "servo_rate_limit": "servo.rate_limit",
-    "servo_travel": "servo.travel",
-    "gyro_period": "gyro.period",
-    "gyro_heading_lock": "gyro.heading_lock",
-    "gyro_k_p": "gyro.k_p",
-    "gyro_k_i": "gyro.k_i",
-    "gyro_k_delta": "gyro.k_delta",
-    "gyro_k_a": "gyro.k_a",
-    "gyro_lead": "gyro.lead",
-    "gyro_kp_lat": "gyro.kp_lat",
-    "gyro_kp_lon": "gyro.kp_lon",
-    "gyro_ki_lat": "gyro.ki_lat",
-    "gyro_ki_lon": "gyro.ki_lon",
-    "gyro_kd_lat": "gyro.kd_lat",
-    "gyro_kd_lon": "gyro.kd_lon",
-    "pilot_k_attitude": "pilot.k_attitude",
-    "pilot_k_velocity": "pilot.k_velocity",
-    "pilot_k_position": "pilot.k_position",
-    "pilot_k_heave": "pilot.k_heave",
-    "pilot_k_height": "pilot.k_height",
-    "pilot_k_heading": "pilot.k_heading",
-}
-"""Slot of the compiled force laws -> parameter, where one is simply the other."""
-
-_POSITIVE = (
-    "air.density",
-    "airframe.ixx",
-    "airframe.iyy",
-    "airframe.izz",
-    "main_rotor.induced_factor",
-    "main_rotor.radius",
-    "main_rotor.chord",
-    "main_rotor.blades",
-    "main_rotor.speed",
-    "main_rotor.lift_slope",
-    "main_rotor.stall",
-    "main_rotor.flap_stop",
-    "main_rotor.blade_inertia",
-    "flapping.tau_f",
-    "flapping.lock_reduction",
-    "tail_rotor.radius",
-    "tail_rotor.chord",
-    "tail_rotor.blades",
-    "tail_rotor.speed",
-    "tail_rotor.lift_slope",
-    "tail_rotor.stall",
-    "tail_rotor.induced_factor",
-    "fin.aspect_ratio",
-    "fin.stall",
-    "tailplane.aspect_ratio",
-    "tailplane.stall",
-    "servo.swash_frequency",
-    "servo.swash_damping",
-    "servo.tail_frequency",
-    "servo.tail_damping",
-    "servo.rate_limit",
-    "servo.travel",
-    "gyro.period",
-    "gyro.k_i",
-    "gyro.ki_lat",
-    "gyro.ki_lon",
-    "gyro.lead_filter",
-    "gyro.filter",
-    "gyro.derivative_filter",
-)
-
-
-_NOT_NEGATIVE = (
-    "air.ground_effect",
-    "airframe.drag_area_x",
-    "airframe.drag_area_y",
-    "airframe.drag_area_z",
-    "airframe.pitch_volume",
-    "airframe.yaw_volume",
-    "airframe.download",
-    "fin.area",
-    "tailplane.area",
-    "tail_rotor.blockage",
-    "airframe.tail_wash",
-    "main_rotor.profile_drag",
-    "tail_rotor.profile_drag",
-    "main_rotor.hub_stiffness",
-    "main_rotor.flap_back",
-    "gyro.ped_latency",
-    "gyro.latency",
-    "gyro.lead",
-)
 
 _MOTOR = ("inertia", "gear", "lag", "k_i", "spool_up", "bail_out")
 _ENGINE = {
@@ -205,23 +47,21 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
             "main_rotor.direction must be 1 for blades that turn clockwise seen from above, or -1 "
             f"for the others, got {direction:g}"
         )
-    for name in _POSITIVE:
-        if name in parameters and parameters[name] <= 0.0:
-            raise ModelError(f"parameter {name!r} must be positive, got {parameters[name]:g}")
-    for name in _NOT_NEGATIVE:
-        if parameters[name] < 0.0:
-            raise ModelError(f"parameter {name!r} must be 0 or more, got {parameters[name]:g}")
-    if parameters["air.ground_effect"] > 1.0:
-        given = parameters["air.ground_effect"]
-        raise ModelError(f"parameter 'air.ground_effect' must be from 0 to 1, got {given:g}")
-    _check_drive(parameters)
+    for known in glossary().values():
+        if known.name in parameters and (fault := known.fault(parameters[known.name])):
+            raise ModelError(fault)
+    if (share := parameters["air.ground_effect"]) > 1.0:
+        raise ModelError(f"parameter 'air.ground_effect' must be from 0 to 1, got {share:g}")
+    if parameters.word("drive.governor") == "motor":
+        check_motor(parameters, "drive.governor is 'motor'")
     parameters = with_both(parameters)
     block = np.zeros(len(PARAM))
     block[PARAM.magic] = MAGIC
     block[PARAM.ordinal] = ROTOR
     block[PARAM.layout] = LAYOUT
-    for slot, name in _DIRECT.items():
-        block[getattr(PARAM, slot)] = parameters[name]
+    for known in glossary().values():
+        if known.slot:
+            block[getattr(PARAM, known.slot)] = parameters[known.name]
     _write_hub(parameters, block)
     _write_surfaces(parameters, block)
     block[PARAM.main_solidity] = _solidity(parameters, "main_rotor")
@@ -262,15 +102,6 @@ def _write_flapping(parameters: Parameters, block: NDArray[np.float64]) -> None:
     block[PARAM.flap_stiffness] = 2.0 * disc.share * abs(cross)
     block[PARAM.spring_aa : PARAM.spring_ba + 1] = springs.ravel()[:3]
     block[PARAM.cyclic_a_lat : PARAM.cyclic_b_lon + 1] = disc.cyclic.ravel()
-
-
-def _check_drive(parameters: Parameters) -> None:
-    for name in ("friction", "no_load_current", "k_p", "collective_gain"):
-        if parameters[f"drive.{name}"] < 0.0:
-            given = parameters[f"drive.{name}"]
-            raise ModelError(f"parameter 'drive.{name}' must be 0 or more, got {given:g}")
-    if parameters.word("drive.governor") == "motor":
-        check_motor(parameters, "drive.governor is 'motor'")
 
 
 def check_motor(parameters: Parameters, why: str) -> None:
@@ -355,3 +186,78 @@ def _travel(parameters: Parameters, rate: str) -> float:
 def _solidity(parameters: Parameters, rotor: str) -> float:
     blade_area = parameters[f"{rotor}.blades"] * parameters[f"{rotor}.chord"]
     return blade_area / (math.pi * parameters[f"{rotor}.radius"])
+
+
+_AZIMUTHS = (np.arange(180) + 0.5) * math.pi / 90.0
+_SKEWS = np.linspace(0.0, math.pi, 91)
+_SPREAD = np.array([-0.1, 0.0, 0.1])
+"""Over how many radii about its place the wash of a tail is averaged, along x and z."""
+_CORE = 0.05
+"""Radius of the vortices' core over the rotor's: a place may lie on the wake's edge."""
+_FAR = 100.0
+"""Radii, beyond which no wake is felt."""
+_DIGITS = 4
+"""To which the coefficients are rounded, so that they are the same on every machine."""
+
+
+def downwash(
+    x: ArrayLike, z: ArrayLike, skew: ArrayLike, *, radius: ArrayLike = 1.0, core: float = 0.0
+) -> NDArray[np.float64]:
+    """Return the velocity down, over that at the disc's centre, in a rotor's wake.
+
+    The wake of a uniformly loaded disc is a tube of vortex rings that drift off at the skew angle
+    (Coleman, Feingold and Stempin, NACA ARR L5E10; Castles and De Leeuw, NACA TR 1184). Along
+    the tube the integral is closed, around it a sum. An array, (n_place,), of
+    each gives one.
+
+    Args:
+        x: ahead of the centre, over the rotor's radius.
+        z: below the centre, likewise.
+        skew: angle between the wake's axis and the disc's, rad: 0 in hover, near pi/2 at speed,
+            more where the air passes the disc upwards.
+        radius: of the tube, over the rotor's.
+        core: of the vortices, likewise.
+    """
+    x, z, skew, radius = (np.asarray(one, dtype=float)[..., None] for one in (x, z, skew, radius))
+    cosine = np.cos(_AZIMUTHS)
+    ahead = x - radius * cosine
+    distance = np.sqrt(ahead**2 + (radius * np.sin(_AZIMUTHS)) ** 2 + z**2 + core**2)
+    around = (radius - x * cosine) / distance - np.sin(skew) * cosine
+    along = distance + ahead * np.sin(skew) - z * np.cos(skew)
+    return np.mean(radius * around / along, axis=-1)
+
+
+@lru_cache(maxsize=64)
+def wash_coefficients(x: float, z: float) -> tuple[float, ...]:
+    """Return the `WASH` numbers of the wash at a place, over the rotor's radius from its hub.
+
+    The tube contracts as momentum theory has it: to 0.71 radii in hover, not at all at speed.
+    Beside it the air of a hover rises at less than a tenth of what falls within: that is left out.
+
+    Args:
+        x: ahead of the hub.
+        z: below it.
+    """
+    if not math.hypot(x, z) < _FAR:
+        return (0.0,) * WASH
+    cosine = np.cos(_SKEWS)
+    down = np.maximum(cosine, 0.0)
+    wash = _mean_wash(x, z, _SKEWS, (1.0 + 3.0 * down**2) ** -0.25)
+    hover, descent = max(0.0, float(wash[0])), float(wash[-1])
+    upright = np.where(cosine > 0.0, hover, descent) * cosine**2
+    powers = cosine[:, None] ** np.arange(WASH - 2)
+    basis = np.sin(_SKEWS)[:, None] ** 2 * powers
+    fitted = np.linalg.lstsq(basis, wash - upright, rcond=None)[0]
+    return tuple(round(float(one), _DIGITS) for one in (hover, descent, *fitted))
+
+
+def _mean_wash(
+    x: float, z: float, skew: NDArray[np.float64], radius: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the downwash about a place, (n_skew,)."""
+    around = [
+        downwash(x + dx, z + dz, skew, radius=radius, core=_CORE)
+        for dx in _SPREAD
+        for dz in _SPREAD
+    ]
+    return np.mean(around, axis=0)

@@ -1,17 +1,170 @@
-"""A vehicle's parameters: named values with units and sources; and what a pilot sets of them."""
+"""A vehicle's parameters: what each may be, its values with units and sources, and their files.
 
-import dataclasses
+The glossary, glossary.toml, says all of a parameter: unit, plausible range, meaning, origin,
+default and bounds, and which number of the force laws it is.
+"""
+
 import json
 import math
+import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from helisim.base.errors import InputError, ModelError, StorageError, UnknownNameError
 from helisim.base.files import read_toml
-from helisim.vehicle.choices import CHOICES, number_of, word_of
-from helisim.vehicle.glossary import glossary, sections, term
-from helisim.vehicle.written_unit import unit_fault
+from helisim.base.settings import is_number
+from helisim.base.units import METRE_PER_FOOT, RAD_PER_DEG, RAD_S_PER_RPM, STANDARD_GRAVITY
+
+_NOT_GIVEN = "not given: "
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """One parameter of a vehicle, as the glossary has it.
+
+    Attributes:
+        name: dotted; of the recorder's latencies "recorder_latency.*".
+        unit: that its value is in.
+        low: least plausible value.
+        high: greatest plausible value.
+        meaning: what it is and does.
+        origin: where to get it.
+        optional: a vehicle may leave it out, and then has its default, or does without.
+        default: its value where it is left out, None for none.
+        because: why that.
+        like: the parameter whose value it has where it is left out.
+        untuned: its value before the gyro is tuned.
+        sign: "positive" or "0 or more", which the force laws need.
+        choices: words that it can be, each its place in the row from 0 on inside; or numbers.
+        share: it is above 0 and at most 1.
+        slot: the number of the force laws that it is, of `PARAM`.
+        now: the name that it has got since.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    meaning: str
+    origin: str
+    optional: bool = False
+    default: float | None = None
+    because: str = ""
+    like: str = ""
+    untuned: float | None = None
+    sign: str = ""
+    choices: tuple[Any, ...] = ()
+    share: bool = False
+    slot: str = ""
+    now: str = ""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The words that it is chosen from, none of most."""
+        return tuple(one for one in self.choices if isinstance(one, str))
+
+    def fault(self, value: float) -> str:
+        """Return what is wrong with a value for the force laws, "" if nothing is."""
+        wrong = {"positive": value <= 0.0, "0 or more": value < 0.0}.get(self.sign, False)
+        return f"parameter {self.name!r} must be {self.sign}, got {value:g}" if wrong else ""
+
+
+@cache
+def glossary() -> Mapping[str, Term]:
+    """Return every parameter that a vehicle can have, by name, in the order of its files."""
+    terms = {}
+    path = files("helisim.vehicle").joinpath("glossary.toml")
+    for section, entries in read_toml(str(path)).items():
+        for names, (unit, (low, high), meaning, origin, *more) in entries.items():
+            rules = more[0] if more else {}
+            rules |= {"choices": tuple(rules.get("choices", ()))}
+            for key in names.split():
+                terms[f"{section}.{key}"] = Term(
+                    name=f"{section}.{key}",
+                    unit=unit,
+                    low=low,
+                    high=high,
+                    meaning=meaning,
+                    origin=origin,
+                    **rules,
+                )
+    return MappingProxyType(terms)
+
+
+def sections() -> tuple[str, ...]:
+    """Return the sections of the glossary."""
+    return tuple(dict.fromkeys(name.split(".")[0] for name in glossary()))
+
+
+def term(name: str) -> Term | None:
+    """Return what a parameter is, None if no vehicle has one of that name."""
+    return glossary().get(name) or glossary().get(f"{name.split('.')[0]}.*")
+
+
+def words_of(name: str) -> tuple[str, ...]:
+    """Return the words that a parameter is chosen from, none if it is a number."""
+    known = term(name)
+    return known.words if known else ()
+
+
+def number_of(name: str, value: Any) -> float:
+    """Return a parameter's value as a number: of a choice, the place of its word from 0 on.
+
+    Args:
+        name: of the parameter, dotted.
+        value: a number, or one of `words_of` it.
+
+    Raises:
+        InputError: it is neither, or not finite.
+    """
+    words = words_of(name)
+    if words:
+        if isinstance(value, str) and value in words:
+            return float(words.index(value))
+        if is_number(value) and value in range(len(words)):
+            return float(value)
+        raise InputError(f"{name} must be {' or '.join(words)}, got {value!r:.60}")
+    if is_number(value) and math.isfinite(value):
+        return float(value)
+    raise InputError(f"parameter {name!r} must be a finite number, got {value!r:.60}")
+
+
+def word_of(name: str, value: float) -> str | float:
+    """Return the word that a number stands for, or the number itself where there is no choice."""
+    words = words_of(name)
+    return words[int(value)] if words else value
+
+
+def plain_number(name: str, value: object) -> float:
+    """Return the value of a parameter as its file has it.
+
+    Raises:
+        TypeError: text, or true or false.
+        InputError: it is a choice, and of other words.
+    """
+    if words_of(name):
+        return number_of(name, value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
+
+
+def name_fault(name: str) -> str:
+    """Return what is wrong with a parameter's name, "" if nothing is.
+
+    A section that no vehicle has is its author's own, and left alone.
+    """
+    section, key = name.split(".")
+    if section not in sections() or term(name):
+        return ""
+    keys = [known.split(".")[1] for known in glossary() if known.startswith(f"{section}.")]
+    return str(UnknownNameError(f"parameter of [{section}]", key, keys))
 
 
 @dataclass(frozen=True)
@@ -53,6 +206,10 @@ class Parameters(Mapping[str, float]):
     def __contains__(self, name: object) -> bool:
         return name in self._entries
 
+    def entries(self) -> dict[str, PhysicalParameter]:
+        """Return value, unit and source of each parameter by name."""
+        return dict(self._entries)
+
     def entry(self, name: str) -> PhysicalParameter:
         """Return value, unit and source of one parameter."""
         try:
@@ -61,7 +218,7 @@ class Parameters(Mapping[str, float]):
             raise UnknownNameError("parameter", name, sorted(self._entries)) from None
 
     def word(self, name: str) -> str | float:
-        """Return what is chosen of a parameter's `CHOICES`, such as "ideal"; else its number."""
+        """Return the word that is chosen of a parameter, such as "ideal"; else its number."""
         return word_of(name, self[name])
 
     def replace(
@@ -77,10 +234,10 @@ class Parameters(Mapping[str, float]):
         for name, value in changes.items():
             old = self.entry(name)
             entries[name] = PhysicalParameter(name, number_of(name, value), old.unit, source)
-        for name, other in _AS.items():
-            follows = name in entries and entries[name].source == f"{_NOT_GIVEN}as {other}"
-            if follows and other in changes:
-                entries[name] = dataclasses.replace(entries[name], value=entries[other].value)
+        for name, known in glossary().items():
+            follows = name in entries and entries[name].source == f"{_NOT_GIVEN}as {known.like}"
+            if follows and known.like in changes:
+                entries[name] = replace(entries[name], value=entries[known.like].value)
         return Parameters(entries)
 
 
@@ -99,118 +256,17 @@ def read_parameters(*paths: Path) -> Parameters:
     return Parameters(entries)
 
 
-_SWASH_SERVOS = ("front", "left", "right")
-
-_UNTUNED = {
-    "gyro.ped_latency": (0.0, "s"),
-    "gyro.kp_lat": (0.0, "s/rad"),
-    "gyro.kp_lon": (0.0, "s/rad"),
-    "gyro.ki_lat": (1.0, "1/rad"),
-    "gyro.ki_lon": (1.0, "1/rad"),
-    "gyro.kd_lat": (0.0, "s^2/rad"),
-    "gyro.kd_lon": (0.0, "s^2/rad"),
-    "gyro.phase": (0.0, "rad"),
-    "gyro.k_p": (0.0, "1"),
-    "gyro.k_i": (1.0, "1/s"),
-    "gyro.k_delta": (1.0, "1"),
-    "gyro.k_a": (0.1, "s/rad"),
-    "gyro.p_per_lat": (1.0, "rad/s"),
-    "gyro.p_per_lon": (0.0, "rad/s"),
-    "gyro.q_per_lat": (0.0, "rad/s"),
-    "gyro.q_per_lon": (1.0, "rad/s"),
-}
-
-
 def untuned(parameters: Parameters) -> Parameters:
     """Return the parameters with plain values for what is missing of the gyro's settings.
 
     A vehicle can be calibrated and its gyro tuned with them; to fly it needs tuned ones.
     """
     plain = {
-        name: PhysicalParameter(name, value, unit, "not tuned yet")
-        for name, (value, unit) in _UNTUNED.items()
+        name: PhysicalParameter(name, known.untuned, known.unit, "not tuned yet")
+        for name, known in glossary().items()
+        if known.untuned is not None
     }
-    return Parameters({**plain, **{name: parameters.entry(name) for name in parameters}})
-
-
-_CHANNELS = {"front": 1.0, "left": 2.0, "right": 3.0, "tail": 4.0, "rotor": 8.0}
-"""Of an autopilot, for the servos and the motor."""
-_NOT_GIVEN = "not given: "
-_LEFT_OUT = {
-    "airframe.ixz": (0.0, "kg m^2", "symmetric fore and aft"),
-    "main_rotor.direction": (1.0, "1", "clockwise seen from above"),
-    "main_rotor.hub_cross": (0.0, "N m/rad", "the springs' moment is in phase with the tilt"),
-    "main_rotor.twist": (0.0, "rad", "blades without twist"),
-    "main_rotor.inflow": (0.0, "1", "the air follows the blades' load at once"),
-    "drive.governor": (0.0, "1", "the rotor keeps the speed that is asked for"),
-    **{
-        f"drive.{name}": (0.0, unit, "the governor is ideal")
-        for name, unit in {
-            "engine": "1",
-            "inertia": "kg m^2",
-            "friction": "N m",
-            "gear": "1",
-            "voltage": "V",
-            "speed_constant": "rad/s/V",
-            "resistance": "ohm",
-            "no_load_current": "A",
-            "current_limit": "A",
-            "power": "W",
-            "power_speed": "rad/s",
-            "lag": "s",
-            "k_p": "1",
-            "k_i": "1/s",
-            "collective_gain": "1",
-            "spool_up": "s",
-            "bail_out": "s",
-        }.items()
-    },
-    "swashplate.front_angle": (0.0, "rad", "at the nose"),
-    "swashplate.left_angle": (2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),
-    "swashplate.right_angle": (-2.0 * math.pi / 3.0, "rad", "120 degrees from the front one"),
-    **{f"swashplate.{name}_arm": (1.0, "1", "all arms are equal") for name in _SWASH_SERVOS},
-    **{f"swashplate.{name}_sign": (1.0, "1", "none is reversed") for name in _SWASH_SERVOS},
-    **{
-        f"outputs.{name}_channel": (number, "1", "as ArduPilot numbers them")
-        for name, number in _CHANNELS.items()
-    },
-    **{
-        f"outputs.{name}_{what}": (value, "s", "usual for servos")
-        for what, value in {"trim": 1.5e-3, "travel": 0.5e-3}.items()
-        for name in (*_SWASH_SERVOS, "tail")
-    },
-    "outputs.rotor_trim": (1e-3, "s", "usual for speed controllers"),
-    "outputs.rotor_travel": (0.7e-3, "s", "the nominal speed at 70 %, as ArduPilot has it"),
-    "airframe.drag_centre_x": (0.0, "m", "at the centre of gravity"),
-    "airframe.drag_centre_z": (0.0, "m", "at the centre of gravity"),
-    "airframe.pitch_volume": (0.0, "m^3", "no moment of the fuselage"),
-    "airframe.pitch_zero": (0.0, "rad", "none level with the flow"),
-    "airframe.tail_wash": (1.0, "1", "as that of vortex rings"),
-    "airframe.yaw_volume": (0.0, "m^3", "no moment of the fuselage"),
-    "airframe.download": (0.0, "1", "no wash on the fuselage"),
-    "main_rotor.shaft_tilt": (0.0, "rad", "upright"),
-    "tail_rotor.blockage": (0.0, "1", "nothing in its way"),
-    "tail_rotor.direction": (1.0, "1", "the lower blade moves forwards"),
-    "fin.area": (0.0, "m^2", "no fin"),
-    "fin.aspect_ratio": (2.6, "1", "a fin that the tail case halves"),
-    "fin.incidence": (0.0, "rad", "straight ahead"),
-    "fin.stall": (1.17, "1", "a flat plate"),
-    "tailplane.area": (0.0, "m^2", "no tailplane"),
-    "tailplane.aspect_ratio": (4.0, "1", "a slender one"),
-    "tailplane.incidence": (0.0, "rad", "level"),
-    "tailplane.stall": (1.17, "1", "a flat plate"),
-}
-_AS = {
-    "tail_rotor.induced_factor": "main_rotor.induced_factor",
-    "tail_rotor.profile_drag": "main_rotor.profile_drag",
-    "fin.x": "tail_rotor.arm_x",
-    "fin.z": "tail_rotor.arm_z",
-    "tailplane.x": "tail_rotor.arm_x",
-    "tailplane.z": "tail_rotor.arm_z",
-}
-"""What a vehicle may leave out -> parameter whose value it then has."""
-_FORMER = {"airframe.fin_area": "fin.area"}
-"""Former name of a parameter, still read -> its name."""
+    return Parameters(plain | parameters.entries())
 
 
 def completed(parameters: Parameters) -> Parameters:
@@ -219,19 +275,20 @@ def completed(parameters: Parameters) -> Parameters:
     Raises:
         ModelError: a parameter stands there under its name and its former one.
     """
-    given = {name: parameters.entry(name) for name in parameters}
-    for former, name in _FORMER.items():
-        if former in given and name in given:
-            raise ModelError(f"{former} is the former name of {name}: leave one of them out")
-        if former in given:
-            given[name] = dataclasses.replace(given.pop(former), name=name)
-    for name, (value, unit, meaning) in _LEFT_OUT.items():
-        given.setdefault(name, PhysicalParameter(name, value, unit, f"{_NOT_GIVEN}{meaning}"))
-    for name, other in _AS.items():
+    given, following = parameters.entries(), []
+    for name, known in glossary().items():
+        if known.now and name in given:
+            if known.now in given:
+                raise ModelError(f"{name} is the former name of {known.now}: leave one of them out")
+            given[known.now] = replace(given.pop(name), name=known.now)
+        if known.like:
+            following.append((name, known.like))
+        elif known.default is not None and name not in given:
+            source = f"{_NOT_GIVEN}{known.because}"
+            given[name] = PhysicalParameter(name, known.default, known.unit, source)
+    for name, other in following:
         if name not in given and other in given:
-            given[name] = dataclasses.replace(
-                given[other], name=name, source=f"{_NOT_GIVEN}as {other}"
-            )
+            given[name] = replace(given[other], name=name, source=f"{_NOT_GIVEN}as {other}")
     return Parameters(given)
 
 
@@ -241,54 +298,28 @@ def _read(path: Path) -> dict[str, PhysicalParameter]:
     except StorageError as error:
         raise ModelError(f"can't read parameters: {error}") from None
     entries = {}
-    content.pop("roles", None)  # names, which `helisim.vehicle.roles` reads
+    content.pop("roles", None)  # names, which `read_roles` reads
     for section, members in content.items():
         if not isinstance(members, dict):
             raise ModelError(f"{path}: {section} must stand in a section, such as [air]")
         for key, item in members.items():
             name = f"{section}.{key}"
             try:
-                entries[name] = PhysicalParameter(
-                    name, plain_number(name, item["value"]), str(item["unit"]), str(item["source"])
-                )
+                value, unit, source = item["value"], str(item["unit"]), str(item["source"])
+                entry = PhysicalParameter(name, plain_number(name, value), unit, source)
             except InputError as error:
                 raise ModelError(f"{path}: {error}") from None
             except (TypeError, KeyError, ValueError):
                 raise ModelError(
                     f"{path}: {name} needs value (a number), unit and source, got {item!r}"
                 ) from None
-            if not math.isfinite(entries[name].value):
+            if not math.isfinite(entry.value):
                 raise ModelError(f"{path}: {name} must be finite, got {item['value']!r}")
-            fault = name_fault(name) or unit_fault_of(entries[name])
+            fault = name_fault(name) or unit_fault_of(entry)
             if fault:
                 raise ModelError(f"{path}: {fault}")
+            entries[name] = entry
     return entries
-
-
-def plain_number(name: str, value: object) -> float:
-    """Return the value of a parameter as its file has it.
-
-    Raises:
-        TypeError: text, or true or false.
-        InputError: it is a choice, and of other words.
-    """
-    if name in CHOICES:
-        return number_of(name, value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(f"{value!r} is no number")
-    return float(value)
-
-
-def name_fault(name: str) -> str:
-    """Return what is wrong with a parameter's name, "" if nothing is.
-
-    A section that no vehicle has is its author's own, and left alone.
-    """
-    section, key = name.split(".")
-    if section not in sections() or term(name):
-        return ""
-    keys = [known.split(".")[1] for known in glossary() if known.startswith(f"{section}.")]
-    return str(UnknownNameError(f"parameter of [{section}]", key, keys))
 
 
 def unit_fault_of(entry: PhysicalParameter) -> str:
@@ -329,30 +360,18 @@ def to_toml(
     return "\n".join(lines) + "\n"
 
 
-_CHOICES = {
-    "gyro.flight_mode": (1, 2, 3),
-    "gyro.heading_lock": (0, 1),
-    "gyro.anti_windup": (0, 1),
-}
-_RATES = tuple(
-    f"{section}.{rate}"
-    for section in ("gyro", "gyro_tuned")
-    for rate in ("pitch_rate", "elevator_rate", "aileron_rate")
-)
-
-
 def check_settings(values: Mapping[str, float]) -> None:
     """Check what a pilot can set on the gyro, by dotted names; other names are not looked at.
 
     Raises:
         InputError: a setting that the gyro does not have.
     """
-    for name, choices in _CHOICES.items():
-        if name in values and values[name] not in choices:
-            listed = ", ".join(map(str, choices))
+    for name in values:
+        known = term(name)
+        if known and known.choices and not known.words and values[name] not in known.choices:
+            listed = ", ".join(map(str, known.choices))
             raise InputError(f"{name} must be one of {listed}, got {values[name]:g}")
-    for name in _RATES:
-        if name in values and not 0.0 < values[name] <= 1.0:
+        if known and known.share and not 0.0 < values[name] <= 1.0:
             raise InputError(
                 f"{name} must be above 0 and at most 1, the whole travel, got {values[name]:g}"
             )
@@ -406,3 +425,132 @@ class GyroSettings:
     def as_parameters(self) -> dict[str, float]:
         """Return them by parameter name, such as "gyro.aileron_rate"."""
         return {f"gyro.{name}": float(value) for name, value in asdict(self).items()}
+
+
+_WATT = {"kg": 1, "m": 2, "s": -3}
+_BASE: dict[str, tuple[float, dict[str, int]]] = {
+    "1": (1.0, {}),
+    "-": (1.0, {}),
+    "%": (0.01, {}),
+    "percent": (0.01, {}),
+    "rad": (1.0, {"rad": 1}),
+    "deg": (RAD_PER_DEG, {"rad": 1}),
+    "degree": (RAD_PER_DEG, {"rad": 1}),
+    "degrees": (RAD_PER_DEG, {"rad": 1}),
+    "°": (RAD_PER_DEG, {"rad": 1}),
+    "rpm": (RAD_S_PER_RPM, {"rad": 1, "s": -1}),
+    "hz": (2.0 * math.pi, {"rad": 1, "s": -1}),
+    "s": (1.0, {"s": 1}),
+    "sec": (1.0, {"s": 1}),
+    "ms": (1e-3, {"s": 1}),
+    "us": (1e-6, {"s": 1}),
+    "µs": (1e-6, {"s": 1}),
+    "min": (60.0, {"s": 1}),
+    "m": (1.0, {"m": 1}),
+    "cm": (1e-2, {"m": 1}),
+    "mm": (1e-3, {"m": 1}),
+    "in": (METRE_PER_FOOT / 12.0, {"m": 1}),
+    "inch": (METRE_PER_FOOT / 12.0, {"m": 1}),
+    "ft": (METRE_PER_FOOT, {"m": 1}),
+    "kg": (1.0, {"kg": 1}),
+    "g": (1e-3, {"kg": 1}),
+    "n": (1.0, {"kg": 1, "m": 1, "s": -2}),
+    "w": (1.0, _WATT),
+    "kw": (1e3, _WATT),
+    "hp": (745.7, _WATT),
+    "a": (1.0, {"a": 1}),
+    "v": (1.0, _WATT | {"a": -1}),
+    "ohm": (1.0, _WATT | {"a": -2}),
+    "ω": (1.0, _WATT | {"a": -2}),
+    "mohm": (1e-3, _WATT | {"a": -2}),
+    "mω": (1e-3, _WATT | {"a": -2}),
+}
+_GLUED = {"kgm": "kg m", "nm": "n m", "nmm": "n mm", "gm": "g m", "rads": "rad s"}
+_FACTOR = re.compile(r"([a-zµ°%]+|1|-)(?:\^?(-?\d+))?")
+
+
+@dataclass(frozen=True)
+class WrittenUnit:
+    """A unit that was written: one of it in SI, and the powers of what it is made of."""
+
+    factor: float
+    powers: tuple[tuple[str, int], ...]
+
+    @classmethod
+    def of(cls, text: str) -> "WrittenUnit | None":
+        """Return the unit of a text such as "kg mm^2" or "N m/rad", None if it is none."""
+        plain = text.strip().lower().replace("²", "^2").replace("³", "^3").replace("μ", "µ")
+        over, *under = re.sub(r"[*·⋅()]", " ", plain).split("/")
+        factor, powers = 1.0, Counter[str]()
+        for part, sign in ((over, 1), *((part, -1) for part in under)):
+            for word in part.split():
+                found = _FACTOR.fullmatch(word)
+                if found is None:
+                    return None
+                names = _GLUED.get(found[1], found[1]).split()
+                exponents = [*[1] * (len(names) - 1), int(found[2] or 1)]
+                for name, exponent in zip(names, exponents):
+                    if name not in _BASE:
+                        return None
+                    each, made_of = _BASE[name]
+                    factor *= each ** (sign * exponent)
+                    for what, power in made_of.items():
+                        powers[what] += sign * exponent * power
+        return cls(factor, tuple(sorted((what, n) for what, n in powers.items() if n)))
+
+
+def unit_fault(unit: str, value: float, expected: str) -> str:
+    """Return what is wrong with the unit of a value, and what to write; "" if nothing is.
+
+    Args:
+        unit: as it was written.
+        value: in it.
+        expected: the unit that is read.
+    """
+    if unit == expected:
+        return ""
+    written, wanted = WrittenUnit.of(unit), WrittenUnit.of(expected)
+    if written is None or wanted is None or written.powers != wanted.powers:
+        return f"is in {expected!r}, not in {unit!r}"
+    factor = written.factor / wanted.factor
+    if math.isclose(factor, 1.0, rel_tol=1e-12):
+        return f"has its unit written {expected!r}, not {unit!r}"
+    return (
+        f"is in {expected!r}, not in {unit!r}: {value:g} {unit} are value = {value * factor:.6g}, "
+        f'unit = "{expected}"'
+    )
+
+
+_SEA_LEVEL_K = 288.15
+_SEA_LEVEL_PA = 101325.0
+_LAPSE_K_M = 0.0065
+_GAS_CONSTANT = 287.05287
+"""J/(kg K), of dry air."""
+_EXPONENT = STANDARD_GRAVITY / (_LAPSE_K_M * _GAS_CONSTANT)
+_TOP_M = 11000.0
+_ZERO_CELSIUS_K = 273.15
+
+
+def isa_density(altitude: float, *, temperature: float | None = None) -> float:
+    """Return the density of the air, kg/m^3 (ISO 2533, troposphere).
+
+    The parameter `air.density` takes it: `load(parameters={"air.density": isa_density(1500.0)})`.
+
+    Args:
+        altitude: pressure altitude, m above sea level.
+        temperature: of the air, K; the standard atmosphere's if None.
+
+    Raises:
+        InputError: the altitude is outside the troposphere, or the temperature out of range.
+    """
+    if not (math.isfinite(altitude) and -500.0 <= altitude <= _TOP_M):
+        raise InputError(f"altitude must be from -500 to {_TOP_M:g} m, got {altitude}")
+    standard = _SEA_LEVEL_K - _LAPSE_K_M * altitude
+    kelvin = standard if temperature is None else temperature
+    if not 150.0 <= kelvin <= 350.0:
+        raise InputError(
+            f"temperature must be from 150 to 350 K, got {kelvin:g} K; "
+            f"{_ZERO_CELSIUS_K:g} K is 0 degrees Celsius"
+        )
+    pressure = _SEA_LEVEL_PA * (standard / _SEA_LEVEL_K) ** _EXPONENT
+    return pressure / (_GAS_CONSTANT * kelvin)

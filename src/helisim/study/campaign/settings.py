@@ -12,7 +12,7 @@ from helisim.sim.plain import check_type, value_object
 from helisim.study.campaign.variation import Value
 from helisim.vehicle import Vehicle, load, standard_parameters
 from helisim.vehicle.assembly import Integrator
-from helisim.vehicle.choices import CHOICES, number_of
+from helisim.vehicle.parameters import number_of, words_of
 
 T = TypeVar("T")
 
@@ -66,7 +66,7 @@ class Settings:
         changed = {}
         for name, change in self._of("vehicle").items():
             old = standard[name]
-            if name in CHOICES:
+            if words_of(name):
                 changed[name] = number_of(name, change.value)
                 continue
             check_type(f"vehicle.{name}", float, change.value)

@@ -6,8 +6,8 @@ from pathlib import Path
 from helisim.base.errors import ModelError, StorageError, similar
 from helisim.physics.layout import ACTUATORS, SENSORS
 from helisim.study.check.problem import Problem
-from helisim.vehicle.mjcf import Element, Mjcf
-from helisim.vehicle.roles import ROLES, Roles
+from helisim.vehicle.build import Element, Mjcf
+from helisim.vehicle.folder import ROLES, Roles
 
 _TAGS = {
     "imu_gyro": "gyro",

@@ -8,7 +8,7 @@ import numpy as np
 
 from helisim.study.check.problem import Problem
 from helisim.vehicle import Vehicle
-from helisim.vehicle.blade_inertia import lock_number
+from helisim.vehicle.blade import lock_number
 from helisim.vehicle.motion import root_body
 
 _USUAL = {

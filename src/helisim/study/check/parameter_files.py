@@ -10,13 +10,20 @@ from typing import Any
 from helisim.base.errors import InputError, ModelError, StorageError, similar
 from helisim.base.files import read_text
 from helisim.study.check.problem import Problem, command, sentence
-from helisim.vehicle.blade_inertia import INSTEAD
+from helisim.vehicle.blade import INSTEAD
 from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS, spared
-from helisim.vehicle.folder import PARAMETER_FILES
-from helisim.vehicle.glossary import Term, glossary, sections, term
-from helisim.vehicle.parameters import PhysicalParameter, name_fault, plain_number, unit_fault_of
+from helisim.vehicle.folder import PARAMETER_FILES, Roles
+from helisim.vehicle.parameters import (
+    PhysicalParameter,
+    Term,
+    glossary,
+    name_fault,
+    plain_number,
+    sections,
+    term,
+    unit_fault_of,
+)
 from helisim.vehicle.rate_command import STARTS
-from helisim.vehicle.roles import Roles
 
 _HEADER = re.compile(r"\s*\[\s*([\w.\-]+)\s*\]")
 _KEY = re.compile(r"\s*[\"']?([\w\-]+)[\"']?\s*=")
@@ -167,7 +174,7 @@ class ParameterFiles:
             section = known.name.split(".")[0]
             others = {known.name, *INSTEAD.get(known.name, ())}
             found = bool(others & set(self._places) or {known.name, section} & self._meant)
-            if known.needed and there and self._read and not found:
+            if not known.optional and there and self._read and not found:
                 in_file, line = self._places.get(section, (None, None))
                 line = line if in_file is not None and in_file.name == file else None
                 self.problems.append(Problem(_missing(known), self._folder / file, line))

@@ -15,11 +15,11 @@ from helisim.study.check.figures import at_a_glance, implausible
 from helisim.study.check.parameter_files import ParameterFiles
 from helisim.study.check.problem import Problem, sentence
 from helisim.vehicle.assembly import total_inertia, wanted_inertia
-from helisim.vehicle.blade_inertia import INERTIA, with_both
-from helisim.vehicle.mjcf import Element, Mjcf
+from helisim.vehicle.blade import INERTIA, with_both
+from helisim.vehicle.build import Element, Mjcf
+from helisim.vehicle.folder import Roles
 from helisim.vehicle.motion import root_body
 from helisim.vehicle.parameters import Parameters, completed
-from helisim.vehicle.roles import Roles
 
 _OFF_CENTRE = 0.002
 """Of the rotor's radius: the trim tilts by as much over the hub's height, some 0.3 degrees."""
