@@ -197,7 +197,7 @@ def parameters(options: Options) -> dict[str, float | str]:
     Raises:
         InputError: neither.
     """
-    from helisim.vehicle.choices import CHOICES, number_of
+    from helisim.vehicle.parameters import CHOICES, number_of
 
     given: dict[str, float | str] = {}
     for item in options.set:
