@@ -10,7 +10,7 @@ OMEGA = np.geomspace(1.0, 60.0, 40)
 def found(structure: ident.Structure, **values: float) -> ident.Fit:
     """Return a fit that found the values, for nothing else was free."""
     known = structure.with_fixed(values)
-    at = ident.model.evaluate.response(known, known.starts, OMEGA)
+    at = ident.evaluate.response(known, known.starts, OMEGA)
     exact = ident.FrequencyResponse.exact(
         OMEGA, at, inputs=structure.inputs, outputs=structure.outputs
     )

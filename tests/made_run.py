@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from helisim import ident
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 from helisim.ident.verification import Trace
 from helisim.records.channels import CHANNELS, POSITIONS
 from helisim.records.record import FlightRecord

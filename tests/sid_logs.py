@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from dataflash_logs import Log
 from helisim.ident import structures
-from helisim.ident.model.evaluate import matrices
+from helisim.ident.evaluate import matrices
 
 TRUTH = {
     "rollpitch": {

@@ -49,7 +49,7 @@ from plants import ROLLPITCH_IN1, fly, fly_closed_loop
 from recovering import recover
 
 from helisim.ident import frequency_response, identify, structures
-from helisim.ident.model.evaluate import response, state_space
+from helisim.ident.evaluate import response, state_space
 from helisim.records.record import FlightRecord
 
 INPUTS, OUTPUTS, STICKS = ("lat", "lon"), ("p", "q"), ("LAT", "LON")

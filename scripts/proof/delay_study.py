@@ -40,10 +40,9 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "recovery"))
 from fleet import FLEET
 
 from helisim.ident import Fit, FrequencyResponse, Structure, identify, structures
-from helisim.ident.fitting.cost import Cost
-from helisim.ident.fitting.points import select
-from helisim.ident.fitting.search import Start, descend
-from helisim.ident.model.evaluate import matrices, response
+from helisim.ident.cost import Cost, select
+from helisim.ident.evaluate import matrices, response
+from helisim.ident.search import Start, descend
 
 POINTS = 100
 NOISE = 0.01

@@ -31,7 +31,7 @@ with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING])
 
     from helisim.base.errors import HelisimError, InputError
     from helisim.ident import Structure, frequency_response, load_fit, load_response, structures
-    from helisim.ident.model.expression import Expression
+    from helisim.ident.expression import Expression
     from helisim.logs import REPAIRS, Clock, Column, Map, read_log
     from helisim.logs.mapping import MAP_EXAMPLE
     from helisim.records.channels import channel

@@ -5,10 +5,9 @@ import pytest
 from scipy.signal import butter, freqs
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.ident import FrequencyResponse, Structure, identify, in_series
-from helisim.ident.model import blocks
-from helisim.ident.model.evaluate import response
-from helisim.ident.model.structures import heave_inflow, hover_imu, rollpitch, yaw_base
+from helisim.ident import FrequencyResponse, Structure, blocks, identify, in_series
+from helisim.ident.evaluate import response
+from helisim.ident.structures import heave_inflow, hover_imu, rollpitch, yaw_base
 
 GRID = np.geomspace(0.5, 80.0, 25)
 S = 1j * GRID
@@ -122,7 +121,7 @@ def test_what_cannot_be_in_series_is_refused():
     with pytest.raises(UnknownNameError, match="input of 'rollpitch' 'col'"):
         in_series(rollpitch, inputs={"col": SERVO})
     improper = Structure("improper", (), (), ("col",), ("az",), H0=((),), D=(("1",),), D1=(("2",),))
-    with pytest.raises(InputError, match="need the rate of an input"):
+    with pytest.raises(InputError, match="an input's rate differentiated"):
         in_series(improper, outputs={"az": SERVO})
     lagged = in_series(improper, inputs={"col": SERVO})
     found = response(lagged, lagged.starts, GRID)[0, 0]
@@ -143,5 +142,5 @@ def test_a_file_has_its_blocks_in_a_table(tmp_path):
     found.to_toml(path)
     assert Structure.from_toml(path) == found
     path.write_text(yaw_base.to_toml() + "\n[series]\nped = 3\n")
-    with pytest.raises(InputError, match=r"series.ped is 3, expected text"):
+    with pytest.raises(InputError, match=r"series.ped must be text, got 3"):
         Structure.from_toml(path)

@@ -9,12 +9,9 @@ import numpy as np
 import pytest
 
 from helisim.ident import FrequencyResponse, Structure, identify, structures
-from helisim.ident.fitting.cost import Cost
-from helisim.ident.fitting.points import select
-from helisim.ident.fitting.rational import delay_grid, rational_fits
-from helisim.ident.fitting.search import Minimum, agreed
-from helisim.ident.fitting.starts import Start, beside
-from helisim.ident.fitting.waits import Waits
+from helisim.ident.cost import Cost, select
+from helisim.ident.rational import delay_grid, rational_fits
+from helisim.ident.search import Delays, Minimum, Start, agreed, beside
 from script import SCRIPTS
 
 sys.path.insert(0, str(SCRIPTS / "proof"))
@@ -108,15 +105,15 @@ def test_starts_at_the_same_delay_do_not_confirm_each_other():
     data = measured(curve((20.0,), (1.0, 0.7), 0.2))
     structure = structures.first_order_delay(input="u", output="y")
     points = select(data, structure, band=None, responses=None, count=20)
-    waits = Waits(Cost(structure, points))
+    delays = Delays(Cost(structure, points))
     end = np.array([20.0, 0.7, 0.2])
 
     def ended(cost, delay):
         return Minimum(end, cost, True, Start(end, np.array([delay])))
 
     alike = [ended(1.0, 0.2), ended(1.00001, 0.2), ended(1.0, 0.21), ended(2.0, 0.4)]
-    assert agreed(alike, waits) == (alike[0], 1)
-    assert agreed([*alike, ended(1.0, 0.1)], waits)[1] == 2
+    assert agreed(alike, delays) == (alike[0], 1)
+    assert agreed([*alike, ended(1.0, 0.1)], delays)[1] == 2
     alone = identify(data, structure, searches=1)
     assert alone.searches_agreeing == 1
     assert "different delays" in alone.remarks[0]

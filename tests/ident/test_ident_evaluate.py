@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helisim.ident.model.evaluate import response, response_and_slope
+from helisim.ident.evaluate import response, response_and_slope
 from late import LATE
 
 GRID = np.geomspace(0.5, 20.0, 40)

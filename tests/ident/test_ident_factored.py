@@ -6,8 +6,8 @@ import pytest
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli.fitting import find_structure
 from helisim.ident import FrequencyResponse, Structure, identify, structures
-from helisim.ident.fitting.modes import modes
-from helisim.ident.model.evaluate import response, response_and_slope
+from helisim.ident.evaluate import response, response_and_slope
+from helisim.ident.modes import modes
 
 GRID = np.geomspace(0.3, 30.0, 50)
 S = 1j * GRID
@@ -107,10 +107,10 @@ def test_names_starts_and_numbers_of_factors():
 @pytest.mark.parametrize(
     ("notation", "message"),
     [
-        ("(a)", "at ''; expected factors of the numerator"),
-        ("(a)/", "expected factors of the denominator"),
-        ("(a)/(b)x", "at 'x'; expected factors of the denominator"),
-        ("{a}/(b)", "at '{a}/"),
+        ("(a)", "can't read '(a)'; expected factors of the numerator"),
+        ("(a)/", "a slash, and those of the denominator"),
+        ("(a)/(b)x", "can't read '(a)/(b)x'"),
+        ("{a}/(b)", "can't read '{a}/"),
         ("(a)(b)/(c)", "numerator of order 2 over a denominator of order 1"),
         ("1/[a]", "has 1 entries, expected two"),
         ("1/[0.5,-3]", "isn't positive"),

@@ -9,10 +9,9 @@ import pytest
 
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
-from helisim.ident.fitting.bounds import gauss_newton_hessian
-from helisim.ident.fitting.cost import Cost
-from helisim.ident.fitting.points import select
-from helisim.ident.model.evaluate import response
+from helisim.ident.bounds import gauss_newton_hessian
+from helisim.ident.cost import Cost, select
+from helisim.ident.evaluate import response
 
 FREQUENCY = np.geomspace(0.5, 20.0, 60)
 GAIN = Structure(
@@ -296,7 +295,7 @@ def test_bad_calls_are_refused_with_advice():
         identify(frf, structures.heave)
     with pytest.raises(IdentificationError, match="widen the band"):
         identify(frf, structure, band=(100.0, 200.0))
-    with pytest.raises(InputError, match="0 <= lower < upper"):
+    with pytest.raises(InputError, match=r"0 <= lower < upper|finite number, got nan"):
         identify(frf, structure, band=(float("nan"), 3.0))
     with pytest.raises(UnknownNameError, match="response with a band"):
         identify(frf, structure, band={"q/ped": (1.0, 2.0)})
@@ -336,7 +335,7 @@ def test_a_band_has_a_lower_and_an_upper_edge(fit, band):
     data = FrequencyResponse.exact(
         GRID, np.ones((1, 1, 60)), inputs=fit.structure.inputs, outputs=fit.structure.outputs
     )
-    with pytest.raises(InputError, match="expected 0 <= lower < upper"):
+    with pytest.raises(InputError, match=r"expected 0 <= lower < upper|finite number, got nan"):
         identify(data, fit.structure, band=band)
 
 

@@ -21,7 +21,7 @@ from helisim.ident import (
 )
 from helisim.ident.composite import PERIODS, compose, window_lengths
 from helisim.ident.conditioning import condition, random_error
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 from helisim.ident.spectra import cross_spectra
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord

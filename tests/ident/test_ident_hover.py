@@ -5,7 +5,7 @@ import pytest
 
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.ident import FrequencyResponse, identify, structures
-from helisim.ident.model.evaluate import response, state_space
+from helisim.ident.evaluate import response, state_space
 
 G = STANDARD_GRAVITY
 HOVER = {

@@ -11,8 +11,8 @@ import pytest
 from helisim.base.errors import InputError
 from helisim.base.units import UserUnits, parts, unit_text
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
+from helisim.ident.evaluate import response
 from helisim.ident.in_units import dimensions, fit_in
-from helisim.ident.model.evaluate import response
 from helisim.records.channels import CHANNELS
 
 DEG, FT = 57.29577951308232, 1.0 / 0.3048

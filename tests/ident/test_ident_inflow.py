@@ -5,7 +5,7 @@ import plants
 import pytest
 
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures
-from helisim.ident.model.evaluate import response, state_space
+from helisim.ident.evaluate import response, state_space
 
 HEAVE = {"Z_w": -0.9, "Z_col": -25.0, "tau_0": 0.05, "C": 0.6, "tau_col": 0.01}
 TURN = {"turn": 1.0 / 178.0}

@@ -8,10 +8,9 @@ import pytest
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify
-from helisim.ident.fitting.bounds import accuracy
-from helisim.ident.fitting.cost import Cost
-from helisim.ident.fitting.points import select
-from helisim.ident.model.structures import yaw_base
+from helisim.ident.bounds import accuracy
+from helisim.ident.cost import Cost, select
+from helisim.ident.structures import yaw_base
 
 GRID = np.geomspace(0.5, 20.0, 30)
 S = 1j * GRID
@@ -72,7 +71,7 @@ def test_an_error_is_of_a_fixed_parameter():
     """A free one's is found, not given; one is 0 or more; each has its parameter."""
     with pytest.raises(InputError, match=r"'lag' has error 0.1 but is free"):
         Parameter("lag", "s", 0.05, error=0.1)
-    with pytest.raises(InputError, match=r"error -1.0, expected 0 or more"):
+    with pytest.raises(InputError, match=r"error must be a number 0 or more, got -1.0"):
         Parameter("lag", "s", 0.05, fixed=True, error=-1.0)
     with pytest.raises(UnknownNameError, match=r"fixed parameter with an error 'N_r'"):
         BEHIND_SERVO.with_fixed({"lag": 0.05}, {"N_r": 0.1})

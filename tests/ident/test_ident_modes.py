@@ -10,8 +10,8 @@ import pytest
 
 from helisim.base.errors import IdentificationError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, Parameter, Structure, identify, structures
-from helisim.ident.fitting.modes import Mode, modes
-from helisim.ident.model.evaluate import matrices, response, state_space
+from helisim.ident.evaluate import matrices, response, state_space
+from helisim.ident.modes import Mode, modes
 
 GRID = np.geomspace(0.5, 30.0, 40)
 RANDOM = np.random.default_rng(7)

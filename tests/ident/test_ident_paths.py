@@ -5,8 +5,7 @@ import pytest
 
 from helisim.base.errors import InputError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify
-from helisim.ident.model.evaluate import response
-from helisim.ident.model.paths import connected
+from helisim.ident.evaluate import response
 
 FREQUENCY = np.geomspace(0.5, 20.0, 40)
 APART = Structure(
@@ -40,12 +39,12 @@ def test_responses_of_a_chain_run_one_way():
 
     chain = {"x1/u1", "x2/u1", "x2/u2"}
     both = chain | {"x1/u2"}
-    assert connected(structure()) == chain
-    assert connected(structure(F=(("-1", "0"), ("0", "-1")))) == {"x1/u1", "x2/u2"}
-    assert connected(structure(M=(("1", "a"), ("0", "1")))) == both
-    assert connected(structure(F=(("-1", "1"), ("a", "-1")), M=(("1", "0"), ("0", "0")))) == both
-    assert connected(structure(D=(("0", "1"), ("0", "0")))) == both
-    assert connected(structure(D1=(("0", "1"), ("0", "0")))) == both
+    assert structure().connected == chain
+    assert structure(F=(("-1", "0"), ("0", "-1"))).connected == {"x1/u1", "x2/u2"}
+    assert structure(M=(("1", "a"), ("0", "1"))).connected == both
+    assert structure(F=(("-1", "1"), ("a", "-1")), M=(("1", "0"), ("0", "0"))).connected == both
+    assert structure(D=(("0", "1"), ("0", "0"))).connected == both
+    assert structure(D1=(("0", "1"), ("0", "0"))).connected == both
 
 
 def test_paths_are_those_of_a_response_that_is_not_zero():
@@ -63,7 +62,7 @@ def test_paths_are_those_of_a_response_that_is_not_zero():
             "sparse", (), names, ("u0", "u1"), names, M=rows[0], F=rows[1], G=rows[2]
         )
         outside = [np.linalg.solve(M * x - F, G) for x in s]
-        paths = connected(structure)
+        paths = structure.connected
         for o, i in np.argwhere(np.abs(outside).max(axis=0) > 1e-12):
             assert f"x{o}/u{i}" in paths
         for name in {f"x{o}/u{i}" for o in range(4) for i in range(2)} - paths:

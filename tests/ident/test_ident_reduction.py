@@ -7,7 +7,7 @@ import pytest
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import FrequencyResponse, Structure, reduce, structures
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 
 FREQUENCY = np.geomspace(1.0, 40.0, 90)
 TRUE = {

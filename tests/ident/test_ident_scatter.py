@@ -8,9 +8,8 @@ from scipy.signal import chirp, lfilter
 
 from helisim.base.errors import IdentificationError, InputError
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures
-from helisim.ident.fitting.cost import Cost
-from helisim.ident.fitting.points import select
-from helisim.ident.model.evaluate import response
+from helisim.ident.cost import Cost, select
+from helisim.ident.evaluate import response
 from helisim.ident.scatter import hann_lobe
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord

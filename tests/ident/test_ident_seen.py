@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from helisim.base.errors import InputError
 from helisim.ident import Fit, FrequencyResponse, frequency_response, identify, verify
 from helisim.ident.frf import flight_span, record_digest, share_seen
-from helisim.ident.model.transfer import first_order_delay
+from helisim.ident.transfer import first_order_delay
 from helisim.logs import read_log, screen
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord

@@ -8,10 +8,9 @@ from scipy.signal import StateSpace, freqresp
 
 from helisim.base.errors import UnknownNameError
 from helisim.ident import Parameter, Structure, structures
-from helisim.ident.model import sensitivity as module
-from helisim.ident.model.evaluate import matrices, response, response_and_slope
-from helisim.ident.model.expression import Expression
-from helisim.ident.model.sensitivity import Sensitivity
+from helisim.ident import evaluate as module
+from helisim.ident.evaluate import Sensitivity, matrices, response, response_and_slope
+from helisim.ident.expression import Expression
 
 GRID = np.geomspace(0.5, 20.0, 15)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from helisim.ident import Parameter, Structure
-from helisim.ident.fitting.starts import _gains, _scatter
-from helisim.ident.model.pencil import _uncancelled
+from helisim.ident.modes import uncancelled
+from helisim.ident.search import linear_parameters, scattered
 
 STRUCTURE = Structure(
     name="servo, mode and improper gain",
@@ -29,21 +29,21 @@ STRUCTURE = Structure(
 )
 
 
-def scattered(flipped):
+def drawn(flipped):
     random = np.random.default_rng(2)
-    return np.array([_scatter(STRUCTURE, random, flipped) for _ in range(400)])
+    return np.array([scattered(STRUCTURE, random, flipped) for _ in range(400)])
 
 
 def test_signs_are_kept_unless_they_are_flipped():
     """A start's sign is known, and its order of magnitude; of a zero only the scale is."""
-    found = scattered(0.0)
+    found = drawn(0.0)
     assert np.all(found[:, 0] > 0.0)
     assert np.all(found[:, 1] < 0.0)
     # the median of a factor that is symmetric in the logarithm is 1; 400 draws scatter by 6 %
     assert np.median(found[:, :2], axis=0) == pytest.approx([3.0, -2.0], rel=0.3)
     assert 0.3 < np.mean(found[:, 2] > 0.0) < 0.7
     assert np.std(found[:, 2]) == pytest.approx(5.0, rel=0.15)
-    turned = scattered(1.0)
+    turned = drawn(1.0)
     assert np.all(turned[:, 0] < 0.0)
     assert np.all(turned[:, 1] > 0.0)
     assert np.all(turned[:, 3] > 0.0)  # what has bounds isn't turned over
@@ -51,11 +51,11 @@ def test_signs_are_kept_unless_they_are_flipped():
 
 def test_gains_are_the_parameters_of_inputs_alone():
     """Those of G, D and D1; one that stands in F or M too is none."""
-    names = [STRUCTURE.free[k].name for k in _gains(STRUCTURE)]
+    names = [STRUCTURE.free[k].name for k in linear_parameters(STRUCTURE)]
     assert names == ["up", "direct", "coning"]
     plain = STRUCTURE.to_dict()
     plain["F"] = [["down * up", "0"], ["none", "-1"]]
-    names = [STRUCTURE.free[k].name for k in _gains(Structure.from_dict(plain))]
+    names = [STRUCTURE.free[k].name for k in linear_parameters(Structure.from_dict(plain))]
     assert names == ["direct", "coning"]
 
 
@@ -63,7 +63,7 @@ def test_a_pole_cancels_one_zero_at_most():
     """A zero on a pole goes with it; a second one there stays, and so does one beside."""
     zeros = np.array([-1.0, -1.0, -3.0 + 1.0j, -3.0 - 1.0j, 1e-9])
     poles = np.array([-1.0, -3.0 + 1.0j, -3.0 - 1.0j, 0.0])
-    kept = _uncancelled(zeros, poles, 5.0)
+    kept = uncancelled(zeros, poles, 5.0)
     assert kept == pytest.approx([-1.0])
     # by the size of all poles: at the origin a small distance is none only beside larger ones
-    assert _uncancelled(np.array([1e-9]), np.array([0.0]), 0.0) == pytest.approx([1e-9])
+    assert uncancelled(np.array([1e-9]), np.array([0.0]), 0.0) == pytest.approx([1e-9])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 from late import LATE
 
 GOOD = """
@@ -148,22 +148,32 @@ def test_any_parameter_survives_a_file(tmp_path_factory, start, low, high, meani
         ('"Y_lat*0.1"', "\"open('x')\"", InputError, r"D\.ay\.lat.*isn't allowed"),
         ("ay = { v = 1 }", "az = { v = 1 }", UnknownNameError, "row of H1 'az'.*ay, v"),
         ("v = { lat", "v = { lon", UnknownNameError, r"column of G\.v 'lon'.*lat"),
-        ("start = -0.2\n", "", InputError, "parameter 'Y_v' lacks its start"),
-        ("start = -0.2", 'start = "much"', InputError, "parameter 'Y_v': start is 'much'"),
-        ("start = -0.2", "start = nan", InputError, "parameter 'Y_v': start is nan"),
-        ("[0.0, 9.0]", "[9.0]", InputError, r"'Y_lat': bounds are \[9.0\], expected"),
+        ("start = -0.2\n", "", InputError, "parameter 'Y_v' needs start"),
+        ("start = -0.2", 'start = "much"', InputError, "'Y_v'.start must be a number, got 'much'"),
+        ("start = -0.2", "start = nan", InputError, "'Y_v'.start must be a finite number, got nan"),
+        (
+            "[0.0, 9.0]",
+            "[9.0]",
+            InputError,
+            r"'Y_lat'.bounds must be a list of 2 numbers, got \[9.0\]",
+        ),
         ("[0.0, 9.0]", "[3.0, 9.0]", InputError, "'Y_lat' has bounds 3.0 to 9.0 and starts"),
-        ("scale = 0.05", "scale = -1", InputError, "'tau' has scale -1"),
-        ("scale = 0.05", 'size = "1"', UnknownNameError, "key of parameter 'tau' 'size'"),
-        ("scale = 0.05", "fixed = 1", InputError, "'tau': fixed is 1, expected true"),
-        ('states = ["v", "x"]', 'states = "vx"', InputError, "states is 'vx', expected a list"),
-        ('"v", "x"]', '"v", 3]', InputError, "states holds 3"),
+        ("scale = 0.05", "scale = -1", InputError, "'tau'.scale must be a number above 0, got -1"),
+        ("scale = 0.05", 'size = "1"', UnknownNameError, "setting of parameter 'tau' 'size'"),
+        ("scale = 0.05", "fixed = 1", InputError, "'tau'.fixed must be true or false, got 1"),
+        (
+            'states = ["v", "x"]',
+            'states = "vx"',
+            InputError,
+            "states must be a list of names, got 'vx'",
+        ),
+        ('"v", "x"]', '"v", 3]', InputError, r"states\[1\] must be text, got 3"),
         ('lat = "tau"', 'lon = "tau"', UnknownNameError, "input with a delay 'lon'.*lat"),
-        ("g = 9.80665", 'g = "big"', InputError, "constant 'g' is 'big'"),
+        ("g = 9.80665", 'g = "big"', InputError, "constants.g must be a number, got 'big'"),
         ("g = 9.80665", "Y_v = 9.8", InputError, "names repeat: Y_v"),
-        ("[F]", "[K]", UnknownNameError, "key of a structure 'K'"),
-        ("x = -1 }", "x = true }", InputError, r"F\.x\.x is True"),
-        ('name = "side"\n', "", InputError, "lacks name"),
+        ("[F]", "[K]", UnknownNameError, "setting of structure 'K'"),
+        ("x = -1 }", "x = true }", InputError, r"F\.x\.x must be text or a number, got True"),
+        ('name = "side"\n', "", InputError, "structure needs name"),
     ],
 )
 def test_mistakes_name_the_file_and_the_entry(tmp_path, old, new, error, message):
@@ -214,8 +224,8 @@ def test_whatever_is_written_ends_in_a_structure_or_an_input_error(data):
 
 
 def test_a_matrix_that_is_no_table_is_refused_by_its_row():
-    """Rows are counted from 1."""
+    """Rows are counted from 0, as Python does."""
     plain = json.loads(json.dumps(LATE.to_dict()))
     plain["F"] = [["a", "0.4"], 3.0]
-    with pytest.raises(InputError, match="row 2"):
+    with pytest.raises(InputError, match=r"F\[1\] must be"):
         Structure.from_dict(plain)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, suspicions
-from helisim.ident.fitting.suspicion import shapes
-from helisim.ident.model.structures import transfer_function
+from helisim.ident.structures import transfer_function
 
 OMEGA = np.geomspace(1.0, 20.0, 60)
 DAMPING, GAIN, DELAY = 6.0, 90.0, 0.04
@@ -50,15 +49,15 @@ def causes(frf, structure):
     """Return kind and option of what is suspected of a fit that must fail."""
     fit = identify(frf, structure)
     assert not fit.acceptable
-    return [(one.kind, one.option) for one in suspicions(fit)]
+    return [(one.kind, *(f"--{x.name} {x.value}" for x in one.remedy)) for one in suspicions(fit)]
 
 
 def test_an_acceptable_fit_is_not_suspected():
     """Nor is one whose factor a free gain takes up."""
     for fit in (identify(data(), roll()), identify(data(p=57.3, phi=57.3), roll())):
         assert fit.acceptable
-        assert suspicions(fit) == shapes(fit) == ()
-        assert not any("try --" in remark for remark in fit.remarks)
+        assert suspicions(fit) == fit.shapes == ()
+        assert not any(note.remedy for note in fit.notes)
 
 
 @pytest.mark.slow
@@ -75,7 +74,7 @@ def test_degrees_taken_for_radians_are_told():
 def test_a_wrong_sign_is_told():
     """Of one output against the other; of the control, where its effectiveness has bounds."""
     found = causes(data(phi=-1.0), roll())
-    assert {kind for kind, _ in found} == {"sign"}
+    assert {kind for kind, *_ in found} == {"sign"}
     assert ("sign", "--channel phi=COLUMN:UNIT:sign=-1") in found
     found = causes(data(p=-1.0, phi=-1.0), roll(gains=(1.0, 1e4)))
     assert found[0] == ("sign", "--channel lat=COLUMN:UNIT:sign=-1")
@@ -88,7 +87,7 @@ def test_swapped_columns_are_told():
     (one,) = suspicions(fit)
     assert one.kind == "columns"
     assert "the columns of p and phi swapped: J would be" in one.text
-    assert one.to_dict()["option"] == "--channel p=COLUMN_OF_phi --channel phi=COLUMN_OF_p"
+    assert [x.value for x in one.remedy] == ["p=COLUMN_OF_phi", "phi=COLUMN_OF_p"]
 
 
 @pytest.mark.slow
@@ -114,7 +113,7 @@ def test_an_edge_of_the_band_is_told():
     (one,) = suspicions(fit)
     assert one.kind == "band"
     # a third of the band, in decades, counts as its edge: to 2.8 rad/s, and the next point is kept
-    assert 2.0 <= float(one.option.split()[1]) <= 3.0
+    assert 2.0 <= float(one.option.value.split()[0]) <= 3.0
     assert one.text in fit.remarks
 
 
@@ -136,4 +135,4 @@ def test_a_transfer_function_that_is_too_small_is_told():
     frf = FrequencyResponse.exact(OMEGA, response[None, None], inputs=("lon",), outputs=("q",))
     fit = identify(frf, transfer_function(input="lon", output="q", zeros=0, poles=1))
     found = suspicions(fit)
-    assert (found[0].kind, found[0].option) == ("order", "--structure tf:1/2")
+    assert (found[0].kind, found[0].option.value) == ("order", "tf:1/2")

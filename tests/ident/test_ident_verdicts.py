@@ -4,7 +4,13 @@ import math
 
 import pytest
 
-from helisim.ident.fitting.verdicts import SUPPORT, support
+from helisim.ident import FittedParameter, Parameter
+from helisim.ident.fitted import SUPPORT
+
+
+def support(value, bound, insensitivity, *, fixed=False, at_bound=False, degenerate=False):
+    known = Parameter("K", "1", 1.0, fixed=fixed)
+    return FittedParameter(known, value, bound, insensitivity, 0.0, at_bound, degenerate).support
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ from scipy.signal import cont2discrete, dlsim
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, identify, structures, verify
-from helisim.ident.model.evaluate import matrices, response, state_space
-from helisim.ident.model.simulation import delayed, simulate
+from helisim.ident.evaluate import delayed, matrices, response, simulate, state_space
 from helisim.ident.verification import Approach, overall_theil, theil
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord

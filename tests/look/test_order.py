@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helisim.ident.fitting.order import order as found_order
+from helisim.ident.rational import order as found_order
 
 OMEGA = np.geomspace(1.0, 25.0, 60)
 S = 1j * OMEGA

@@ -8,7 +8,7 @@ from closed_loop import Rig
 from numpy.typing import NDArray
 
 from helisim.ident import Structure
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 from helisim.records.record import FlightRecord
 
 

@@ -13,7 +13,7 @@ from scipy.linalg import expm, solve_continuous_are
 from scipy.signal import butter, sosfiltfilt
 
 from helisim.ident import Structure
-from helisim.ident.model.evaluate import matrices, state_space
+from helisim.ident.evaluate import matrices, state_space
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

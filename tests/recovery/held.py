@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from helisim.ident import Fit, FittedParameter, FrequencyResponse, Structure
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 
 
 def held(structure: Structure, values: Mapping[str, float]) -> Fit:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from helisim.ident import Structure
-from helisim.ident.model.evaluate import matrices, state_space
-from helisim.ident.model.simulation import simulate
+from helisim.ident.evaluate import matrices, simulate, state_space
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 

@@ -5,7 +5,7 @@ import pytest
 from fleet import FLEET
 from recovering import recover
 
-from helisim.ident.model.evaluate import state_space
+from helisim.ident.evaluate import state_space
 
 
 @pytest.fixture(params=list(FLEET))

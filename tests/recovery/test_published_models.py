@@ -17,7 +17,7 @@ from fleet import FLEET
 
 from helisim.base.errors import InputError
 from helisim.ident import Fit, Structure, frequency_response, identify, load_fit, verify
-from helisim.ident.model.evaluate import state_space
+from helisim.ident.evaluate import state_space
 from helisim.records.record import FlightRecord
 
 # The direct fit is made to be told apart from the joint one, and says so at each response.

@@ -5,7 +5,7 @@ import multirotor
 import numpy as np
 import pytest
 
-from helisim.ident.model.evaluate import state_space
+from helisim.ident.evaluate import state_space
 
 
 def same_poles(found, expected):

@@ -5,7 +5,7 @@ import pytest
 from plants import ROLLPITCH_IN1, fly_closed_loop
 
 from helisim.ident import frequency_response, identify, structures
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 
 BAND = (0.8, 20.0)
 YAW = {"N_r": -0.75, "N_ped": 76.0, "tau_r_base": 0.0}

@@ -8,7 +8,7 @@ import pytest
 from fleet import boeing_747
 from recovering import recover
 
-from helisim.ident.fitting.modes import modes
+from helisim.ident.modes import modes
 
 
 def damped(gain):

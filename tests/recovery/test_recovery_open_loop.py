@@ -9,7 +9,7 @@ from plants import ROLLPITCH_IN1, fly
 
 from helisim.base.errors import InputError
 from helisim.ident import frequency_response, identify, structures, verify
-from helisim.ident.model.evaluate import response, state_space
+from helisim.ident.evaluate import response, state_space
 
 RATES = ("p", "q")
 CYCLIC = ("lat", "lon")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 from helisim.sim import Recorder
 from helisim.study.models import YAW_BASE
 from helisim.study.truth import exact_response, true_values

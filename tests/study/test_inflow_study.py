@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from helisim.ident.model.evaluate import state_space
+from helisim.ident.evaluate import state_space
 from helisim.sim import Recorder
 from script import loaded
 

@@ -213,7 +213,6 @@ def _asked(o: Options) -> tuple[Work, dict[str, Any]]:
 def _fitted(o: Options, work: Work, search: dict[str, Any], files: Mapping[str, Path]) -> int:
     """Fit a structure, print it under what is said, and write it. Return the exit status."""
     from helisim.ident import identify, reduce
-    from helisim.ident.fitting.export import fit_text
     from helisim.ident.in_units import fit_in
 
     structure, estimated, said, _ = work
@@ -235,7 +234,7 @@ def _fitted(o: Options, work: Work, search: dict[str, Any], files: Mapping[str, 
     if reduction is not None:
         print(wrapped(str(reduction), indent=2))
     shown, notes = fit_in(fit, units) if units else (tuple(fit.parameters.values()), ())
-    print(wrapped("\n".join([fit_text(fit, shown), *notes]), indent=2))
+    print(wrapped("\n".join([fit.text(shown, worded_note), *notes]), indent=2))
     _print_suspicions(o, fit, estimated.logs)
     _write(o, estimated, fit, reduction, shown, files)
     return 0 if fit.converged and fit.acceptable and not fit.degenerate else 1
@@ -251,7 +250,7 @@ def _write(
 ) -> None:
     """Write what was asked for, the parameters in tables as they are shown, and say so."""
     from helisim.base.files import atomic_write, write_json
-    from helisim.ident.fitting.export import latex_table
+    from helisim.ident.fitted import latex_table
 
     json, latex, matlab, report = (files.get(name) or getattr(o, name) for name in _FILES)
     if json is not None:
@@ -276,10 +275,10 @@ def _print_suspicions(o: Options, fit: "Fit", logs: "Sequence[Log]") -> None:
     """Print what may be wrong where a fit isn't acceptable: by the data, and by the logs."""
     if fit.acceptable and not fit.dropped:
         return
-    from helisim.ident.fitting.suspicion import suspicions
+    from helisim.ident import suspicions
 
-    known = set(fit.remarks)
-    lines = [one.text for one in suspicions(fit) if one.text not in known]
+    known = set(fit.notes)
+    lines = [worded_note(one) for one in suspicions(fit) if one not in known]
     lines += [line for line in dict.fromkeys(_implausible(o) if logs else ()) if line not in lines]
     if lines:
         print("likely causes, by what the data show:")
@@ -329,7 +328,7 @@ def _adapted(o: Options, structure: "Structure") -> "Structure":
                 raise InputError(f"--rename takes OLD=NEW, such as lat=LAT, got {given!r}")
         structure = structure.renamed({old.strip(): new.strip() for old, _, new in pairs})
     if o.known:
-        from helisim.ident.model.blocks import with_blocks
+        from helisim.ident.blocks import with_blocks
 
         structure = with_blocks(structure, _blocks(o.known))
     bounds = dict(_bounds(item) for item in o.bounds)

@@ -17,8 +17,8 @@ from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem, Response, beside
 from helisim.base.value import FrozenMap, Value
 from helisim.handling.loop import BY_NAME, NoResponse
-from helisim.ident.fitting.result import Fit
-from helisim.ident.model import evaluate
+from helisim.ident import evaluate
+from helisim.ident.result import Fit
 from helisim.records.channels import ATTITUDES as ANGLES
 from helisim.records.channels import IN1, RATES
 from helisim.records.provenance import one_blas_thread

@@ -3,24 +3,22 @@
 Knows no simulator: a real flight log is identified by the same calls.
 """
 
-from helisim.ident.fitting.ardupilot import ArduPilotModel
-from helisim.ident.fitting.fit import identify
-from helisim.ident.fitting.fitted import FittedParameter
-from helisim.ident.fitting.misfit import Misfit
-from helisim.ident.fitting.modes import Mode, Modes
-from helisim.ident.fitting.reduction import Reduction, reduce
-from helisim.ident.fitting.result import Fit, load_fit
-from helisim.ident.fitting.suspicion import suspicions
+from helisim.ident import blocks, structures
+from helisim.ident.ardupilot import ArduPilotModel
+from helisim.ident.diagnosis import Misfit
+from helisim.ident.fit import Reduction, identify, reduce
+from helisim.ident.fitted import FittedParameter
 from helisim.ident.frf import (
     ClosedLoopWarning,
     CrossControlWarning,
     RecordQualityWarning,
     frequency_response,
 )
-from helisim.ident.model import blocks, structures
-from helisim.ident.model.series import in_series
-from helisim.ident.model.structure import Parameter, Structure
+from helisim.ident.modes import Mode, Modes
 from helisim.ident.response import USABLE_COHERENCE, FrequencyResponse, load_response
+from helisim.ident.result import Fit, load_fit
+from helisim.ident.structure import Parameter, Structure, in_series
+from helisim.ident.trials import suspicions
 from helisim.ident.verification import Verification
 from helisim.ident.verify import verify
 

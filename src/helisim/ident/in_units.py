@@ -11,9 +11,9 @@ from dataclasses import replace
 from fractions import Fraction
 
 from helisim.base.units import CONTROL, Powers, UserUnits, parts
-from helisim.ident.fitting.fitted import FittedParameter
-from helisim.ident.fitting.result import Fit
-from helisim.ident.model.structure import Structure
+from helisim.ident.fitted import FittedParameter
+from helisim.ident.result import Fit
+from helisim.ident.structure import Structure
 from helisim.records.channels import CHANNELS, signal_powers
 
 

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from helisim.base.errors import IdentificationError, InputError
-from helisim.ident.fitting.result import Fit
+from helisim.ident.evaluate import delayed, matrices, proper_part, simulate
 from helisim.ident.frf import record_digest, refuse_truncated, share_seen
-from helisim.ident.model.evaluate import matrices, proper_part
-from helisim.ident.model.simulation import delayed, simulate
+from helisim.ident.result import Fit
 from helisim.ident.verification import (
     Approach,
     Trace,

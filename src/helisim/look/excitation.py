@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from helisim.base.note import Option
 from helisim.base.units import without_trend
-from helisim.ident.fitting.order import order
+from helisim.ident.rational import order
 from helisim.ident.response import USABLE_COHERENCE
 from helisim.logs.report import LogFinding
 from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES

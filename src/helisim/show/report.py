@@ -9,9 +9,8 @@ from pathlib import Path
 
 from helisim.base.files import make_folder
 from helisim.ident import USABLE_COHERENCE, Fit, FittedParameter, Verification
-from helisim.ident.fitting.result import CORRELATION_LIMIT
-from helisim.ident.fitting.verdicts import meanings
-from helisim.ident.model.paths import connected
+from helisim.ident.fitted import meanings
+from helisim.ident.result import CORRELATION_LIMIT
 from helisim.records.record import FlightRecord
 from helisim.show import page, tables
 from helisim.show.figure import Drawing, text_at, variable
@@ -342,7 +341,7 @@ def _fit_quality(fit: Fit) -> str:
 def _left_out(fit: Fit) -> list[str]:
     """Return what a fit leaves out, and its diagnostics, in sentences."""
     why = {True: "has too few coherent points", False: "is zero in the structure"}
-    used = connected(fit.structure)
+    used = fit.structure.connected
     return [
         *(f"{name} {why[name in used]} and is not in the fit" for name in fit.dropped),
         *fit.data.flags,

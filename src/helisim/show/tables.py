@@ -15,7 +15,6 @@ from helisim.handling.figures import margins as margins_of
 from helisim.handling.figures import rejection
 from helisim.handling.loop import Loop, NoResponse, axis_of
 from helisim.ident import USABLE_COHERENCE, Fit, FittedParameter, FrequencyResponse, Mode, Modes
-from helisim.ident.fitting.modes import mode_notes
 from helisim.ident.verification import VerificationFigures
 from helisim.records.channels import IN1
 from helisim.records.record import FlightRecord
@@ -358,7 +357,7 @@ def _mode(name: str, key: str, one: Mode) -> tuple[Cell, ...]:
         number(one.damping_error if damped else None, _UNCERTAINTY),
         number(one.time, unit="s"),
         number(one.time_error, _UNCERTAINTY, unit="s error"),
-        words("; ".join(mode_notes(name, one)), "long"),
+        words("; ".join(one.notes(name)), "long"),
     )
 
 

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.ident.fitting.verdicts import Support
+from helisim.ident.fitted import Support
 from helisim.sim.plain import INFINITE
 
 Agreement = Literal["agrees", "differs", "not judged"]

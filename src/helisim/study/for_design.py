@@ -18,7 +18,7 @@ from helisim.base.errors import InputError
 from helisim.design.plant import Plant
 from helisim.handling.loop import axis_of
 from helisim.ident import Fit, Structure, blocks, identify, in_series, structures
-from helisim.ident.model.structures_inflow import with_inflow
+from helisim.ident.structures import with_inflow
 from helisim.records.channels import AXES
 from helisim.records.record import FlightRecord
 from helisim.sim.rigs import Finding, RigTest

@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from helisim.ident import Fit, frequency_response, identify, in_series
-from helisim.ident.model import blocks
+from helisim.ident import Fit, blocks, frequency_response, identify, in_series
 from helisim.records.channels import SERVO_POSITIONS
 from helisim.records.record import FlightRecord
 from helisim.sim import Recorder

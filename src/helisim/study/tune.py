@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from helisim.base.errors import ModelError
 from helisim.base.units import DB_PER_NEPER
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
 from helisim.study.published import published_of

@@ -12,7 +12,7 @@ import numpy as np
 
 from helisim.base.units import DB_PER_NEPER
 from helisim.ident import structures
-from helisim.ident.model.evaluate import response
+from helisim.ident.evaluate import response
 from helisim.study.paper import jr700
 
 _POINTS = 200

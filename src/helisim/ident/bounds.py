@@ -15,7 +15,7 @@ residuals (`scatter`), the parameters' covariance is
     A S A^T .
 
 So neighbouring frequencies that share windows do not count twice. What a structure can't follow
-is not in it: that is the same in every record, so a fit says it apart (`misfit`), by the ratio
+is not in it: that is the same in every record, so a fit says it apart (`Misfit`), by the ratio
 
     s^2 = r^T r / E[r^T r]
 
@@ -28,23 +28,22 @@ derivatives by it.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.ident.fitting.cost import Cost
+from helisim.ident.cost import Cost
 
 _NULL = 1e-13
 """A direction of the scaled Hessian with a smaller eigenvalue is not seen in the data."""
-
 _FAINT = 1e-6
 """A parameter whose change by its own size moves all residuals by less, in dB, is not seen: what
 is left of its derivative is rounding, whose errors would be anything."""
-
 _FARTHEST = 1e9
 """A size is believed up to so many times the order of magnitude that the structure states: far
 enough for coefficients of high order; one that only rounding sees runs to 1e16."""
+
+Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,29 +63,21 @@ class Accuracy:
         ratio: the residuals' power over what noise would leave; None likewise.
     """
 
-    cramer_rao: NDArray[np.float64]
-    insensitivity: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    carried: NDArray[np.float64]
-    correlation: NDArray[np.float64]
-    noise: NDArray[np.float64] | None
-    ratio: float | None
+    cramer_rao: Real
+    insensitivity: Real
+    covariance: Real
+    carried: Real
+    correlation: Real
+    noise: Real | None = None
+    ratio: float | None = None
 
     @property
-    def standard_error(self) -> NDArray[np.float64]:
+    def standard_error(self) -> Real:
         """(n_free,) standard deviations to expect of the parameters."""
         return np.sqrt(np.diagonal(self.covariance))
 
 
-class _Spread(NamedTuple):
-    """What the response's errors make of the parameters, and what they leave in the residuals."""
-
-    covariance: NDArray[np.float64]
-    noise: NDArray[np.float64]
-    ratio: float
-
-
-def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) -> Accuracy:
+def accuracy(cost: Cost, x: Real, *, standardised: bool = False) -> Accuracy:
     """Return the accuracy of a fit that ended at x.
 
     Args:
@@ -103,19 +94,24 @@ def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) 
     hessian = gauss_newton_hessian(jacobian)
     inverse, seen = _inverse(hessian)
     variance = np.diagonal(inverse)
+    minimised, scale, left = jacobian, cost.log_scale(), residual
     if standardised:
         minimised, scale = cost.standardised_jacobian(x) * clear, np.tile(1.0 / cost.spread, 2)
         left = cost.standardised(x)
-    else:
-        minimised, scale, left = jacobian, cost.log_scale(), residual
-    gain = _left_inverse(minimised)
+    # the pseudo-inverse, (n_free, n_residual), whatever units the parameters have
+    length = np.linalg.norm(minimised, axis=0)
+    unit = np.where(length > 0.0, length, 1.0)
+    gain = np.linalg.pinv(minimised / unit) / unit[:, None]
     spread = _spread(cost, left, minimised, scale, gain)
     if spread is None:
         freedom = max(residual.size - x.size, 1)
-        covariance = 2.0 * float(residual @ residual) / freedom * inverse
-    else:
-        covariance = spread.covariance
-    carried = _carried(cost, x, gain, standardised)
+        spread = 2.0 * float(residual @ residual) / freedom * inverse, None, None
+    covariance, noise, ratio = spread
+    known = [one for one in cost.structure.parameters if one.error > 0.0]
+    carried = np.zeros((x.size, len(known)))
+    if known and x.size:
+        by_known = cost.jacobian_by(x, [one.name for one in known], standardised=standardised)
+        carried = -(gain @ by_known) * [one.error for one in known]
     covariance = covariance + carried @ carried.T
     np.fill_diagonal(covariance, np.where(seen, np.maximum(np.diagonal(covariance), 0.0), np.inf))
     with np.errstate(divide="ignore"):
@@ -123,25 +119,19 @@ def accuracy(cost: Cost, x: NDArray[np.float64], *, standardised: bool = False) 
     root = np.sqrt(np.where(variance > 0.0, variance, 1.0))
     correlation = inverse / root[:, None] / root[None, :]
     np.fill_diagonal(correlation, 1.0)
-    return Accuracy(
-        cramer_rao=2.0 * np.sqrt(variance) + np.where(seen, 0.0, np.inf),
-        insensitivity=insensitivity,
-        covariance=covariance,
-        carried=carried,
-        correlation=np.clip(correlation, -1.0, 1.0),
-        noise=None if spread is None else spread.noise,
-        ratio=None if spread is None else spread.ratio,
-    )
+    bound = 2.0 * np.sqrt(variance) + np.where(seen, 0.0, np.inf)
+    correlation = np.clip(correlation, -1.0, 1.0)
+    return Accuracy(bound, insensitivity, covariance, carried, correlation, noise, ratio)
 
 
 def _spread(
-    cost: Cost,
-    residual: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
-    scale: NDArray[np.float64],
-    gain: NDArray[np.float64],
-) -> _Spread | None:
-    """Return what the response's own errors do, None where they are not known."""
+    cost: Cost, residual: Real, jacobian: Real, scale: Real, gain: Real
+) -> tuple[Real, Real, float] | None:
+    """Return what the response's own errors make of the parameters and leave in the residuals.
+
+    The parameters' covariance, `noise` and `ratio` of an `Accuracy`; None where the errors are not
+    known.
+    """
     relative = cost.points.covariance
     if relative is None:
         return None
@@ -154,31 +144,12 @@ def _spread(
     expected = float(np.sum(noise))
     if expected <= 0.0:
         return None
-    ratio = float(residual @ residual) / expected
     with np.errstate(divide="ignore", invalid="ignore"):
         plain = np.where(scale > 0.0, noise / scale**2, 0.0)
-    return _Spread(taken @ gain.T, plain, ratio)
+    return taken @ gain.T, plain, float(residual @ residual) / expected
 
 
-def _carried(
-    cost: Cost, x: NDArray[np.float64], gain: NDArray[np.float64], standardised: bool
-) -> NDArray[np.float64]:
-    """Return what one standard error of each known parameter moves the free ones by."""
-    known = [one for one in cost.structure.parameters if one.error > 0.0]
-    if not known or not x.size:
-        return np.zeros((x.size, len(known)))
-    jacobian = cost.jacobian_by(x, [one.name for one in known], standardised=standardised)
-    return -(gain @ jacobian) * [one.error for one in known]
-
-
-def _left_inverse(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the pseudo-inverse, (n_free, n_residual), whatever units the parameters have."""
-    length = np.linalg.norm(jacobian, axis=0)
-    scale = np.where(length > 0.0, length, 1.0)
-    return np.linalg.pinv(jacobian / scale) / scale[:, None]
-
-
-def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+def gauss_newton_hessian(jacobian: Real) -> Real:
     """Return the Hessian of J = sum r^2 without the residuals' curvature, (n_free, n_free).
 
     Args:
@@ -187,9 +158,7 @@ def gauss_newton_hessian(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
     return 2.0 * jacobian.T @ jacobian
 
 
-def _inverse(
-    hessian: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _inverse(hessian: Real) -> tuple[Real, NDArray[np.bool_]]:
     """Return the (pseudo-)inverse and which parameters are seen, scaled to a unit diagonal."""
     if hessian.size == 0:
         return hessian, np.ones(0, dtype=np.bool_)

@@ -15,29 +15,38 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+Real = NDArray[np.float64]
+
 _STEPS = 20
 """Sanathanan-Koerner steps: most are done in five, lightly damped poles in noise take more."""
-
 _SETTLED = 1e-6
 """A denominator that changes by less, as a fraction, has settled."""
-
 _DESCENT = 60
 """Levenberg-Marquardt steps."""
-
 _ARRIVED = 1e-6
 """A descent has arrived where its squared error falls by less, as a fraction."""
-
 STEP = 0.5
 """rad: how far two delays of a grid turn the phase at the top of the band from each other."""
-
-LONGEST_DELAY = 0.5
+_LONGEST = 0.5
 """s up to which delays are looked for in any band."""
-
 _CYCLES = 2.0
 """Delays are looked for up to so many cycles of the band's top."""
-
 _LEAD = 0.3
 """s by which a channel may lead: recorders skew their channels against each other."""
+
+ORDERS = ((0, 1), (0, 2), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4))
+"""Zeros and poles that are tried, the smallest first."""
+_BETTER = 0.5
+"""Of the error of fewer coefficients, that more must leave at most."""
+_ENOUGH = 0.03
+"""Relative error, rms, at which fewer coefficients are enough for a start."""
+_INSIDE = (0.3, 2.0)
+"""Of the band's edges, between which all poles must be: others can't be told from the data."""
+FAST = 0.4
+"""Of the band's top, from which an unstable pole is no aircraft's that anyone flew: with a delay
+that is too long it stands for a lag that the order has no room for."""
+_POINTS = 3
+"""Frequencies a coefficient, at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,16 +61,14 @@ class Rationals:
         errors: (n_delay,) root of the weighted mean square of the relative errors.
     """
 
-    begun: NDArray[np.float64]
-    delays: NDArray[np.float64]
-    numerators: NDArray[np.float64]
-    denominators: NDArray[np.float64]
-    errors: NDArray[np.float64]
+    begun: Real
+    delays: Real
+    numerators: Real
+    denominators: Real
+    errors: Real
 
 
-def delay_grid(
-    frequency: NDArray[np.float64], low: float = -_LEAD, high: float = np.inf
-) -> NDArray[np.float64]:
+def delay_grid(frequency: Real, low: float = -_LEAD, high: float = np.inf) -> Real:
     """Return the delays to look at, s, for a band, (n_freq,) rad/s, and bounds of the delay.
 
     They reach from a lead of 0.3 s to 0.5 s or two cycles of the band's top, whichever is longer,
@@ -69,20 +76,20 @@ def delay_grid(
     """
     top = float(np.max(frequency))
     low = max(low, -_LEAD)
-    high = max(min(high, max(LONGEST_DELAY, 2.0 * np.pi * _CYCLES / top)), low)
+    high = max(min(high, max(_LONGEST, 2.0 * np.pi * _CYCLES / top)), low)
     return np.linspace(low, high, 1 + int(np.ceil((high - low) * top / STEP)))
 
 
 def rational_fits(
-    frequency: NDArray[np.float64],
+    frequency: Real,
     measured: NDArray[np.complex128],
-    weight: NDArray[np.float64],
+    weight: Real,
     *,
     zeros: int,
     poles: int,
-    delays: NDArray[np.float64],
+    delays: Real,
     fixed: bool = False,
-    known: NDArray[np.float64] | None = None,
+    known: Real | None = None,
 ) -> Rationals:
     """Fit a response from each delay.
 
@@ -122,11 +129,11 @@ def rational_fits(
 def _sanathanan_koerner(
     powers: NDArray[np.complex128],
     measured: NDArray[np.complex128],
-    root: NDArray[np.float64],
+    root: Real,
     orders: tuple[int, int],
-    delays: NDArray[np.float64],
-    given: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    delays: Real,
+    given: Real,
+) -> tuple[Real, Real]:
     """Return the best numerator and denominator at each delay, frequencies scaled."""
     zeros, poles = orders
     sought = np.isnan(given)
@@ -134,7 +141,7 @@ def _sanathanan_koerner(
     # The denominator of the first step has its poles in the middle of the band, well damped.
     previous = np.ones((delays.size, 1)) * np.atleast_1d(np.poly(-np.ones(poles)))
     least = np.full(delays.size, np.inf)
-    numerators: NDArray[np.float64] = np.zeros((delays.size, zeros + 1))
+    numerators: Real = np.zeros((delays.size, zeros + 1))
     denominators = previous.copy()
     for _ in range(_STEPS):
         share = (root / np.abs(previous @ powers[:, : poles + 1].T))[..., None]
@@ -147,7 +154,7 @@ def _sanathanan_koerner(
         found = np.tile(given, (delays.size, 1))
         found[:, sought] = _least_squares(np.concatenate([rows.real, rows.imag], axis=1))
         top = found[:, : zeros + 1]
-        bottom: NDArray[np.float64] = np.ones((delays.size, poles + 1))
+        bottom: Real = np.ones((delays.size, poles + 1))
         bottom[:, :poles] = found[:, zeros + 1 :]
         model = (top @ powers[:, : zeros + 1].T) / (bottom @ powers[:, : poles + 1].T)
         error = np.sqrt(np.sum((root * np.abs(model / target - 1.0)) ** 2, axis=1))
@@ -163,12 +170,12 @@ def _sanathanan_koerner(
 def _descend(
     powers: NDArray[np.complex128],
     measured: NDArray[np.complex128],
-    root: NDArray[np.float64],
-    top: NDArray[np.float64],
-    bottom: NDArray[np.float64],
-    delays: NDArray[np.float64],
+    root: Real,
+    top: Real,
+    bottom: Real,
+    delays: Real,
     sought: NDArray[np.bool_],
-) -> tuple[NDArray[np.float64], ...]:
+) -> tuple[Real, ...]:
     """Go from each start to a smallest relative error, by Levenberg and Marquardt, all at once.
 
     Returns:
@@ -177,15 +184,15 @@ def _descend(
     zeros, poles = top.shape[1] - 1, bottom.shape[1] - 1
     now = np.concatenate([top, bottom[:, :poles], delays[:, None]], axis=1)
 
-    def compare(x: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    def compare(x: Real) -> tuple[NDArray, ...]:
         above = x[:, : zeros + 1] @ powers[:, : zeros + 1].T
         below = x[:, zeros + 1 : -1] @ powers[:, :poles].T + powers[:, poles]
         turn = np.exp(-x[:, -1:] * powers[:, 1]) / measured
         residual = root * (above / below * turn - 1.0)
-        return above, below, turn, residual
+        squares = np.sum(residual.real**2 + residual.imag**2, axis=-1)
+        return above, below, turn, residual, np.where(np.isfinite(squares), squares, np.inf)
 
-    above, below, turn, residual = compare(now)
-    cost = _squares(residual)
+    above, below, turn, residual, cost = compare(now)
     damping = np.full(len(now), 1e-3)
     running = np.isfinite(cost)
     for _ in range(_DESCENT):
@@ -206,8 +213,7 @@ def _descend(
         step[np.flatnonzero(running)[:, None], np.flatnonzero(sought)] = _least_squares(
             np.concatenate([rows.real, rows.imag], axis=1), damping[running]
         )
-        tried = compare(now + step)
-        new = _squares(tried[-1])
+        *tried, new = compare(now + step)
         better = new < cost
         arrived = better & (new > (1.0 - _ARRIVED) * cost)
         for old, fresh in zip((above, below, turn, residual), tried):
@@ -219,14 +225,7 @@ def _descend(
     return now[:, : zeros + 1], bottom, now[:, -1], np.sqrt(cost)
 
 
-def _squares(residual: NDArray[np.complex128]) -> NDArray[np.float64]:
-    squares = np.sum(residual.real**2 + residual.imag**2, axis=-1)
-    return np.where(np.isfinite(squares), squares, np.inf)
-
-
-def _least_squares(
-    rows: NDArray[np.float64], damping: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def _least_squares(rows: Real, damping: Real | None = None) -> Real:
     """Solve stacks of least-squares problems, columns scaled to one; damped if asked.
 
     Args:
@@ -243,3 +242,55 @@ def _least_squares(
     triangle = np.asarray(np.linalg.qr(upright, mode="r"))
     solved = np.linalg.solve(triangle[:, :-1, :-1], triangle[:, :-1, -1:])[..., 0]
     return solved * size[:, 0, -1:] / size[:, 0, :-1]
+
+
+def order(
+    omega: Real,
+    response: NDArray[np.complex128],
+    *,
+    begun: tuple[int, int] = ORDERS[0],
+    enough: float = _ENOUGH,
+) -> tuple[int, int]:
+    """Return the zeros and poles of the first transfer function that follows a response.
+
+    One with more of them must halve the error, with poles that the band shows, and none both
+    unstable and fast. Where none does, it is what was begun with.
+
+    Args:
+        omega: (n_freq,) rad/s, increasing.
+        response: (n_freq,) output over input, where it is coherent.
+        begun: zeros and poles, from which to go on to larger ones.
+        enough: relative error, rms, at which no larger one is tried.
+    """
+    chosen, (best, roots) = begun, _tried(omega, response, *begun)
+    if np.any((roots.real > 0.0) & (np.abs(roots) > FAST * omega[-1])):
+        best = max(2.0 * best, 1.01 * enough)  # any that needs no such pole is better
+    for zeros, poles in ORDERS:
+        if (zeros, poles) == begun or zeros < begun[0] or poles < begun[1]:
+            continue
+        if best < enough or omega.size < _POINTS * (zeros + poles + 1):
+            break
+        error, roots = _tried(omega, response, zeros, poles)
+        size = np.abs(roots)
+        fast = bool(np.any((roots.real > 0.0) & (size > FAST * omega[-1])))
+        inside = bool(np.all((size > _INSIDE[0] * omega[0]) & (size < _INSIDE[1] * omega[-1])))
+        if error < _BETTER * best and not fast and inside:
+            chosen, best = (zeros, poles), error
+    return chosen
+
+
+def _tried(
+    omega: Real, response: NDArray[np.complex128], zeros: int, poles: int
+) -> tuple[float, NDArray[np.complex128]]:
+    """Return the error, rms and relative, and the poles of the best delay."""
+    found = rational_fits(
+        omega,
+        response,
+        np.ones(omega.size),
+        zeros=zeros,
+        poles=poles,
+        delays=delay_grid(omega, low=0.0),
+    )
+    best = int(np.argmin(found.errors))
+    roots = np.roots(found.denominators[best][::-1])
+    return float(found.errors[best]), roots.astype(np.complex128)

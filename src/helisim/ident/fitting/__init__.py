@@ -1,1 +1,0 @@
-"""From frequency responses to fitted models: search, errors, verdicts, what to doubt."""

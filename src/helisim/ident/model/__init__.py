@@ -1,1 +1,0 @@
-"""Model structures as data, and with numbers: matrices, responses, exact derivatives."""
