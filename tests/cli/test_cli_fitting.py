@@ -105,8 +105,8 @@ def test_a_poor_fit_names_the_options_that_help(tmp_path, sweep_csv, capsys):
     options = ["--structure", "heave", "--searches", "1", "--bounds", "Z_w=-0.5:-0.4"]
     main(["identify", str(sweep_csv()), *options])
     printed = " ".join(capsys.readouterr().out.split())
-    assert "try more searches (--searches N)" in printed
-    assert "at a bound: Z_w; widen it (--bounds NAME=LO:HI)" in printed
+    assert "say where to start (--searches, --start)" in printed
+    assert "doubt the structure (--bounds)" in printed
 
 
 def fitted(tmp_path, logs, *options, structure="rollpitch"):
@@ -229,7 +229,7 @@ def test_a_reduction_keeps_what_it_is_told_to(tmp_path, sweep_csv):
         (["--bounds", "Z_w=nan:nan"], "Z_w"),
         (["--bounds", "Z_w=-2:-1", "--start", "Z_w=5"], "start"),
         (["--fix", "Z_w=-1+-x"], "--fix"),
-        (["--fix", "Z_w=-1+--2"], "expected 0 or more"),
+        (["--fix", "Z_w=-1+--2"], "a number 0 or more"),
         (["--known", "delay"], "--known"),
         (["--known", "col=delay", "--known", "col=delay"], "twice"),
         (["--known", "lat=delay"], "'lat'"),

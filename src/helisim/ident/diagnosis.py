@@ -476,5 +476,5 @@ def _incoherent(left: Residual) -> Note | None:
         f"{left.name}: coherence is {mean:.2f} on average: something else moves "
         f"{left.name.partition('/')[0]}, or the sweep is short or small; name what else acts, or "
         "leave the response out",
-        "conditioning,responses",
+        remedy="conditioning,responses",
     )

@@ -173,18 +173,18 @@ class Fit(Value, Displayed):
         found = [Note("degenerate", text) for text in self.degenerate]
         if not self.converged:
             text = "the search did not converge: give better starts, or fix a parameter"
-            found.append(Note.of("search", text, "start,fix"))
+            found.append(Note.of("search", text, remedy="start,fix"))
         if self.searches_agreeing < 2:
             text = (
                 "no two starts, at different delays where there are any, ended in this minimum: "
                 "try more searches, or say where to start"
             )
-            found.append(Note.of("starts", text, "searches,start"))
+            found.append(Note.of("starts", text, remedy="searches,start"))
         doubt = None if self.degenerate else self._doubt
         found += [doubt] if doubt else []
         if self.at_bound:
             text = f"at a bound: {', '.join(self.at_bound)}; widen it, or doubt the structure"
-            found.append(Note.of("bound", text, "bounds"))
+            found.append(Note.of("bound", text, remedy="bounds"))
         reached = self.structure.connected
         incoherent = [name for name in self.dropped if name in reached]
         if incoherent:
