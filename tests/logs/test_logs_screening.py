@@ -185,28 +185,25 @@ def turning(fast=0.0, slip=0.0, noise=1.0, seed=0):
 
 @pytest.mark.parametrize("fast", [-5e-3, 0.0, 5e-3])
 @pytest.mark.parametrize("slip", [-1e-4, 0.0, 1e-4])
-def test_angles_and_rates_tell_the_clocks(fast, slip):
-    """How fast the clock is, and how much rates slip, within five of their standard errors."""
+def test_angles_and_rates_tell_the_clock(fast, slip):
+    """How fast the clock is, within five standard errors, also where rates slip."""
     with np.errstate(all="ignore"):
         found = clock_errors(*turning(fast, slip))[0]
     assert found.angle == "phi"
     assert found.coherence > 0.999
-    assert found.fast_error < 1e-3
-    assert found.slip_error < 1e-5
+    assert found.error < 1e-3
     # of the slip a part, 1e-4, is a scale as well
-    assert found.fast == pytest.approx(fast, abs=5.0 * found.fast_error + 1.1 * abs(slip))
-    assert found.slip == pytest.approx(slip, abs=5.0 * found.slip_error)
+    assert found.fast == pytest.approx(fast, abs=5.0 * found.error + 1.1 * abs(slip))
 
 
-def test_errors_of_the_clocks_are_honest():
+def test_errors_of_the_clock_are_honest():
     """Over forty seeds the found values scatter as their standard errors say, around none."""
     with np.errstate(all="ignore"):
         found = [clock_errors(*turning(seed=seed))[0] for seed in range(40)]
-    for value, error in (("fast", "fast_error"), ("slip", "slip_error")):
-        pulls = [getattr(one, value) / getattr(one, error) for one in found]
-        # 40 pulls of 14 degrees of freedom: their rms is 1.08, to 12 %; the mean to 0.17
-        assert 0.7 < np.sqrt(np.mean(np.square(pulls))) < 1.5
-        assert abs(np.mean(pulls)) < 0.7
+    pulls = [one.fast / one.error for one in found]
+    # 40 pulls of 14 degrees of freedom: their rms is 1.08, to 12 %; the mean to 0.17
+    assert 0.7 < np.sqrt(np.mean(np.square(pulls))) < 1.5
+    assert abs(np.mean(pulls)) < 0.7
 
 
 @pytest.mark.parametrize("value", [0.0, 1.0, 1e200, -1e308])
@@ -221,13 +218,12 @@ def test_channels_that_are_no_motion_say_nothing(value):
 
 def test_a_clock_that_goes_wrong_is_noted():
     """In the report, with its error; sound clocks, and too little turning, say nothing."""
-    for fast, slip, says in ((5e-3, 0.0, "clock is fast"), (0.0, 1e-4, "two clocks")):
-        time, channels = turning(fast, slip)
-        record = made(time=time, names=tuple(channels), **channels)
-        (finding,) = screen(record, channels=("phi",)).report.findings
-        assert finding.kind == "clock"
-        assert says in finding.text
-        assert not finding.repaired
+    time, channels = turning(5e-3)
+    record = made(time=time, names=tuple(channels), **channels)
+    (finding,) = screen(record, channels=("phi",)).report.findings
+    assert finding.kind == "clock"
+    assert "clock is fast" in finding.text
+    assert not finding.repaired
     time, channels = turning()
     assert kinds(screen(made(time=time, names=tuple(channels), **channels))) == []
     time, channels = turning(5e-3, noise=30.0)

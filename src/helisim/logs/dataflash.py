@@ -39,16 +39,12 @@ _FMT = b"".join(
 )
 """The FMT message that describes itself, the one layout that is known beforehand."""
 _TEXT_START = re.compile(rb"^FMT, ?\d", re.MULTILINE)
-_SNIFFED = 1 << 16
-"""Bytes of a file that show whether it is a DataFlash log."""
-_WINDOW = 4 << 20
-"""Bytes that are in memory at a time: the log itself never is."""
+_SNIFFED = 1 << 16  # bytes of a file that show whether it is a DataFlash log
+_WINDOW = 4 << 20  # bytes that are in memory at a time: the log itself never is
 _CLOCKS: Mapping[str, float] = {"TimeUS": 1e-6, "TimeMS": 1e-3}
 """Fields that say when, and their units in s."""
-_INSTANCE = "#"
-"""Unit of the field that says which of several sensors a message is of."""
-_SAMPLES = 32
-"""Numbers in an `a`."""
+_INSTANCE = "#"  # unit of the field that says which of several sensors a message is of
+_SAMPLES = 32  # numbers in an `a`
 _LETTERS: dict[str, tuple[str, float]] = {
     "a": ("<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
     "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0), "g": ("<f2", 1.0),

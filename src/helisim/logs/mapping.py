@@ -1,17 +1,16 @@
 """Which column of a log is which channel, as values or from a small TOML file; and the repairs."""
 
-import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import read_toml
 from helisim.base.note import Option
-from helisim.base.units import PULSE, TIME_UNITS, check_same, is_unit, time_unit, unit
-from helisim.base.value import FrozenMap
+from helisim.base.settings import check, from_plain, placed, read_settings, setting
+from helisim.base.units import PULSE, check_same, is_unit, time_unit, unit
 from helisim.records.channels import CHANNELS, Channel
 
 REPAIRS: dict[str, str] = {
@@ -70,23 +69,16 @@ class Column:
 
     column: str
     unit: str | None = None
-    sign: int = 1
+    sign: int = setting(1, choices=(1, -1))
     trim: float | None = None
-    range: float | None = None
+    range: float | None = setting(None, above=0.0)
     unwrap: bool | None = None
     meaning: str = ""
 
     def __post_init__(self) -> None:
-        name, own = self.column, f"of column {self.column!r}"
-        _check("column", name, isinstance(name, str) and bool(name.strip()), "a column's name")
-        _check(f"unit {own}", self.unit, isinstance(self.unit, str | None), "text")
-        _check(f"meaning {own}", self.meaning, isinstance(self.meaning, str), "text")
-        signed = not isinstance(self.sign, bool) and self.sign in (1, -1)
-        _check(f"sign {own}", self.sign, signed, "1 or -1")
-        _check(f"trim {own}", self.trim, self.trim is None or _is_number(self.trim), "a number")
-        wide = self.range is None or (_is_number(self.range) and self.range > 0.0)
-        _check(f"range {own}", self.range, wide, "a number > 0")
-        _check(f"unwrap {own}", self.unwrap, self.unwrap in (None, True, False), "true or false")
+        check(self, f"column {self.column!r:.60}")
+        if not self.column.strip():
+            raise InputError(f"column is {self.column!r}, expected a column's name")
         if self.unit is not None and self.range is None:
             unit(self.unit)
 
@@ -141,20 +133,8 @@ def named_column(text: str) -> tuple[str, Column]:
     if not name.strip() or not column:
         raise InputError(f"expected NAME=COLUMN:UNIT, such as p=gyro_x:deg/s, got {text!r}")
     unit = further.pop(0) if further and "=" not in further[0] else None
-    try:
-        numbers = {key: float(value) for key, _, value in (one.partition("=") for one in further)}
-    except ValueError:
-        raise InputError(f"{text!r}: behind the unit are sign=-1, trim=X or range=X") from None
-    for key in numbers:
-        if key not in ("sign", "trim", "range"):
-            raise InputError(f"{text!r}: {key!r} is unknown; available: sign, trim, range")
-    sign = numbers.pop("sign", 1.0)
-    try:
-        return name.strip(), Column(
-            column, unit or None, sign=int(sign) if sign in (1, -1) else 0, **numbers
-        )
-    except InputError as error:
-        raise InputError(f"{text!r}: {error}") from None
+    table = {"column": column, "unit": unit or None, **read_settings(Column, further, text)}
+    return name.strip(), from_plain(Column, table, text)
 
 
 @dataclass(frozen=True)
@@ -169,16 +149,12 @@ class Clock:
 
     column: str | None = None
     unit: str | None = None
-    rate: float | None = None
+    rate: float | None = setting(None, unit="Hz", above=0.0)
 
     def __post_init__(self) -> None:
+        check(self)
         if (self.column is None) == (self.rate is None):
             raise InputError("time needs either a column or a rate in Hz")
-        name, units = self.column, ", ".join(TIME_UNITS)
-        _check("column of time", name, isinstance(name, str | None), "a column's name")
-        _check("unit of time", self.unit, isinstance(self.unit, str | None), units)
-        sane = self.rate is None or (_is_number(self.rate) and self.rate > 0.0)
-        _check("rate of time", self.rate, sane, "a positive number, Hz")
         if self.unit is not None:
             time_unit(self.unit)
 
@@ -198,29 +174,23 @@ class Layout:
     """
 
     delimiter: str | None = None
-    decimal: str = "."
+    decimal: str = setting(".", choices=(".", ","))
     encoding: str | None = None
-    header: int | None = None
-    skip: int = 0
+    header: int | None = setting(None, low=1)
+    skip: int = setting(0, low=0)
     names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        check(self)
         one = self.delimiter
-        single = isinstance(one, str) and len(one) == 1 and one not in '\r\n" \0'
-        _check("delimiter", one, one is None or single, "one character, such as ';'")
-        point = self.decimal in (".", ",") and self.decimal != one
-        _check("decimal", self.decimal, point, "'.' or ',', and not the delimiter")
+        if one is not None and (len(one) != 1 or one in '\r\n" \0'):
+            raise InputError(f"delimiter is {one!r:.40}, expected one character, such as ';'")
+        if self.decimal == one:
+            raise InputError(f"decimal is {one!r}, expected another character than the delimiter")
         try:
             "".encode("utf-8" if self.encoding is None else self.encoding)
-        except (LookupError, TypeError, ValueError):
-            raise InputError(f"unknown encoding {self.encoding!r}, such as 'utf-8'") from None
-        for name, value, least in (("header", self.header, 1), ("skip", self.skip, 0)):
-            whole = isinstance(value, int) and not isinstance(value, bool) and value >= least
-            allowed = whole or (value is None and name == "header")
-            _check(name, value, allowed, f"a whole number from {least}")
-        listed = not isinstance(self.names, str) and all(isinstance(n, str) for n in self.names)
-        _check("names", self.names, listed, "a list of column names")
-        object.__setattr__(self, "names", tuple(self.names))
+        except (LookupError, ValueError):
+            raise InputError(f"unknown encoding {self.encoding!r:.40}, such as 'utf-8'") from None
 
 
 @dataclass(frozen=True)
@@ -238,11 +208,10 @@ class Map:
     layout: Layout = field(default_factory=Layout)
 
     def __post_init__(self) -> None:
-        for name, column in self.channels.items():
-            _check(f"channel {name!r}", column, isinstance(column, Column), "a Column")
-            if not isinstance(name, str) or not name or name == "time":
+        check(self)
+        for name in self.channels:
+            if not name or name == "time":
                 raise InputError(f"a channel can't be called {name!r}")
-        object.__setattr__(self, "channels", FrozenMap(self.channels))
 
     @classmethod
     def of(
@@ -269,10 +238,14 @@ class Map:
             if key not in ("time", "channels", "file"):
                 raise UnknownNameError("key of a map", key, ("time", "channels", "file"))
         channels = data.get("channels", {})
-        _check("[channels]", channels, isinstance(channels, Mapping), "a table")
-        columns = {k: _build(Column, f"channels.{k}", one, column=k) for k, one in channels.items()}
-        time = _build(Clock, "time", data["time"]) if "time" in data else None
-        return cls(columns, time, _build(Layout, "file", data.get("file", {})))
+        if not isinstance(channels, Mapping):
+            raise InputError(f"[channels] is {channels!r:.40}, expected a table")
+        tables = {
+            k: {"column": k, **o} if isinstance(o, Mapping) else o for k, o in channels.items()
+        }
+        columns = {k: from_plain(Column, one, f"channels.{k}") for k, one in tables.items()}
+        time = from_plain(Clock, data["time"], "time") if "time" in data else None
+        return cls(columns, time, from_plain(Layout, data.get("file", {}), "file"))
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Map":
@@ -283,10 +256,8 @@ class Map:
             InputError: a key is unknown, missing or of the wrong kind.
         """
         data = read_toml(path)
-        try:
+        with placed(path):
             return cls.from_dict(data)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
 
     def with_channels(self, channels: Mapping[str, Column]) -> "Map":
         """Return a copy with channels added or replaced."""
@@ -318,28 +289,3 @@ def find_column(wanted: str, names: Sequence[str], what: str) -> str:
     if len(found) > 1:
         raise InputError(f"{what} {wanted!r} is ambiguous: {len(found)} columns have that name")
     return found[0]
-
-
-def _build(kind: type[Any], where: str, table: object, **usual: object) -> Any:
-    if not isinstance(table, Mapping):
-        raise InputError(f"[{where}] is {table!r:.100}, expected a table")
-    known = [one.name for one in fields(kind)]
-    for key in table:
-        if key not in known:
-            raise UnknownNameError(f"key of [{where}]", key, known)
-    try:
-        return kind(**{**usual, **table})
-    except InputError as error:
-        raise InputError(f"[{where}] {error}") from None
-
-
-def _check(what: str, value: object, sound: bool, expected: str) -> None:
-    if not sound:
-        raise InputError(f"{what} is {value!r:.100}, expected {expected}")
-
-
-def _is_number(value: object) -> bool:
-    try:
-        return isinstance(value, int | float) and type(value) is not bool and math.isfinite(value)
-    except OverflowError:
-        return False

@@ -1,7 +1,7 @@
 """Reads a log: columns to channels, units to SI, screened, repaired, cut, to records."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,7 @@ from helisim.logs.tables import ParquetLog, TextLog
 from helisim.logs.timing import (
     Options,
     Samples,
+    Taken,
     check_missing,
     check_unit_of_time,
     common_rate,
@@ -51,7 +52,6 @@ from helisim.logs.timing import (
     without_duplicates,
 )
 from helisim.logs.ulog import ULOG_MAGIC, open_ulog
-from helisim.records.channels import Channel
 from helisim.records.provenance import made_by, plain
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, read_table
@@ -62,10 +62,8 @@ _MANY_CLOCKS = 4
 """A log whose columns have more isn't read as a whole: hardly two of its messages are."""
 _NO_MOVE = 1e-12
 """Of a channel's largest value: it is constant if it varies by less, which is rounding."""
-_WRAP = 1.5 * np.pi
-"""rad: an angle that jumps by more between two samples went around."""
-_LONG_ENOUGH = 20.0
-"""s, of a part whose clocks are looked at."""
+_WRAP = 1.5 * np.pi  # rad: an angle that jumps by more between two samples went around
+_LONG_ENOUGH = 20.0  # s, of a part whose clocks are looked at
 _SAY = "say which column is which channel (a map has more); a first look at the log guesses which"
 
 
@@ -371,51 +369,28 @@ def _check_usable(log: Log, wanted: Sequence[str], use_ended: bool, findings: Fi
         findings.refuse("ended", text, remedy="use_ended")
 
 
-@dataclass(frozen=True, eq=False)
-class _Mapped:
-    """A log's columns as channels in SI.
-
-    Attributes:
-        channels: name -> the channel.
-        headings: name -> the column's heading.
-        computed: name -> how it is computed, for people.
-        declared: name -> the column with its unit, as far as that is known.
-        by_clock: clock -> name -> (n_time,) values, NaN where there is no number.
-    """
-
-    channels: dict[str, Channel] = field(default_factory=dict)
-    headings: dict[str, str] = field(default_factory=dict)
-    computed: dict[str, str] = field(default_factory=dict)
-    declared: dict[str, Column] = field(default_factory=dict)
-    by_clock: dict[str, dict[str, NDArray[np.float64]]] = field(default_factory=dict)
-
-
 def _from_record(
-    path: Path,
-    record: FlightRecord,
-    digest: str,
-    options: Options,
-    wanted: Sequence[str] | None,
+    path: Path, record: FlightRecord, digest: str, options: Options, wanted: Sequence[str] | None
 ) -> Log:
     """Read a helisim record, which needs no map."""
-    findings, names = Findings(), record.names
+    findings, first = Findings(), float(record.time[0])
+    taken = [
+        Taken(
+            one,
+            one.name,
+            Column(one.name, one.unit if is_unit(one.unit) else None, unwrap=False),
+            f"as recorded, in {one.unit}",
+        )
+        for one in record.channels
+    ]
     rows = np.arange(len(record))
-    samples = Samples(path, "row", rows, record.time, record.values, names, "time")
-    limits = tuple((record.time[0] + np.array(options.limits)).tolist())
-    known = [one for one in record.channels if is_unit(one.unit)]
-    mapped = _Mapped(
-        {one.name: one for one in record.channels},
-        {name: name for name in names},
-        {one.name: f"as recorded, in {one.unit}" for one in record.channels},
-        {one.name: Column(one.name, one.unit, unwrap=False) for one in known},
-        {"time": dict.fromkeys(names, rows)},
+    samples = Samples(path, "row", rows, record.time, record.values, tuple(taken), "time")
+    within_limits = within(
+        samples, (first + options.limits[0], first + options.limits[1]), findings
     )
     head = (str(path), OURS, digest, "row", len(record))
-    samples = (within(samples, limits, findings),)
-    origin = f"{record.time[0]:.9g} s"
-    log = _assembled(
-        head, mapped, samples, (), origin, options, findings, record.provenance, wanted
-    )
+    facts, origin = record.provenance, f"{first:.9g} s"
+    log = _assembled(head, (within_limits,), (), origin, options, findings, facts, wanted)
     report = log.report
     if report.resampled_hz or report.repairs or report.parts[0].samples != len(record):
         return log
@@ -445,51 +420,60 @@ def from_source(
     """
     try:
         findings += source.findings
-        mapped = _mapped(source, map_, findings)
-        samples, origins = _samples(source, mapped, map_, options, findings)
+        samples, origins = _samples(source, map_, options, findings)
         if not samples:
             source.stamps(source.clock(source.names[0]), map_.time)  # is time wrong, too?
             findings.check()
-        used = {*mapped.headings.values(), *origins}
+        used = {*(taken.heading for one in samples for taken in one.taken), *origins}
         unused = tuple(name for name in source.names if name not in used)
         longest = max(one.time.size for one in samples)
         head = (str(source.path), source.format, digest, source.counts, longest)
-        made = made_by("log reader", **facts)
-        origin = next(iter(origins.values()))
-        return _assembled(head, mapped, samples, unused, origin, options, findings, made)
+        made, origin = made_by("log reader", **facts), next(iter(origins.values()))
+        return _assembled(head, samples, unused, origin, options, findings, made)
     except HelisimError as error:
         findings.refuse_error(source.path, error)
         findings.check()
         raise
 
 
-def _mapped(source: Source, map_: Map, findings: Findings) -> _Mapped:
-    """Return the columns of a map's channels; those that can't be are refused."""
-    mapped = _Mapped()
+def _samples(
+    source: Source, map_: Map, options: Options, findings: Findings
+) -> tuple[tuple[Samples, ...], dict[str, str]]:
+    """Return the samples of each clock within the limits, and each clock's first stamp.
+
+    Channels that can't be, or have no number, are refused and left out.
+    """
+    by_clock: dict[str, list[tuple[Taken, NDArray[np.float64]]]] = {}
     for name, column in map_.channels.items():
         try:
-            heading = find_column(column.column, source.names, f"column of channel {name!r}")
-            stated = source.stated_unit(heading)
-            channel, factor = column.converts(name, stated)
-            values = _converted(source, heading, column, factor)
+            taken, values = _taken(source, name, column)
         except HelisimError as error:
             findings.refuse_error(source.path, error)
             continue
-        given = column.unit or stated
-        number = f"{heading!r}" if column.trim is None else f"({heading!r} - {column.trim:g})"
-        number = number if column.range is None else f"{number} / {column.range:g}"
-        sign = "-" if column.sign < 0 else ""
-        known = unit(given).name if given and column.range is None else given
-        mapped.channels[name], mapped.headings[name] = channel, heading
-        mapped.computed[name] = f"{sign}{number} [{given}] in {channel.unit}"
-        mapped.declared[name] = replace(column, column=heading, unit=known)
-        mapped.by_clock.setdefault(source.clock(heading), {})[name] = values
-    return mapped
+        by_clock.setdefault(source.clock(taken.heading), []).append((taken, values))
+    samples, origins = [], {}
+    for clock, pairs in by_clock.items():
+        stamps, origin, heading = source.stamps(clock, map_.time)
+        origins[heading] = origin
+        taken, values = tuple(one for one, _ in pairs), np.column_stack([one for _, one in pairs])
+        rows = source.rows(clock)
+        read = Samples(source.path, source.counts, rows, stamps, values, taken, heading)
+        if map_.time is None or map_.time.rate is None:
+            check_unit_of_time(read, findings)
+        read = within(read, options.limits, findings)
+        empty = np.all(np.isnan(read.values), axis=0)
+        for k in np.flatnonzero(empty):
+            findings.refuse("no number", read.empty(taken[k].heading))
+        samples += [read.pick(~empty)] if not empty.all() else []
+    return tuple(samples), origins
 
 
-def _converted(source: Source, heading: str, column: Column, factor: float) -> NDArray[np.float64]:
-    """Return a column in SI, NaN where there is no number."""
-    raw = source.numbers(heading)
+def _taken(source: Source, name: str, column: Column) -> tuple[Taken, NDArray[np.float64]]:
+    """Return a column as a channel, and its values in SI, NaN where there is no number."""
+    heading = find_column(column.column, source.names, f"column of channel {name!r}")
+    stated = source.stated_unit(heading)
+    channel, factor = column.converts(name, stated)
+    raw, given = source.numbers(heading), column.unit or stated
     with np.errstate(over="ignore", invalid="ignore"):
         values = factor * (raw - (0.0 if column.trim is None else column.trim))
     wild = np.flatnonzero(np.isinf(values))
@@ -497,41 +481,15 @@ def _converted(source: Source, heading: str, column: Column, factor: float) -> N
         row = int(source.rows(source.clock(heading))[wild[0]])
         where = place(source.path, source.counts, row, heading)
         raise RecordError(f"{where}: {raw[wild[0]]:g} is too large for its unit")
-    return values
-
-
-def _samples(
-    source: Source, mapped: _Mapped, map_: Map, options: Options, findings: Findings
-) -> tuple[tuple[Samples, ...], dict[str, str]]:
-    """Return the samples of each clock within the limits, and each clock's first stamp.
-
-    Channels without a number are refused, and left out of `mapped`.
-    """
-    samples, origins = [], {}
-    for clock, columns in list(mapped.by_clock.items()):
-        stamps, origin, heading = source.stamps(clock, map_.time)
-        origins[heading] = origin
-        names = tuple(mapped.headings[name] for name in columns)
-        values = np.column_stack(list(columns.values()))
-        rows = source.rows(clock)
-        read = Samples(source.path, source.counts, rows, stamps, values, names, heading)
-        if map_.time is None or map_.time.rate is None:
-            check_unit_of_time(read, findings)
-        read = within(read, options.limits, findings)
-        full = ~np.all(np.isnan(read.values), axis=0)
-        for k in np.flatnonzero(~full):
-            findings.refuse("no number", read.empty(read.columns[k]))
-        mapped.by_clock[clock] = {n: columns[n] for n, there in zip(columns, full) if there}
-        if full.any():
-            samples.append(read.pick(full))
-        else:
-            del mapped.by_clock[clock]
-    return tuple(samples), origins
+    number = f"{heading!r}" if column.trim is None else f"({heading!r} - {column.trim:g})"
+    number = number if column.range is None else f"{number} / {column.range:g}"
+    computed = f"{'-' if column.sign < 0 else ''}{number} [{given}] in {channel.unit}"
+    known = unit(given).name if given and column.range is None else given
+    return Taken(channel, heading, replace(column, column=heading, unit=known), computed), values
 
 
 def _assembled(
     head: tuple[str, str, str, str, int],
-    mapped: _Mapped,
     samples: tuple[Samples, ...],
     unused: tuple[str, ...],
     origin: str,
@@ -544,7 +502,6 @@ def _assembled(
 
     Args:
         head: path, format, digest, what rows are counted in, and samples, for the report.
-        mapped: the channels of each clock.
         samples: of each clock.
         unused: columns.
         origin: the first stamp.
@@ -553,32 +510,28 @@ def _assembled(
         provenance: of the records, beside the report.
         wanted: channels to screen; all if None.
     """
-    groups = [list(columns) for columns in mapped.by_clock.values()]
-    order = [name for names in groups for name in names]
-    channels = tuple(mapped.channels[name] for name in order)
-    stretches = []
-    for stretch in _tidied(samples, options, findings):
-        whole = [_unwrapped(*one, mapped, findings) for one in zip(stretch, groups)]
-        each = [[mapped.channels[name] for name in names] for names in groups]
-        checked = [screened(*one, options, findings, wanted) for one in zip(whole, each)]
-        stretches.append(tuple(checked))
+    taken = {one.channel.name: one for clock in samples for one in clock.taken}
+    stretches = [
+        tuple(screened(_unwrapped(one, findings), options, findings, wanted) for one in stretch)
+        for stretch in _tidied(samples, options, findings)
+    ]
     if options.rate is None:
         options = options._replace(rate=common_rate(stretches, options, findings))
-    steps = np.concatenate([np.diff(one.time) for stretch in stretches for one in stretch])
-    steps = steps if steps.size else np.zeros(1)
-    shortest, usual, longest = (float(f(steps)) for f in (np.min, np.median, np.max))
-    for one in (one for stretch in stretches for one in stretch):
+    every = [one for stretch in stretches for one in stretch]
+    for one in every:
         note_lost_samples(one, options, findings)
     made = [cut(stretch, options, findings) for stretch in stretches]
     parts = [part for found, _ in made for part in found]
     findings.check()
-    _check_uniform_parts(parts, order, mapped.declared, samples[0].clock, findings)
+    _check_uniform_parts(parts, taken, samples[0].clock, findings)
+    steps = np.concatenate([*(np.diff(one.time) for one in every), np.zeros(0)])
+    steps = steps if steps.size else np.zeros(1)
     report = LogReport(
         *head,
-        columns=mapped.computed,
+        columns={name: one.computed for name, one in taken.items()},
         unused=unused,
         origin=origin,
-        step=(shortest, usual, longest),
+        step=(float(np.min(steps)), float(np.median(steps)), float(np.max(steps))),
         findings=tuple(findings),
         resampled_hz=options.rate,
         passband_hz=next((band for _, band in made if band is not None), None),
@@ -587,19 +540,19 @@ def _assembled(
     if not parts:
         reasons = "; ".join(finding.text for finding in findings) or "no samples"
         raise RecordError(f"{head[0]}, {reasons}; nothing is left of it")
-    shared = plain({**provenance, "log": report.to_dict()})
-    records = []
+    shared, headings = plain({**provenance, "log": report.to_dict()}), [*taken.values()]
+    channels, records = tuple(one.channel for one in headings), []
     for k, (time, values, part) in enumerate(parts):
         rows = f"{head[3]}s {part.first_row} to {part.last_row}"
         bad = np.flatnonzero(~np.all(np.isfinite(values), axis=0))
         if bad.size:
-            column = mapped.headings[order[bad[0]]]
-            raise RecordError(f"{head[0]}, column {column!r}, {rows}: too large to interpolate")
+            where = f"{head[0]}, column {headings[bad[0]].heading!r}, {rows}"
+            raise RecordError(f"{where}: too large to interpolate")
         try:
             records.append(FlightRecord(time, values, channels, shared.extended(part=k)))
         except RecordError as error:
             raise RecordError(f"{head[0]}, {rows}: {error}") from None
-    return Log(tuple(records), report, mapped.headings)
+    return Log(tuple(records), report, {name: one.heading for name, one in taken.items()})
 
 
 def _tidied(
@@ -620,21 +573,17 @@ def _tidied(
     return found
 
 
-def _unwrapped(
-    samples: Samples, names: Sequence[str], mapped: _Mapped, findings: Findings
-) -> Samples:
+def _unwrapped(samples: Samples, findings: Findings) -> Samples:
     """Return the samples with angles that went around made continuous."""
     values = samples.values.copy()
-    for k, name in enumerate(names):
-        column, angle = mapped.declared.get(name), mapped.channels[name].unit == "rad"
-        asked = None if column is None else column.unwrap
+    for k, (channel, heading, column, _) in enumerate(samples.taken):
         known = np.flatnonzero(np.isfinite(values[:, k]))
         turns = np.flatnonzero(np.abs(np.diff(values[known, k])) > _WRAP)
-        if turns.size and (angle if asked is None else asked):
+        if turns.size and (channel.unit == "rad" if column.unwrap is None else column.unwrap):
             values[known, k] = np.unwrap(values[known, k])
             rows = tuple(samples.rows[known[turns + 1]].tolist())
             text = (
-                f"column {samples.columns[k]!r}: goes around {turns.size} times, the first in "
+                f"column {heading!r}: goes around {turns.size} times, the first in "
                 f"{samples.counts} {rows[0]}; made continuous"
             )
             findings.note("angle wraps", text, turns.size, rows, repaired=True)
@@ -642,19 +591,15 @@ def _unwrapped(
 
 
 def _check_uniform_parts(
-    parts: Sequence[Cut],
-    order: Sequence[str],
-    declared: Mapping[str, Column],
-    clock: str,
-    findings: Findings,
+    parts: Sequence[Cut], taken: Mapping[str, Taken], clock: str, findings: Findings
 ) -> None:
     """Note wrong clocks of long uniform parts, and what the longest shows can't be as declared."""
-    uniform = [one for one in parts if one.part.uneven is None]
-    columns = [dict(zip(order, one.values.T)) for one in uniform]
-    for one, mine in zip(uniform, columns):
+    uniform = [(o, dict(zip(taken, o.values.T))) for o in parts if o.part.uneven is None]
+    for one, columns in uniform:
         if one.part.duration >= _LONG_ENOUGH:
-            findings += clock_findings(one.time, mine)
+            findings += clock_findings(one.time, columns)
     if uniform:
-        one, mine = max(zip(uniform, columns), key=lambda pair: pair[0].part.duration)
+        one, columns = max(uniform, key=lambda pair: pair[0].part.duration)
         step = one.part.duration / (one.time.size - 1)
-        findings += implausible(Channels(step, mine, declared, clock))
+        declared = {name: took.column for name, took in taken.items() if took.column.unit}
+        findings += implausible(Channels(step, columns, declared, clock))

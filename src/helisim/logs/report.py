@@ -13,10 +13,8 @@ from helisim.records.record import FlightRecord
 
 OURS = "helisim record"
 """Name of helisim's own format, whose channels need no map."""
-_PARTS_SHOWN = 20
-"""Of a log with more, only so many are printed."""
-_ROWS_KEPT = 20
-"""Row numbers that a finding keeps; its count says how many there were."""
+_PARTS_SHOWN = 20  # of a log with more, only so many are printed
+_ROWS_KEPT = 20  # row numbers that a finding keeps; its count says how many there were
 
 
 @dataclass(frozen=True)

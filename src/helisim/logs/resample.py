@@ -26,15 +26,12 @@ Array = NDArray[np.float64]
 PASSBAND = 0.8
 """The filter leaves frequencies unchanged up to this share of half the new rate."""
 _STOP_DECIBEL = 80.0
-_MAX_SAMPLES = 20_000_000
-"""Numbers of a channel on the fine grid, at most."""
+_MAX_SAMPLES = 20_000_000  # numbers of a channel on the fine grid, at most
 _MAX_EXPANSION = 1_000
 """Numbers of the fine grid for one of the log's, at most, above 100 000: more says that the rate
 or the unit of time is wrong."""
-_FASTER = 1.01
-"""A log that is faster than the grid by no more than this needs no filter."""
-_SLOW = 1.5
-"""Median steps: a channel that is slower than the longest step has its own."""
+_FASTER = 1.01  # A log that is faster than the grid by no more than this needs no filter
+_SLOW = 1.5  # median steps: a channel that is slower than the longest step has its own
 _MANY, _MOST, _SHORT = 20, 0.95, 0.1
 """Gaps, of which such a share is shorter than so many s, are those of a logger that drops samples:
 a tenth of a second is a fifth of a period at the usual end of the band, 2 Hz."""
@@ -84,7 +81,7 @@ def cut(
     order = np.argsort([k for line in lines for k in line.columns])
     factor = 1
     if rate is not None:
-        steps = [_median_step(one, k) for one in stretch for k in range(len(one.columns))]
+        steps = [_median_step(one, k) for one in stretch for k in range(len(one.taken))]
         ratios = [1.0 / (step * rate) for step in steps]
         factor = max(1 if ratio <= _FASTER else 2 * math.ceil(ratio) for ratio in ratios)
     made, short = [], []
@@ -166,10 +163,10 @@ def _runs(samples: Samples, options: Options, findings: Findings) -> list[tuple[
     time, strict = samples.time, options.rate is not None
     cuts: set[tuple[float, float]] = set()
     holed = False
-    for column, values in zip(samples.columns, samples.values.T):
+    for taken, values in zip(samples.taken, samples.values.T):
         known = np.flatnonzero(np.isfinite(values))
         if not known.size:
-            raise RecordError(samples.empty(column))
+            raise RecordError(samples.empty(taken.heading))
         steps = np.diff(time[known])
         wide = np.flatnonzero(steps > _limit(steps, options.max_gap))
         cuts |= {(float(time[known[k]]), float(time[known[k + 1]])) for k in wide}
@@ -298,13 +295,13 @@ def _lines(stretch: Sequence[Samples]) -> list[_Line]:
     for one in stretch:
         known = np.isfinite(one.values)
         full = np.flatnonzero(known.all(axis=0))
-        values = one.values[:, full] if full.size < len(one.columns) else one.values
+        values = one.values[:, full] if full.size < len(one.taken) else one.values
         if full.size:
             found.append(_Line(tuple((full + first).tolist()), one.time, values))
         for k in np.flatnonzero(~known.all(axis=0)).tolist():
             there = known[:, k]
             found.append(_Line((k + first,), one.time[there], one.values[there, k : k + 1]))
-        first += len(one.columns)
+        first += len(one.taken)
     return found
 
 

@@ -21,8 +21,7 @@ from helisim.logs.source import Source, place
 from helisim.records.storage import as_array, read_table
 
 _COMMENTS = ("#", "%", "//")
-_SAMPLE_LINES = 50
-"""Lines that are tried to find the delimiter out."""
+_SAMPLE_LINES = 50  # lines that are tried to find the delimiter out
 _MISSING = frozenset(
     ("", "nan", "-nan", "+nan", "na", "n/a", "#n/a", "null", "none", "nan(ind)", "-nan(ind)")
 )
@@ -242,8 +241,7 @@ def _short(text: str) -> str:
 
 _NUMERIC = ("int", "uint", "halffloat", "float", "double", "decimal", "bool")
 """How the names of Arrow's types of numbers begin."""
-_WIDEST = 9e18
-"""Differences of whole numbers up to this are exact in 64 bits."""
+_WIDEST = 9e18  # differences of whole numbers up to this are exact in 64 bits
 
 
 class ParquetLog(Source):

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import RecordError
 from helisim.base.note import Option, Remedy, options
+from helisim.logs.mapping import Column
 from helisim.logs.report import Findings, LogFinding
 from helisim.logs.source import place
+from helisim.records.channels import Channel
 from helisim.records.record import UNIFORM
 
 GAP = 4.5
@@ -20,19 +22,14 @@ GAP = 4.5
 _STEPS = (2.5e-5, 2.0)
 """s: the shortest and longest steps of any flight's log; milliseconds taken for seconds give 2.5 to
 100 s, seconds taken for milliseconds are shorter."""
-_FEW = 10
-"""Samples that don't tell a unit."""
-_RESET = 20.0
-"""Median steps by which time goes back, at least, where a clock began anew."""
-_LONGEST = 3e9
-"""s, about a century: times further apart aren't times."""
+_FEW = 10  # samples that don't tell a unit
+_RESET = 20.0  # median steps by which time goes back, at least, where a clock began anew
+_LONGEST = 3e9  # s, about a century: times further apart aren't times
 _JITTER = 0.2
 """Of the mean step, rms: the largest jitter that is resampled unasked. At ten samples a period,
 where the default band ends, a stamp that is off by so much is off by 7 degrees of the period."""
-_WORST = 0.5
-"""Of the mean step, by which each step may be off: from there on a sample may be lost."""
-_ROUNDING = 1e-3
-"""Of the mean step, rms: less than this comes from stamps with few digits."""
+_WORST = 0.5  # of the mean step, by which each step may be off: from there on a sample may be lost
+_ROUNDING = 1e-3  # of the mean step, rms: less than this comes from stamps with few digits
 
 
 class Options(NamedTuple):
@@ -53,6 +50,15 @@ class Options(NamedTuple):
     limits: tuple[float, float]
 
 
+class Taken(NamedTuple):
+    """A column of a log as a channel: its heading, its unit and sign, and how it is computed."""
+
+    channel: Channel
+    heading: str
+    column: Column
+    computed: str
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Samples of channels that share a clock.
@@ -63,7 +69,7 @@ class Samples:
         rows: (n_time,) row numbers.
         time: (n_time,) s.
         values: (n_time, n_channel) SI, NaN where the log has no number.
-        columns: (n_channel,) the columns' names, for messages.
+        taken: (n_channel,) what the columns are.
         clock: the name of the column of times.
     """
 
@@ -72,7 +78,7 @@ class Samples:
     rows: NDArray[np.int64]
     time: NDArray[np.float64]
     values: NDArray[np.float64]
-    columns: tuple[str, ...]
+    taken: tuple[Taken, ...]
     clock: str
 
     def take(self, keep: slice | NDArray) -> "Samples":
@@ -82,8 +88,8 @@ class Samples:
 
     def pick(self, columns: NDArray[np.bool_]) -> "Samples":
         """Return the samples with the columns, (n_channel,), that are true."""
-        names = tuple(name for name, there in zip(self.columns, columns) if there)
-        return replace(self, values=self.values[:, columns], columns=names)
+        taken = tuple(one for one, there in zip(self.taken, columns) if there)
+        return replace(self, values=self.values[:, columns], taken=taken)
 
     def at(self, k: int, column: str | None = None) -> str:
         """Return where the sample k is, for a message."""
@@ -227,13 +233,13 @@ def without_duplicates(samples: Samples, options: Options, findings: Findings) -
 
 def check_missing(samples: Samples, options: Options, findings: Findings) -> None:
     """Report the cells without a number; refused unless they are to be filled."""
-    for column, values in zip(samples.columns, samples.values.T):
+    for taken, values in zip(samples.taken, samples.values.T):
         holes = np.flatnonzero(np.isnan(values))
         if holes.size:
             what = f"no number ({holes.size} of {values.size} numbers are missing)"
             done = "interpolated" if "missing" in options.repairs else None
             advice = "interpolate with the repair 'missing', or cut the log"
-            said = what, done, advice, "repair=missing", column
+            said = what, done, advice, "repair=missing", taken.heading
             samples.report(findings, "missing number", holes, *said)
 
 

@@ -26,11 +26,9 @@ from helisim.records.channels import (
 CONTROLS = (*IN1, *IN2)
 AS_RECORDED = "as recorded"
 _PULSES = (700.0, 2300.0)
-_PULSE_RANGE = 800.0
-"""us, from one end of a stick to the other: 1100 to 1900."""
+_PULSE_RANGE = 800.0  # us, from one end of a stick to the other: 1100 to 1900
 _UNITISED, _PERCENT = 1.5, 105.0
-_FAST = 8.0
-"""rad/s, the 99th percentile: rates beyond are in deg/s rather."""
+_FAST = 8.0  # rad/s, the 99th percentile: rates beyond are in deg/s rather
 _EULER = 1.02 * math.pi
 _GRAVITIES = {"m/s^2": 9.80665, "g": 1.0, "mg": 1000.0, "ft/s^2": 32.174}
 _NO_MOVE = 1e-9

@@ -21,48 +21,32 @@ Kind = Literal["sweep", "multisine", "sine", "3-2-1-1", "doublet", "pulse", "mot
 
 _LONGEST_BLOCK = 5.0
 """s, in which a control must move to count as active; a twentieth of shorter logs."""
-_ACTIVE = 0.3
-"""Of what it moves in its liveliest blocks, from which a control is active."""
-_QUIET = 0.6
-"""Of its liveliest blocks, that its quietest move at most where they are noise."""
+_ACTIVE = 0.3  # of what it moves in its liveliest blocks, from which a control is active
+_QUIET = 0.6  # of its liveliest blocks, that its quietest move at most where they are noise
 _BEGUN, _CLEAR = 0.1, 4.5
 """Of what it spans, and of the noise at rest, from which an excitation has begun."""
-_REST = 6.0
-"""s, for which an excitation may rest in between, as a slow sweep does."""
-_REST_SHARE = 0.1
-"""Of the log, that a control must rest for its resting place to be known."""
-_HYSTERESIS = 0.3
-"""Of the amplitude, beyond which a half-wave begins."""
-_RISING = 0.75
-"""Rank correlation of frequency and time from which a signal is a sweep."""
-_SPAN = 2.5
-"""Of highest to lowest frequency, from which a signal is a sweep."""
+_REST = 6.0  # s, for which an excitation may rest in between, as a slow sweep does
+_REST_SHARE = 0.1  # of the log, that a control must rest for its resting place to be known
+_HYSTERESIS = 0.3  # of the amplitude, beyond which a half-wave begins
+_RISING = 0.75  # rank correlation of frequency and time from which a signal is a sweep
+_SPAN = 2.5  # of highest to lowest frequency, from which a signal is a sweep
 _FEWEST_WAVES = 8
 _RIDGE_WINDOWS = 24
-_FAST_ENDING = 20.0
-"""s: an excitation of few half-waves lasts no longer."""
-_LINES = 0.9
-"""Share of power that counts as a multisine's lines."""
+_FAST_ENDING = 20.0  # s: an excitation of few half-waves lasts no longer
+_LINES = 0.9  # share of power that counts as a multisine's lines
 _FEWEST_LINES = 3
 _LOBE = 3
 """Frequencies to either side of a line that it lights up."""
-_DARK = 1e-3
-"""Of a line's power, that is between a multisine's lines at most; noise has a tenth."""
-_STRONG = 0.25
-"""Of a strong window's power, from which a window's frequency counts."""
-_STEADY = 0.35
-"""By which the thirds of a multisine differ in size, relative."""
-_DOUBLET_BAND = (1.0, 3.3)
-"""Of the half-wave's inverse, rad: where a doublet has most of its power."""
-_WINDOWS = 5.0
-"""Of an excitation's length, windows that don't overlap; nine that do."""
+_DARK = 1e-3  # of a line's power, that is between a multisine's lines at most; noise has a tenth
+_STRONG = 0.25  # of a strong window's power, from which a window's frequency counts
+_STEADY = 0.35  # by which the thirds of a multisine differ in size, relative
+_DOUBLET_BAND = (1.0, 3.3)  # of the half-wave's inverse, rad: where a doublet has most of its power
+_WINDOWS = 5.0  # of an excitation's length, windows that don't overlap; nine that do
 _SAMPLES_A_PERIOD = 10.0
 _SMOOTHED = 5
 """Frequencies over which the median of the coherence counts."""
-_NARROWEST = 2.0
-"""Of highest to lowest frequency, from which a band is worth a line."""
-_BESIDE = 1.3
-"""By which a band may go beyond what was excited."""
+_NARROWEST = 2.0  # of highest to lowest frequency, from which a band is worth a line
+_BESIDE = 1.3  # by which a band may go beyond what was excited
 _FEEDBACK = 0.5
 """Partial coherence of control and motion, sticks apart, from which a loop is closed."""
 _OWN = 0.05

@@ -28,14 +28,11 @@ _STRUCTURES = (
 )
 """Built-in structures of helicopters by inputs and outputs, the largest first."""
 _HELICOPTER = ("swash", "cyclic", "collective", "pedal")
-_MAIN = 0.35
-"""Of the largest excitation among controls of a kind, from which another counts."""
-_MARGIN = 2.0
-"""s, before and after what is used of a log."""
+_MAIN = 0.35  # of the largest excitation among controls of a kind, from which another counts
+_MARGIN = 2.0  # s, before and after what is used of a log
 _SHORT = 0.3
 """Of the longest part of a log: shorter ones, which would raise the lowest frequency, stay out."""
-_WORTH_CUTTING = 0.5
-"""Of a log, that an excitation fills at most where the rest is left out."""
+_WORTH_CUTTING = 0.5  # of a log, that an excitation fills at most where the rest is left out
 _STICK: dict[str, str] = dict(zip(IN1, IN2))
 _AXIS = {name: name for name in IN1} | {stick: name for name, stick in _STICK.items()}
 

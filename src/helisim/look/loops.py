@@ -26,34 +26,27 @@ from helisim.records.channels import RATES, Channel
 from helisim.records.record import FlightRecord
 
 Array = NDArray[np.float64]
-_WIDE = 3.0
-"""Ratio of a band's ends that is worth a band."""
+_WIDE = 3.0  # ratio of a band's ends that is worth a band
 _FURTHER = "to see gain margins let the sweeps go on to a higher frequency: SID_F_STOP_HZ"
 _OUTPUTS = {"lat": "ROut", "lon": "POut", "ped": "YOut"}
 """Axis -> field of RATE: what goes to the mixer."""
-_PIDS = {"lat": "PIDR", "lon": "PIDP", "ped": "PIDY"}
-"""Axis -> message of its rate's PID."""
+_PIDS = {"lat": "PIDR", "lon": "PIDP", "ped": "PIDY"}  # axis -> message of its rate's PID
 _TERMS = ("P", "I", "D", "FF", "DFF")
 _AIMS = ("DesRoll", "DesPitch", "DesYaw")
 _ATTITUDES = ("Roll", "Pitch")
 _GYRO = ("Gx", "Gy", "Gz")
 _STICKS = {"lat": "C1", "lon": "C2", "ped": "C4"}
 """Fields of RCIN, as RCMAP has them unless it is told otherwise."""
-_STILL = 10.0
-"""us, by which a stick that is left alone may move."""
-_STEADY = 1.0
-"""s, from which the steady flight before a sweep is taken."""
-_LOST = 0.02
-"""Share of rows that may be lost without a word."""
-_SLOWEST = 0.02
-"""s: a log with longer steps shows no loop."""
+_STILL = 10.0  # us, by which a stick that is left alone may move
+_STEADY = 1.0  # s, from which the steady flight before a sweep is taken
+_LOST = 0.02  # share of rows that may be lost without a word
+_SLOWEST = 0.02  # s: a log with longer steps shows no loop
 _SET = "set LOG_BITMASK's bits 0 and 1"
 _NEAR = 8
 """Rows on either side of a gap that fill it."""
 _DEGREE = 4
 """Of the polynomial that does: gaps of half a period at the least."""
-_TICKS = 1.5
-"""Longer steps than so many are gaps."""
+_TICKS = 1.5  # longer steps than so many are gaps
 _UNITS = {"p": "rad/s", "q": "rad/s", "r": "rad/s", "LAT": "rad", "LON": "rad", "PED": "rad/s"}
 
 

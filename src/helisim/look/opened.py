@@ -20,8 +20,7 @@ from helisim.records.record import FlightRecord
 
 _ATTEMPTS = 4
 """Readings, each with the options that the one before asked for."""
-_FASTEST = 200.0
-"""Hz, at which channels of several clocks are looked at, at most."""
+_FASTEST = 200.0  # Hz, at which channels of several clocks are looked at, at most
 _COUNTERS = {"index", "idx", "row", "sample", "count", "counter", "seq", "frame", "n", "i"}
 _UNITS = {
     "rate": "rate_hz",

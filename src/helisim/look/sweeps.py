@@ -80,25 +80,18 @@ _ALL: tuple[tuple[Place, str, str, str], ...] = (
 SID_AXES: dict[int, SidAxis] = {k: SidAxis(k, *one) for k, one in enumerate(_ALL, start=1)}
 """SID_AXIS -> what is swept."""
 
-_DELAY = 1.0
-"""s before the mode injects anything."""
-_AFTER = 3.0
-"""s after a sweep, in which the vehicle still answers it."""
+_DELAY = 1.0  # s before the mode injects anything
+_AFTER = 3.0  # s after a sweep, in which the vehicle still answers it
 _FIELDS = ("Time", "F", "Targ")
 """Of SIDD: the mode's own clock, s, the frequency, Hz, and what is injected."""
-_RANGE = (0.005, 200.0)
-"""Hz, in which sweeps are: the parameters' own range, and room."""
+_RANGE = (0.005, 200.0)  # Hz, in which sweeps are: the parameters' own range, and room
 _SETUP = ("Ax", "Mag", "FSt", "TR", "TFout")
 """Of SIDS: axis, magnitude, lowest frequency, Hz, length and fade, s."""
 _AXIS = re.compile(r"SystemID Starting: axis=(\d+)")
-_USUAL_FADE = 2.0
-"""s in which a sweep fades out, unless SID_T_FADE_OUT says another."""
-_OCTAVE = 1.5
-"""Of its lowest frequency to its highest: what spans less shows no dynamics."""
-_PERIODS = 3.0
-"""Periods of its lowest frequency that a sweep must last at least to be of use."""
-_MODE = 25
-"""Number of the mode SystemID among Copter's."""
+_USUAL_FADE = 2.0  # s in which a sweep fades out, unless SID_T_FADE_OUT says another
+_OCTAVE = 1.5  # of its lowest frequency to its highest: what spans less shows no dynamics
+_PERIODS = 3.0  # periods of its lowest frequency that a sweep must last at least to be of use
+_MODE = 25  # number of the mode SystemID among Copter's
 
 
 @dataclass(frozen=True)

@@ -40,17 +40,13 @@ from helisim.records.record import FlightRecord
 
 Band = tuple[float, float]
 _Spans = Sequence[tuple[float, float]]
-_FAST = 0.5
-"""Of SIDD's rate: a message that is slower than that is no good beside it."""
-_ONE_MORE = 1.6
-"""Of the median step: a longer one has a message missing."""
+_FAST = 0.5  # of SIDD's rate: a message that is slower than that is no good beside it
+_ONE_MORE = 1.6  # of the median step: a longer one has a message missing
 _INJECTED = "injected"
 _YAW, _SENT = "RATE.YOut", "RATE.YOut as sent"
 """Column of the mixer's yaw command, and of what the tail's servo was sent of it, 1 at its end."""
-_TAIL, _SERVOS = 36, 32
-"""SERVOn_FUNCTION of a helicopter's tail, and how many servos there are."""
-_FULL = 4500.0
-"""Hundredths of a degree at the end of the tail servo's travel."""
+_TAIL, _SERVOS = 36, 32  # SERVOn_FUNCTION of a helicopter's tail, and how many servos there are
+_FULL = 4500.0  # hundredths of a degree at the end of the tail servo's travel
 _REPAIRS = frozenset({"gaps", "duplicates"})
 """What a logger that is pressed does: it drops messages, and writes some twice."""
 _OUTPUT = "the mixer's command on this axis, the sweep in it; 1 is its full travel"
@@ -82,8 +78,7 @@ _CANDIDATES: tuple[tuple[str, str, str, str], ...] = (
 )
 """Channel, column, unit, why: of a channel the best first. Signs are the same: forward-right-down,
 and the mixer's commands are positive to the right, nose up, nose right, and up."""
-_MIDDLE = {"col": 0.5}
-"""Throttle in the middle of its range, which is no collective."""
+_MIDDLE = {"col": 0.5}  # throttle in the middle of its range, which is no collective
 _HELI = (
     ("rollpitch", ("lat", "lon"), ("p", "q"), "roll and pitch were swept"),
     ("tf:0/2", ("lat",), ("p",), "roll alone was swept, so pitch isn't told apart"),
@@ -98,10 +93,8 @@ _OTHERS = (
     ("tf:1/2", ("col",), ("az",), "thrust was swept"),
 )
 """Structure, inputs, outputs, why; of those with an input in common the first that there is."""
-_ROOM = 1.1
-"""By which a band may be beyond another sweep's, whose effect is still taken out."""
-_SAMPLES_A_PERIOD = 8.0
-"""Of the highest frequency that was swept, in the records."""
+_ROOM = 1.1  # by which a band may be beyond another sweep's, whose effect is still taken out
+_SAMPLES_A_PERIOD = 8.0  # of the highest frequency that was swept, in the records
 _MAX_GAP = 0.25
 """s without a message that is interpolated: loggers that are pressed drop some now and then."""
 _SHORTEST = 0.25
@@ -109,16 +102,11 @@ _SHORTEST = 0.25
 shortest says what low frequencies are resolved."""
 _HELICOPTER = 6
 """FRAME_CLASS of a helicopter with one main rotor."""
-_DROPPED = 0.01
-"""Share of messages that may be missing without a word."""
-_FOLLOWS = 1.0
-"""Average J at which a structure follows: a fiftieth of what is called excellent."""
-_OF_LEAST = 1.3
-"""Of the least average J of all lower edges, where noise keeps it larger than that."""
-_STEP = 1.3
-"""From one lower edge of a band to the next."""
-_OCTAVES = 3.0
-"""That a band must still span."""
+_DROPPED = 0.01  # share of messages that may be missing without a word
+_FOLLOWS = 1.0  # average J at which a structure follows: a fiftieth of what is called excellent
+_OF_LEAST = 1.3  # of the least average J of all lower edges, where noise keeps it larger than that
+_STEP = 1.3  # from one lower edge of a band to the next
+_OCTAVES = 3.0  # that a band must still span
 _OF_FLAGS = (CrossControlWarning, RecordQualityWarning, ClosedLoopWarning)
 """Warnings that are among the responses' flags."""
 _SIGNAL = re.compile(r"'([a-z]+)'(?!\))|\b([a-z]+/[a-z]+)\b")
