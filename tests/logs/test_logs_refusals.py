@@ -22,8 +22,14 @@ def parquet(path, **columns):
         (lambda: Column(""), "expected a column's name"),
         (lambda: Column("p", 3), "column 'p'.unit must be text, got 3"),
         (lambda: Column("p", "rad/s", sign=2), "column 'p'.sign must be one of 1, -1, got 2"),
-        (lambda: Column("p", "us", trim="mid", range=800), "column 'p'.trim must be a number, got 'mid'"),
-        (lambda: Column("p", "us", trim=1500, range=0), "column 'p'.range must be a number above 0, got 0"),
+        (
+            lambda: Column("p", "us", trim="mid", range=800),
+            "'p'.trim must be a number, got 'mid'",
+        ),
+        (
+            lambda: Column("p", "us", trim=1500, range=0),
+            "'p'.range must be a number above 0, got 0",
+        ),
         (lambda: Column("p", "rad/s", unwrap="yes"), "column 'p'.unwrap must be true or false"),
         (lambda: Column("p", "parsec"), "parsec"),
         (lambda: Clock(), "either a column or a rate"),
