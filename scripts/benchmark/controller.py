@@ -17,7 +17,7 @@ from numba import types
 import helisim as hs
 from helisim.physics.gyro import Seen, gyro_law
 from helisim.physics.layout import PARAM
-from helisim.sim.simulation import prepare
+from helisim.sim.flight import prepare
 from helisim.vehicle import ControllerLike
 from helisim.vehicle.assembly import Integrator
 from helisim.vehicle.motion import addresses

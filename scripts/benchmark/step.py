@@ -21,7 +21,7 @@ from numba import cfunc, types
 import ah1s
 import helisim as hs
 from helisim.physics.native import installed
-from helisim.sim.simulation import prepare
+from helisim.sim.flight import prepare
 from helisim.vehicle.assembly import Integrator
 from helisim.vehicle.trim import place
 

@@ -16,7 +16,7 @@ import numpy as np
 
 import helisim as hs
 from helisim.sim import simulate
-from helisim.sim.folder import LAST_SECONDS
+from helisim.sim.fly import LAST_SECONDS
 
 QUIET = hs.Doublet(axis="ped", duration=30.0, amplitude=1e-6)
 SWEEP = hs.Sweep(axis="ped", duration=30.0)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import helisim as hs
 from helisim.sim import simulate
-from helisim.sim.missions.reached import Reached
+from helisim.sim.missions.mission import Reached
 
 HEIGHTS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.5, 15.0, 17.5, 20.0, 25.0, 30.0, 40.0, 50.0)
 """m, of the gear above the ground where the engine fails."""

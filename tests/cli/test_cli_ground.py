@@ -49,7 +49,7 @@ def test_the_plan_has_the_ground_that_is_asked_for(capsys, tmp_path, text, meant
         ("heave=0.3", "takes AMPLITUDE/PERIOD"),
         ("slope=0.1,deck", "a slope or a deck, not both"),
         ("thickness=1", "unknown setting of --ground"),
-        ("length=-1", "length must be above 0 m"),
+        ("length=-1", "length must be a number above 0 m"),
     ],
 )
 def test_what_is_no_ground_is_refused_in_a_line(capsys, text, said):

@@ -85,8 +85,11 @@ def test_missions_are_listed(capsys):
             "forward,sped=3",
             "unknown setting of the mission forward 'sped'; available: duration, sp",
         ),
-        ("forward,speed=-3", "speed of Forward must be above 0, got -3"),
-        ("forward,speed=fast", "the mission forward.speed must be a number, got 'fast'"),
+        ("forward,speed=-3", "speed must be a number above 0 m/s, got -3"),
+        (
+            "forward,speed=fast",
+            "the mission forward.speed must be a number above 0 m/s, got 'fast'",
+        ),
         ("forward,speed", "--mission takes NAME=VALUE, got 'speed'"),
         ("autorotation,speed=200", "level flight at "),
         ("math:sqrt", "is no subclass of helisim.Mission"),

@@ -8,8 +8,8 @@ import pytest
 import helisim as hs
 from helisim.base.errors import ModelError
 from helisim.sim import simulate
-from helisim.sim.missions.lift import Lift
-from helisim.sim.missions.reached import Reached
+from helisim.sim.missions.autopilot import Lift
+from helisim.sim.missions.mission import Reached
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import collective_stick
 
@@ -98,7 +98,7 @@ def test_who_reacts_late_has_a_slower_rotor(jr700):
 def test_collective_for_a_thrust_is_the_hovers_in_the_hover(jr700):
     """And less where the wind comes from below, more where the rotor is slow."""
     where = addresses(jr700.model)
-    lift = Lift.of(jr700, jr700.model, where.rotor)
+    lift = Lift(jr700, jr700.model, where.rotor)
     hover = lift.collective(0.0, 1.0, 0.0, 0.0)
     assert hover == pytest.approx(collective_stick(jr700.model, jr700.trim), abs=1e-9)
     assert lift.induced == pytest.approx(4.16, abs=0.02)  # sqrt(78.5 / (2 1.225 1.848))

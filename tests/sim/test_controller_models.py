@@ -18,7 +18,7 @@ import own_laws
 from helisim.base.errors import CallbackError, InputError, ModelError, UnknownNameError
 from helisim.physics import laws
 from helisim.physics.layout import NO_LAW, PARAM, STATE
-from helisim.sim.simulation import simulate
+from helisim.sim.flight import simulate
 from helisim.vehicle import Controller
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses

@@ -11,7 +11,7 @@ from helisim.physics import air as law
 from helisim.physics.layout import STATE
 from helisim.physics.native import installed
 from helisim.sim import FlightPlan, Pilot, Sweep, Weather
-from helisim.sim.simulation import _start, prepare
+from helisim.sim.flight import prepare, start_state
 from helisim.vehicle.motion import addresses
 
 SPAN = 2.0 * 0.767
@@ -88,7 +88,7 @@ def five_minutes(jr700):
     plan = FlightPlan(excitation=hover, pilot=quiet, weather=ROUGH)
     model = prepare(jr700, plan, seed=1, number=0)
     where = addresses(model)
-    state = _start(jr700, plan, jr700.trim, model, seed=1, number=0)
+    state = start_state(jr700, plan, model, seed=1, number=0)
     first = 1 + model.nq + model.nv + where.state + STATE.air_u
     data, rows = mujoco.MjData(model), []
     with installed():

@@ -6,7 +6,6 @@ from dataclasses import fields, replace
 import mujoco
 import numpy as np
 import pytest
-from mujoco import rollout
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import DivergedError, IdentificationError, InputError
@@ -21,14 +20,15 @@ from helisim.sim import (
     FlightPlan,
     Pilot,
     ServoStuck,
+    Step,
     Sweep,
     Weather,
     fly,
     simulate,
 )
-from helisim.sim.clearance import clearance
-from helisim.sim.envelope import hover_induced_velocity
-from helisim.sim.simulation import until_end
+from helisim.sim.flight import fly_from
+from helisim.sim.ground import outline
+from helisim.sim.limits import hover_induced_velocity
 from helisim.vehicle import load
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.trim import place
@@ -172,7 +172,9 @@ def test_the_lowest_point_is_where_mujoco_touches(name, attitude):
     imu = vehicle.model.site("imu").pos
     turn = Rotation.from_euler("ZYX", [0.0, attitude[1], attitude[0]])
     height = 3.0
-    found = clearance(vehicle, np.array([[0.0, 0.0, -height]]), np.array([[*attitude, 0.0]]))[0]
+    found = outline(vehicle).clearance(
+        np.array([[0.0, 0.0, -height]]), np.array([[*attitude, 0.0]])
+    )[0]
     turned = turn.apply(-imu * [1.0, -1.0, -1.0])  # the body from the IMU, NED
     spec = mujoco.MjSpec.from_file(str(model_folder(name) / f"{name}.xml"))
     spec.worldbody.add_geom(
@@ -246,9 +248,8 @@ def test_a_mujoco_warning_ends_the_flight_by_its_name(jr700, monkeypatch, tmp_pa
     model.opt.gravity[0] = 1e12
     start = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
     mujoco.mj_getState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    with installed():
-        _, sensordata = rollout.rollout(model, [mujoco.MjData(model)], start[None], nstep=20)
-    truth = until_end(jr700, FlightEnvelope.off(), model, start, sensordata[0])
+    plan = FlightPlan(excitation=Step(axis="lat"), envelope=FlightEnvelope.off())
+    truth = fly_from(jr700, plan, model, start, jr700.trim)
     assert "MuJoCo warned of BAD" in truth.end.why
     assert truth.time.size < 20
     assert np.isfinite(truth.end.state).all()
@@ -316,7 +317,7 @@ def test_a_diverged_flight_on_the_command_line(tmp_path, capsys):
     ("text", "says"),
     [
         ("speed=3", "tilt, rate"),
-        ("tilt=-1", "0 or more"),
+        ("tilt=-1", "must be a number above 0 rad"),
         ("rate=0", "above 0"),
         ("saturation_window=off", "number"),
         ("tilt=x", "number"),
@@ -362,7 +363,7 @@ def test_the_ground_ends_a_flight(jr700):
             jobs=1,
         )
     last = caught.value.last_second
-    height = clearance(jr700, last.select(POSITIONS), last.select(ATTITUDES))
+    height = outline(jr700).clearance(last.select(POSITIONS), last.select(ATTITUDES))
     sinking = last["w"][-1]
     assert sinking > 0.1
     assert 0.0 <= height[-1] <= 2.0 * sinking * last.sample_time

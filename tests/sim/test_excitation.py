@@ -8,7 +8,7 @@ import pytest
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.layout import DOUBLET, PARAM, SWEEP
 from helisim.sim import Doublet, Sweep
-from helisim.sim.pilot import Pilot
+from helisim.sim.plan import Pilot
 
 NAN = math.nan
 

@@ -4,14 +4,17 @@ import pytest
 
 from helisim.base.errors import InputError
 from helisim.sim import FlightPlan, Sweep
-from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak
-from helisim.sim.faults.notation import parse_fault
-from helisim.sim.faults.recorder import (
+from helisim.sim.faults import (
     ClockDrift,
+    GyroDropout,
+    GyroRestart,
     RecordGap,
     SampleLoss,
     SensorDropout,
     SensorSpikes,
+    ServoStuck,
+    ServoWeak,
+    parse_fault,
 )
 
 EXAMPLES = {
@@ -56,15 +59,15 @@ def test_a_text_is_the_fault_it_says(text):
         ("gyro:stuck@3", "available: restart, dropout"),
         ("p:stuck@3", "available: spikes, dropout"),
         ("recorder:spikes,size=1", "available: loss, gap, drift"),
-        ("servo_front:stuck@soon", "at must be a number, got 'soon'"),
+        ("servo_front:stuck@soon", "at must be a number .*got 'soon'"),
         ("servo_front:stuck", "needs at"),
         ("gyro:dropout@3", "needs lasts"),
         ("p:spikes@3,size=1", "available: channels, size, per_minute"),
         ("gyro:restart@3,for=1", "unknown setting .* 'for'; available: at, lasts, output"),
         ("gyro:restart@3,lasts", "NAME=VALUE"),
         ("gyro:restart@3,lasts=long", "lasts must be a number"),
-        ("servo_front:stuck@3,servo=servo_left", "got 'servo=servo_left'"),
-        ("servo_front:stuck@3,at=4", "got 'at=4'"),
+        ("servo_front:stuck@3,servo=servo_left", "servo is 'servo_front' already"),
+        ("servo_front:stuck@3,at=4", "at is given twice"),
         ("recorder:loss,share=0.1,burst=1.5", "burst must be an integer"),
         ("gyro:restart@inf", "got inf"),
     ],

@@ -8,10 +8,9 @@ from helisim.base.errors import DivergedError, InputError
 from helisim.physics import pilot as pilot_laws
 from helisim.records.channels import CHANNELS, IN1, IN2, OUT, SERVOS
 from helisim.sim import Doublet, Sweep
+from helisim.sim.flight import simulate
 from helisim.sim.fly import fly, fly_each
-from helisim.sim.pilot import Pilot
-from helisim.sim.plan import FlightPlan
-from helisim.sim.simulation import simulate
+from helisim.sim.plan import FlightPlan, Pilot
 from helisim.sim.trajectory import read_trajectory
 from helisim.vehicle import load
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError
-from helisim.sim.missions.glide import Glide, Ramp
+from helisim.sim.missions.autopilot import Glide, Ramp
 
 
 @pytest.mark.parametrize("way", [Ramp(2.0, 7.0, 1.5), Glide(30.0, 4.0, 1.5), Glide(1.0, 4.0, 1.5)])

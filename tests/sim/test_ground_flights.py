@@ -14,9 +14,9 @@ import helisim as hs
 from helisim.base.errors import InputError
 from helisim.physics.native import installed
 from helisim.show.viewer import prepare_live
+from helisim.sim.flight import simulate
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.missions import TakeOffHoverLand
-from helisim.sim.simulation import simulate
 
 STILL = hs.Doublet(axis="ped", amplitude=1e-9, duration=8.0)
 QUIET = hs.Pilot(remnant=0.0)
@@ -127,23 +127,23 @@ def test_a_flight_without_ground_touches_nothing(jr700):
 @pytest.mark.parametrize(
     ("make", "why"),
     [
-        (lambda: Ground(slope=-0.1), "slope from 0 to pi/2"),
+        (lambda: Ground(slope=-0.1), "slope must be a number 0 or more and below 1.57"),
         (lambda: Ground(slope=0.1, deck=Deck()), "a slope or a deck, not both"),
-        (lambda: Ground(slope="steep"), "slope must be a number, got 'steep'"),
+        (lambda: Ground(slope="steep"), "slope must be a number .*got 'steep'"),
         (lambda: Ground(parked=3), "parked must be"),
-        (lambda: Deck(length="8"), "length must be a number, got '8'"),
+        (lambda: Deck(length="8"), "length must be a number .*got '8'"),
         (lambda: Swing(amplitude="a", period=1.0), "amplitude must be a number, got 'a'"),
-        (lambda: Ground(friction=0.0), "friction must be above 0"),
-        (lambda: Ground(effect=1.5), "effect must be from 0 to 1"),
-        (lambda: Ground(rotor=-1.0), "rotor's speed must be from 0 to 1"),
+        (lambda: Ground(friction=0.0), "friction must be a number above 0"),
+        (lambda: Ground(effect=1.5), "effect must be a number 0 or more and at most 1"),
+        (lambda: Ground(rotor=-1.0), "rotor must be a number 0 or more and at most 1"),
         (lambda: Ground(rotor=0.0), "only a parked flight starts with a slow rotor"),
-        (lambda: Ground(deck=3.0), "must be a Deck or None"),
-        (lambda: Deck(heave=0.3), "heave must be a Swing or None"),
-        (lambda: Deck(length=0.0), "length must be above 0 m"),
+        (lambda: Ground(deck=3.0), "must be a .*Deck"),
+        (lambda: Deck(heave=0.3), "heave must be a .*Swing"),
+        (lambda: Deck(length=0.0), "length must be a number above 0 m"),
         (lambda: Deck(roll=Swing(amplitude=0.6)), "roll must stay below 0.5 rad"),
         (lambda: Deck(above=1.0, heave=Swing(amplitude=-1.0)), "1 m above .* can't heave by 1 m"),
-        (lambda: Swing(amplitude=1.0, period=0.0), "period must be above 0 s"),
-        (lambda: Swing(amplitude=math.nan), "finite amplitude"),
+        (lambda: Swing(amplitude=1.0, period=0.0), "period must be a number above 0 s"),
+        (lambda: Swing(amplitude=math.nan), "amplitude must be a finite number"),
     ],
 )
 def test_what_no_ground_is(make, why):

@@ -11,9 +11,8 @@ import pytest
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
 from helisim.sim import Sweep
-from helisim.sim.pilot import Pilot
-from helisim.sim.plan import FlightPlan
-from helisim.sim.simulation import simulate
+from helisim.sim.flight import simulate
+from helisim.sim.plan import FlightPlan, Pilot
 from helisim.vehicle import load
 from helisim.vehicle.motion import Motion, addresses, write_motion
 from helisim.vehicle.trim import place

@@ -12,7 +12,7 @@ from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
 from helisim.show.recording import write_recording
 from helisim.sim import FlightEnvelope, FlightPlan, Recorder, Sweep, Weather, fly, fly_all, recorder
-from helisim.sim.simulation import simulate
+from helisim.sim.flight import simulate
 
 SHORT = Sweep(axis="lon", duration=20.0)
 WINDY = Weather(wind=4.0)

@@ -16,7 +16,7 @@ from helisim.base.errors import InputError, ModelError
 from helisim.physics import gyro
 from helisim.physics.gyro import Seen, cyclic_law, gyro_law
 from helisim.physics.layout import PARAM, STATE
-from helisim.sim.simulation import simulate
+from helisim.sim.flight import simulate
 from helisim.vehicle import Controller
 from helisim.vehicle.motion import addresses
 

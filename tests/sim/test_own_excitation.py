@@ -26,9 +26,9 @@ from helisim.sim import (
     write_plan,
 )
 from helisim.sim.excitation import EXCITATIONS
+from helisim.sim.flight import prepare
 from helisim.sim.injection import _injection, step_times
 from helisim.sim.manoeuvres import ThreeTwoOneOne
-from helisim.sim.simulation import prepare
 from helisim.vehicle import load
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.motion import addresses
@@ -213,7 +213,10 @@ def classes_that_cannot_fly():
         (lambda: PythonDoublet(duration="4"), "finite numbers of seconds"),
         (lambda: PythonDoublet(duration=0.1), "duration must be at least 1 s"),
         (lambda: PythonDoublet(axis="roll"), "'roll'; available: col, lon, lat, ped"),
-        (lambda: PythonDoublet(width=float("inf")), "settings of PythonDoublet"),
+        (
+            lambda: PythonDoublet(width=float("inf")),
+            "width must be a finite number, got inf",
+        ),
     ]
 
 
@@ -228,9 +231,9 @@ def test_a_class_that_cannot_fly_is_one_clear_error(jr700, make, message):
 
 def test_a_name_that_is_taken_is_refused():
     """A record of a `Sweep` must mean helisim's; one's own may be defined anew, as notebooks do."""
-    with pytest.raises(InputError, match=r"'Sweep' in helisim\.sim\.manoeuvres\.sweep already"):
+    with pytest.raises(InputError, match=r"'Sweep' in helisim\.sim\.manoeuvres already"):
         type("Sweep", (Excitation,), {"__module__": "__main__"})
-    assert EXCITATIONS["Sweep"].__module__ == "helisim.sim.manoeuvres.sweep"
+    assert EXCITATIONS["Sweep"].__module__ == "helisim.sim.manoeuvres"
     first = type("Mine", (Excitation,), {"__module__": "__main__"})
     second = type("Mine", (Excitation,), {"__module__": "__main__"})
     assert first is not second

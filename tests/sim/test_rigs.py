@@ -107,7 +107,7 @@ def test_the_turntable_turns_as_it_is_told(jr700):
     """The recorded yaw rate is the prescribed sweep, behind the drive's bandwidth."""
     sweep = TableSweep(band=(2.0, 6.0), duration=16.0)
     record = turn(hold(jr700, "turntable"), sweep, recorder=EXACT)
-    commanded = sweep.rates(record.time)
+    commanded = -sweep.control(record.time)
     # drive, clamp and anti-alias filter lag by about 25 ms: 0.15 rad at 6 rad/s
     assert np.abs(record["r"] - commanded).max() < 0.2 * np.abs(commanded).max()
     assert np.abs(record.select(("p", "q"))).max() < 1e-6

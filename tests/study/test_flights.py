@@ -33,8 +33,8 @@ def over(monkeypatch):
 
             return flown(vehicle, plan, which, do, **options)
 
-        flown = flights.flown
-        monkeypatch.setattr(flights, "flown", marked)
+        flown = flights.fly_all
+        monkeypatch.setattr(flights, "fly_all", marked)
         monkeypatch.setattr(flights, "Sweep", lambda axis: Sweep(axis=axis, duration=35.0))
 
     return choose

@@ -10,8 +10,7 @@ from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.native import installed
 from helisim.sim import Doublet
 from helisim.sim.fly import fly
-from helisim.sim.pilot import Pilot
-from helisim.sim.plan import FlightPlan
+from helisim.sim.plan import FlightPlan, Pilot
 from helisim.vehicle import GyroSettings, load
 
 OMEGA = np.geomspace(0.5, 60.0, 40)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import helisim as hs
 from helisim.sim import missions
-from helisim.sim.simulation import simulate
+from helisim.sim.flight import simulate
 from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.motion import root_body
 

@@ -95,7 +95,7 @@ def manoeuvre(o: Options, planned: "Excitation | None" = None) -> "Excitation":
 
 def _changed(o: Options, planned: "Excitation", given: Mapping[str, Any]) -> "Excitation":
     """Return a plan's manoeuvre with the settings that are given."""
-    from helisim.sim.plain import from_plain, to_plain
+    from helisim.base.settings import from_plain, to_plain
 
     axis = given.get("axis", planned.axis)
     fixed = [one for one in planned.left_open if getattr(planned, one) is not None]
@@ -109,9 +109,9 @@ def _changed(o: Options, planned: "Excitation", given: Mapping[str, Any]) -> "Ex
 
 def _kind(word: str, settings: Mapping[str, Any], usual: Mapping[str, Any]) -> "Excitation":
     """Return the manoeuvre of one --excitation."""
+    from helisim.base.settings import from_plain
     from helisim.sim import Manoeuvre
     from helisim.sim.excitation import EXCITATIONS
-    from helisim.sim.plain import from_plain
 
     if ":" in word:
         _check_settings("--excitation MODULE:FUNCTION", settings, ("axis", "at", "duration"))
@@ -157,8 +157,8 @@ def mission(o: Options, planned: "Mission | None" = None) -> "Mission | None":
         UnknownNameError: no such mission or setting.
         InputError: a setting is none, or the module has no such mission.
     """
+    from helisim.base.settings import from_plain
     from helisim.sim.missions import Mission, missions_by_name
-    from helisim.sim.plain import from_plain
 
     flown = planned
     if o.mission is not None:

@@ -130,7 +130,7 @@ def _check_fly(o: Options) -> None:
 def _fly_once(o: Options, vehicle: "Vehicle", plan: "FlightPlan") -> int:
     from helisim.records.storage import write_record
     from helisim.sim import Flight, fly
-    from helisim.sim.folder import write_flight
+    from helisim.sim.fly import write_flight
 
     try:
         with Progress(1, o.quiet) as advance:
@@ -154,10 +154,11 @@ def _print_flown(
     o: Options, vehicle: "Vehicle", plan: "FlightPlan", record: "FlightRecord"
 ) -> None:
     """Print what a mission reached, unless --quiet, and write the recording."""
-    from helisim.sim.missions.reached import Reached
+    from helisim.base.settings import from_plain
+    from helisim.sim.missions.mission import Reached
 
     if not o.quiet and "reached" in record.provenance:
-        print(f"Reached: {Reached.from_dict(record.provenance['reached'])}")
+        print(f"Reached: {from_plain(Reached, record.provenance['reached'], 'reached')}")
     if o.rerun is not None:
         write_recording(o.rerun, {plan.name: record}, vehicle=vehicle.folder, quiet=o.quiet)
 

@@ -37,8 +37,8 @@ from helisim.sim import (
     simulate,
 )
 from helisim.sim import Step as StickStep
-from helisim.sim.envelope import at_limits
-from helisim.sim.places import PLACES
+from helisim.sim.excitation import PLACES
+from helisim.sim.limits import at_limits
 from helisim.vehicle import ControllerLike, Vehicle
 
 Array = NDArray[np.float64]

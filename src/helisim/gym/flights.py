@@ -24,7 +24,7 @@ from helisim.gym.task import BOUND, Situation, check_task
 from helisim.physics.layout import SENSOR
 from helisim.physics.native import installed
 from helisim.sim import Weather
-from helisim.sim.simulation import thread_count
+from helisim.sim.flight import thread_count
 from helisim.vehicle.controller import Flying
 from helisim.vehicle.motion import addresses
 

@@ -7,12 +7,12 @@ from os import PathLike
 from typing import Any, Literal, get_args
 
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.settings import is_number
 from helisim.gym.task import Hover, Task, Track
 from helisim.gym.weather import WeatherRange
 from helisim.physics.memory import TICK_TOLERANCE
 from helisim.sim import FlightEnvelope, Weather
-from helisim.sim.plain import is_number
-from helisim.sim.simulation import thread_count
+from helisim.sim.flight import thread_count
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import Integrator
 

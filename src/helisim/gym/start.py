@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.settings import is_number
 from helisim.gym.settings import Setup
 from helisim.physics.layout import STATE
 from helisim.physics.motion import flip
 from helisim.sim import Weather
-from helisim.sim.plain import is_number
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import Motion, addresses, write_motion
 from helisim.vehicle.trim import place

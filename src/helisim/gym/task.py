@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
+from helisim.base.settings import is_number
 from helisim.gym.motions import Columns, Motions
-from helisim.sim.plain import is_number
 
 BOUND = 10.0
 """Scaled observations are cut off at plus and minus this."""

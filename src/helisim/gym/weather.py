@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from helisim.base.errors import InputError
+from helisim.base.settings import is_number
 from helisim.sim import Gust, Weather
-from helisim.sim.plain import is_number
 
 
 @dataclass(frozen=True, kw_only=True)

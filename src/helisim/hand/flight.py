@@ -10,23 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
+from helisim.base.settings import to_plain
 from helisim.hand.assist import Assistance, AssistName, check_assist
-from helisim.hand.crash import Crash
 from helisim.hand.recording import Recording
 from helisim.hand.sticks import Deflection, StickFeel
 from helisim.physics.laws import Failure
 from helisim.physics.layout import CONTROL, PARAM, STATE
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord
-from helisim.sim.ground import Ground
-from helisim.sim.pilot import Pilot, hover_height
-from helisim.sim.plain import to_plain
-from helisim.sim.simulation import generator
+from helisim.sim.flight import begin, generator, steps
+from helisim.sim.ground import FLIPS, Ground
+from helisim.sim.limits import Contact, broken
+from helisim.sim.plan import Pilot, hover_height
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import Motion, addresses, read_motion
+from helisim.vehicle.motion import Motion, addresses, read_motion, root_body
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import collective_stick, place
+from helisim.vehicle.trim import collective_stick
 
 _ASKS = 0.02
 """s between two looks of the pilot at the sticks, as of a radio link: 50 Hz."""
@@ -106,7 +107,9 @@ class HandFlight:
         Pilot(remnant=0.0).write(par, self.vehicle, seed=seed, height=self.height)
         self.weather.write(par, self.vehicle, seed=int(generator(seed, 0, "air").integers(2**31)))
         self._assistance = Assistance(self.vehicle, par)
-        self._crash = Crash(self.vehicle, self.model, self.ground)
+        self._contact = Contact(self.vehicle, self.ground)
+        self._imu = self.model.site(self.vehicle.roles.site("imu")).id
+        self._body = root_body(self.model)
         self._asks_each = max(1, round(_ASKS / self.model.opt.timestep))
         self._ticks_each = max(
             1, round(vehicle.parameters["gyro.period"] / self.model.opt.timestep)
@@ -142,22 +145,19 @@ class HandFlight:
 
     def reset(self) -> None:
         """Hover above the pad again, at time 0, the gyro on; a recording that runs is dropped."""
-        place(self.model, self.data, self.vehicle.trim, height=self.height)
-        self.ground.begin(self.vehicle, self.model, self.data)
-        rough = self.weather.start(self.vehicle, generator(self.seed, 0, "first air"))
+        where = {"height": self.height, "seed": self.seed}
+        begin(self.vehicle, self.model, self.data, self.weather, self.ground, **where)
         self._settled = self.data.act.copy()
         if self._failure is not None:
             self._fly_by_laws()
-        first = self._where.state
-        self.data.act[first + STATE.air_u : first + STATE.air_u + len(rough)] = rough
         self._par[PARAM.gyro_on] = 1.0
         self.deflection = Deflection()
         self.crashed = ""
         self._steps = 0
         self._recording: Recording | None = None
-        self._crash.begin()
+        self._contact.begin()
         self._assistance.begin()
-        self._ask()
+        self._ask(self.data)
         with installed():
             mujoco.mj_forward(self.model, self.data)
 
@@ -169,7 +169,7 @@ class HandFlight:
     @property
     def clearance(self) -> float:
         """Height of the lowest point of the landing gear above the ground, m."""
-        return self._crash.clearance(self.data)
+        return self._contact.clearance(*self._pose)
 
     @property
     def time(self) -> float:
@@ -227,22 +227,34 @@ class HandFlight:
             self.deflection = Deflection(**deflection)
         end = self._steps + round(seconds / self.model.opt.timestep)
         with installed():
-            while self._steps < end and not self.crashed:
-                self.step()
+            self._fly_on(end)
 
     def step(self) -> None:
         """Fly on by a time step, inside `installed()`; nothing moves after a crash."""
-        if self.crashed:
-            return
-        if self._steps % self._asks_each == 0:
-            self._ask()
-        if not self.gyro and self._steps % self._ticks_each == 0:
-            self._move_servos()
-        mujoco.mj_step(self.model, self.data)
-        if self._recording is not None and (self._recording or self._steps % self._ticks_each == 0):
-            self._recording.add(self.data)
-        self._steps += 1
-        self.crashed = self._failed() or self._crash.found(self.data)
+        self._fly_on(self._steps + 1)
+
+    def _fly_on(self, end: int) -> None:
+        """Fly until so many steps were made since the reset, or until the flight ends."""
+        asked = (self._asks_each, self._ask), (self._ticks_each, self._move_servos)
+        loop = steps(self.model, self.data, *asked, first=self._steps, count=end)
+        while not self.crashed and (made := next(loop, None)) is not None:
+            at_tick = self._steps % self._ticks_each == 0
+            if self._recording is not None and (self._recording or at_tick):
+                self._recording.add(self.data)
+            self._steps = made
+            self.crashed = self._failed() or self._ended()
+
+    def _ended(self) -> str:
+        """Return why the flight has ended with the step that was just made, "" if it goes on."""
+        if broken(self.data):
+            return "the flight has no finite state"
+        return self._contact.found(*self._pose, self.data.ncon > 0)
+
+    @property
+    def _pose(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        """Time, s, position of the IMU, (3,), and rotation from body to earth axes, (3, 3)."""
+        turn = FLIPS * self.data.xmat[self._body].reshape(3, 3)
+        return self.data.time, np.array(flip(*self.data.site_xpos[self._imu])), turn
 
     @property
     def recorded(self) -> float | None:
@@ -303,17 +315,19 @@ class HandFlight:
         if self._recording is not None:
             self._recording.note(self.time, what, value)
 
-    def _ask(self) -> None:
+    def _ask(self, _: mujoco.MjData) -> None:
         felt = self.feel.felt(self.deflection)
         seconds = self._asks_each * self.model.opt.timestep
         self._assistance.ask(self._par, self._assist_name, felt, self.motion, seconds)
 
-    def _move_servos(self) -> None:
-        """Move the servos by the sticks alone, about the trim: what a gyro does that is off."""
+    def _move_servos(self, data: mujoco.MjData) -> None:
+        """Move the servos by the sticks alone, about the trim, where the gyro is off."""
+        if self.gyro:
+            return
         col, lon, lat, ped = self.sticks
         trim = self.vehicle.trim
         plate = Swashplate.in_block(self._par)
-        control = self.data.ctrl[self._where.control :]
+        control = data.ctrl[self._where.control :]
         col *= self._par[PARAM.gyro_collective]
         control[CONTROL.servo_front : CONTROL.servo_tail] = plate.mix(
             col, lon + trim.lon, lat + trim.lat

@@ -12,9 +12,8 @@ from helisim.base.errors import InputError
 from helisim.physics.laws import Failure
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
-from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.ground import Ground
-from helisim.sim.landing import touching
+from helisim.sim.limits import FlightEnvelope
 from helisim.sim.recorder import Recorder
 from helisim.sim.trajectory import Trajectory, read_trajectory, sound_samples
 from helisim.vehicle import Vehicle
@@ -108,7 +107,7 @@ def _ended(
     Skids on the ground hold what no stick asks for, so a landing is such an end too.
     """
     ends = [] if (left := _ENVELOPE.end(vehicle, trajectory)) is None else [left]
-    touches = touching(trajectory)
+    touches = trajectory.touching
     if touches.any():
         ends.append((int(np.argmax(touches)), "the helicopter touched the ground"))
     if ends:

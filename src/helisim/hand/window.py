@@ -41,7 +41,7 @@ from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from helisim.show.viewer import Pace, Rotors, Window, aim, check_display
 from helisim.sim import Ground, Weather
-from helisim.sim.pilot import hover_height
+from helisim.sim.plan import hover_height
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import root_body
 

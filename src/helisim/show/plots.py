@@ -342,8 +342,7 @@ def draw_excitation(name: str, flown: Excitation) -> Drawing | None:
     if any(getattr(flown, setting) is None for setting in flown.left_open):
         return None
     # here, where its manoeuvre is loaded already; a log alone needs no simulator
-    from helisim.sim.excitation import is_foreknown
-    from helisim.sim.places import PLACES, unit
+    from helisim.sim.excitation import PLACES, is_foreknown, unit
 
     if not is_foreknown(flown):
         return None

@@ -24,7 +24,7 @@ from helisim.physics.motion import flip
 from helisim.records.channels import ATTITUDES, POSITIONS, ROTOR
 from helisim.records.record import FlightRecord
 from helisim.show.viewer import SLOWED, TILT_GAIN, drawn_tilt, drawn_turn
-from helisim.sim.ground import ground_of
+from helisim.sim.ground import Ground
 from helisim.vehicle.folder import Roles
 
 Array = NDArray[np.float64]
@@ -359,7 +359,7 @@ def _parameter(record: FlightRecord, name: str) -> float | None:
 
 def _log_ground(recording: rr.RecordingStream, world: str, record: FlightRecord) -> None:
     """Log the ground that it was flown over, or at height 0 or below the flight's lowest point."""
-    entity, flown = f"{world}/ground", ground_of(record)
+    entity, flown = f"{world}/ground", Ground.of_record(record)
     if flown is None:
         ground = max(0.0, float(np.max(record["down"])) + _CLEARANCE)
         north, east = record.select(POSITIONS)[0, :2]

@@ -23,8 +23,10 @@ from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.sim import Ground, Pilot
 from helisim.sim.excitation import Excitation, check_excitation
+from helisim.sim.flight import steps
 from helisim.sim.injection import injection
-from helisim.sim.pilot import hover_height
+from helisim.sim.limits import broken
+from helisim.sim.plan import hover_height
 from helisim.vehicle import Vehicle
 from helisim.vehicle.folder import Roles
 from helisim.vehicle.motion import addresses, root_body
@@ -91,11 +93,8 @@ class LiveFlight:
 
     def step(self) -> None:
         """Fly on by a time step."""
-        if self.added is not None:
-            number = round(self.data.time / self.model.opt.timestep)
-            row = self.added[number] if number < len(self.added) else 0.0
-            self.data.userdata[: self.added.shape[1]] = row
-        mujoco.mj_step(self.model, self.data)
+        made = round(self.data.time / self.model.opt.timestep)
+        next(steps(self.model, self.data, added=self.added, first=made))
 
 
 def prepare_live(
@@ -212,7 +211,7 @@ def watch(
                 while data.time < until - 0.5 * step:
                     flight.step()
                 rotors.draw(data, window.user_scn)
-            if not np.all(np.isfinite(data.qpos)) or any(w.number for w in data.warning):
+            if broken(data):
                 raise DivergedError(f"the flight has no finite state at {data.time:.2f} s")
             window.sync()
             pace.rest(data.time)

@@ -1,7 +1,6 @@
 """Fly a plan and record it: the simulated experiment, and the benches on the ground (`rigs`)."""
 
 from helisim.sim import missions
-from helisim.sim.envelope import FlightEnvelope
 from helisim.sim.excitation import Excitation
 from helisim.sim.faults import (
     ClockDrift,
@@ -16,15 +15,15 @@ from helisim.sim.faults import (
     ServoWeak,
     parse_fault,
 )
-from helisim.sim.fly import Flight, fly, fly_all, fly_each
-from helisim.sim.folder import fly_to
+from helisim.sim.flight import simulate
+from helisim.sim.fly import Flight, fly, fly_all, fly_each, fly_to
 from helisim.sim.ground import Deck, Ground, Swing
+from helisim.sim.limits import FlightEnvelope
 from helisim.sim.manoeuvres import (
     Chirp,
     Doublet,
     History,
     Manoeuvre,
-    Multisine,
     Pulse,
     Sequence,
     Step,
@@ -33,10 +32,9 @@ from helisim.sim.manoeuvres import (
     Together,
 )
 from helisim.sim.missions import Mission
-from helisim.sim.pilot import Pilot
-from helisim.sim.plan import FlightPlan, read_plan, write_plan
+from helisim.sim.multisine import Multisine
+from helisim.sim.plan import FlightPlan, Pilot, read_plan, write_plan
 from helisim.sim.recorder import Recorder
-from helisim.sim.simulation import simulate
 from helisim.sim.trajectory import End, Trajectory
 from helisim.sim.weather import Gust, Weather
 

@@ -1,4 +1,4 @@
-"""What is flown on purpose: the base of every manoeuvre, shipped or your own.
+"""What is flown on purpose: the base of every manoeuvre, and the signals that it can be added to.
 
 A manoeuvre of your own is a frozen dataclass with a method `wave`:
 
@@ -11,33 +11,61 @@ A manoeuvre of your own is a frozen dataclass with a method `wave`:
             return self.amplitude * np.exp(-((time - 3.0) ** 2))
 
 or `sticks`, which moves several axes. Its fields are its settings: in provenance, plan files and
-on the command line. It is asked once, for the times of all steps of a flight; no Python runs in
+on the command line. It is called once, with the times of all steps of a flight; no Python runs in
 the steps.
 """
 
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.settings import check, is_number, setting, to_plain
 from helisim.physics.layout import HISTORY, PARAM
-from helisim.records.channels import AXES
-from helisim.sim.places import ENOUGH, PLACES, limit, reach, unit
-from helisim.sim.plain import UNSAID, is_number, settle, to_plain
+from helisim.records.channels import ATTITUDES, AXES, RATES
 
-Setting = TypeVar("Setting")
+T = TypeVar("T")
 
+_SERVOS = (*AXES, "front", "left", "right", "tail")
+PLACES: dict[str, tuple[str, ...]] = {
+    "sticks": AXES,
+    "servos": _SERVOS,
+    "actuators": _SERVOS,
+    "sensors": (*RATES, *ATTITUDES),
+}
+"""Where a manoeuvre can be added, and the axes that there are."""
+_ENOUGH = {"sticks": 4, "servos": 4, "actuators": 4, "sensors": 3}
+"""How many columns are enough at each place, from its first: the others are then zero."""
+_TRAVEL = (0.5, "1", "the travel of a servo")
+_REACH = {
+    **{(place, axis): _TRAVEL for place in ("servos", "actuators") for axis in _SERVOS},
+    **{("sticks", axis): (0.5, "1", "the travel of a stick") for axis in AXES},
+    **{("sensors", a): (35.0, "rad/s", "rad/s, the range of the gyro's sensors") for a in RATES},
+    **{("sensors", axis): (math.pi, "rad", "rad, half a turn") for axis in ATTITUDES},
+}
+"""(place, axis) -> the greatest |value| that is added, its unit, and what ends there."""
 _OWN_AXIS = {"p": "lat", "q": "lon", "r": "ped", "tail": "ped"}
 _OWN_AXIS |= {"phi": "lat", "theta": "lon", "psi": "ped"}
 """Whose own band a vehicle has for what is no axis of a stick."""
+_WAYS = ("wave", "sticks", "added", "_write_closed_form")
 
 EXCITATIONS: dict[str, type["Excitation"]] = {}
 """Every kind of manoeuvre by its name; a subclass of `Excitation` joins on its definition."""
+
+
+def limit(place: str, axis: str) -> float:
+    """Return the greatest |value| that is added to an axis: unitised, rad/s or rad."""
+    return _REACH[place, axis][0]
+
+
+def unit(place: str, axis: str) -> str:
+    """Return the unit of what is added to an axis; "1" is of what is unitised."""
+    return _REACH[place, axis][1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +89,8 @@ class Excitation:
     """
 
     axis: str
-    duration: float
-    at: str = field(default="sticks", metadata=UNSAID)
+    duration: float = setting(unit="s")
+    at: str = setting("sticks", unsaid=True)
 
     left_open: ClassVar[tuple[str, ...]] = ()
     """Settings that may be None: the vehicle's own `sweep.<axis>_<setting>`."""
@@ -72,17 +100,10 @@ class Excitation:
     written: ClassVar[bool] = True
     """Whether its settings are plain data, which a file can hold."""
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, *, listed: bool = True) -> None:
         super().__init_subclass__()
-        if cls.__name__.startswith("_") or not cls.written:
-            return
-        other = EXCITATIONS.get(cls.__name__, cls)
-        if other.__module__ != cls.__module__:
-            raise InputError(
-                f"there is an excitation {cls.__name__!r} in {other.__module__} already: give "
-                "yours another name, by which records and plans know it"
-            )
-        EXCITATIONS[cls.__name__] = cls
+        if cls.written and listed:
+            register(cls, EXCITATIONS, "an excitation")
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -97,8 +118,7 @@ class Excitation:
     @property
     def highest(self) -> float:
         """The highest frequency that it means to excite, rad/s; 0 where it doesn't say."""
-        band = getattr(self, "band", None)
-        return float(max(band)) if band else 0.0
+        return float(max(getattr(self, "band", None) or (0.0,)))
 
     def on(self, own: Mapping[str, float]) -> Self:
         """Return it with what is left open filled in by a vehicle's own parameters.
@@ -140,8 +160,31 @@ class Excitation:
         """Return what is added at the times in s, (n_time,), by place: (n_time, n_axis).
 
         The columns are the axes of `PLACES`.
+
+        Raises:
+            InputError: `sticks` gives another shape, or a value that isn't finite or in range.
         """
-        return {self.at: checked(self, self.sticks(time.copy()), time)}
+        given, kind = np.asarray(self.sticks(time.copy())), type(self).__name__
+        axes = PLACES[self.at]
+        wanted, short = (time.size, len(axes)), (time.size, _ENOUGH[self.at])
+        names = [one.upper() for one in axes] if self.at == "sticks" else axes
+        if given.shape not in (wanted, short) or given.dtype.kind not in "fiub":
+            raise InputError(
+                f"{kind}.sticks must return an array of numbers of shape {wanted}, one row a time, "
+                f"columns {', '.join(names)}; got shape {given.shape} of {given.dtype}"
+            )
+        columns = np.zeros(wanted)
+        columns[:, : given.shape[1]] = given
+        most = np.array([limit(self.at, axis) for axis in axes])
+        bad = ~(np.abs(columns) <= most)
+        if bad.any():
+            row, column = np.argwhere(bad)[0]
+            raise InputError(
+                f"{getattr(self, 'source', '') or f'{kind}.sticks'} must stay between "
+                f"{-most[column]:g} and {most[column]:g}, {_REACH[self.at, axes[column]][2]}; "
+                f"{names[column]} is {columns[row, column]:g} at {time[row]:g} s"
+            )
+        return {self.at: columns}
 
     def on_axis(self, values: ArrayLike) -> NDArray[np.float64]:
         """Return columns, (n_time, n_axis), of which only `axis` moves, as values, (n_time,)."""
@@ -167,10 +210,26 @@ class Excitation:
         """Put a compiled formula in place of `wave` or `sticks`, at the sticks."""
         raise NotImplementedError
 
-    def _own(self, own: Mapping[str, float], setting: str) -> Any:
+    def _own(self, own: Mapping[str, float], name: str) -> Any:
         """Return what a vehicle's own sweep has for a setting that is left open."""
         (axis,) = self.axes
-        return own_setting(self, own, axis, setting)
+        return own_setting(self, own, axis, name)
+
+
+def register(cls: type, kinds: dict[str, Any], what: str) -> None:
+    """Put a class among its kinds by its name, unless that begins with _.
+
+    Raises:
+        InputError: another module has one of that name.
+    """
+    other = kinds.get(cls.__name__, cls)
+    if other.__module__ != cls.__module__:
+        raise InputError(
+            f"there is {what} {cls.__name__!r} in {other.__module__} already: give yours another "
+            "name, by which records and plans know it"
+        )
+    if not cls.__name__.startswith("_"):
+        kinds[cls.__name__] = cls
 
 
 def split_axes(axis: str) -> tuple[str, ...]:
@@ -179,32 +238,29 @@ def split_axes(axis: str) -> tuple[str, ...]:
 
 
 def own_setting(
-    excitation: Excitation, own: Mapping[str, float], axis: str, setting: str
+    excitation: Excitation, own: Mapping[str, float], axis: str, name: str
 ) -> float | tuple[float, float]:
     """Return what a vehicle's own sweep of an axis has for a setting that is left open.
 
     Raises:
         InputError: it has none there.
     """
-    kind, axis = type(excitation).__name__, _OWN_AXIS.get(axis, axis)
-    if axis not in AXES or (setting == "amplitude" and excitation.at != "sticks"):
+    axis = _OWN_AXIS.get(axis, axis)
+    if axis not in AXES or (name == "amplitude" and excitation.at != "sticks"):
         raise InputError(
-            f"{kind} needs its {setting} at {excitation.at}: a vehicle's own is of its sticks"
+            f"{type(excitation).__name__} needs its {name} at {excitation.at}: a vehicle's own is "
+            "of its sticks"
         )
-    if setting == "band":
+    if name == "band":
         return own[f"sweep.{axis}_w_min"], own[f"sweep.{axis}_w_max"]
-    return own[f"sweep.{axis}_{setting}"]
-
-
-_WAYS = ("wave", "sticks", "added", "_write_closed_form")
+    return own[f"sweep.{axis}_{name}"]
 
 
 def _way(excitation: Excitation) -> frozenset[str]:
     """Return how the most derived class that says it says how it moves."""
-    for cls in type(excitation).__mro__:
-        found = frozenset(name for name in _WAYS if name in vars(cls))
-        if cls is Excitation or found:
-            return frozenset() if cls is Excitation else found
+    for cls in type(excitation).__mro__[: type(excitation).__mro__.index(Excitation)]:
+        if found := frozenset(_WAYS) & vars(cls).keys():
+            return found
     return frozenset()
 
 
@@ -223,7 +279,7 @@ def check_excitation(excitation: Any) -> None:
     kind = type(excitation).__name__
     if not isinstance(excitation, Excitation):
         raise InputError(
-            f"a flight plan needs an excitation such as Sweep(axis='lat'), got {excitation!r}"
+            f"a flight plan needs an excitation such as Sweep(axis='lat'), got {excitation!r:.80}"
         )
     for name in ("axis", "duration"):
         if not hasattr(excitation, name):
@@ -234,25 +290,21 @@ def check_excitation(excitation: Any) -> None:
             f"{kind} doesn't say how it moves: give it a method wave(self, time) that returns "
             "(n_time,) for the times, (n_time,), or sticks(self, time) that returns (n_time, 4)"
         )
-    if not excitation.written:
-        return
+    if excitation.written:
+        check_plain(excitation)
+
+
+def check_plain(value: Any) -> None:
+    """Raise InputError unless a value object's settings can be written in a record."""
+    check(value)
     try:
-        hash(excitation)
-        json.dumps(to_plain(excitation), allow_nan=False)
+        hash(value)
+        json.dumps(to_plain(value), allow_nan=False)
     except (TypeError, ValueError):
         raise InputError(
-            f"the settings of {kind} must be finite numbers, texts, or tuples of them, so that a "
-            f"record can say what was flown; got {to_plain(excitation)}"
+            f"the settings of {type(value).__name__} must be finite numbers, texts, or tuples of "
+            f"them, so that a record can say what was flown; got {value!r:.200}"
         ) from None
-
-
-def check_settings(excitation: Excitation) -> None:
-    """Raise InputError unless each setting is of its type, and the axes are those of the place.
-
-    Numbers and arrays of NumPy become Python's own, which a record can hold.
-    """
-    settle(excitation)
-    check_axis(excitation)
 
 
 def check_axis(excitation: Excitation) -> None:
@@ -296,68 +348,11 @@ def check_times(duration: Any, trim_time: Any, *, after: bool = True) -> None:
         )
 
 
-def check_amplitude(excitation: Excitation, *, signed: bool = False) -> None:
-    """Raise InputError unless an excitation's amplitude, or each of several, can be."""
-    amplitude, at = getattr(excitation, "amplitude", None), excitation.at
-    if amplitude is None:
-        return
-    axes = excitation.axes
-    given = amplitude if isinstance(amplitude, tuple) else (amplitude,) * len(axes)
-    for one, axis in zip(given, axes if len(given) == len(axes) else axes * len(given)):
-        size, most = abs(one) if signed and isinstance(one, int | float) else one, limit(at, axis)
-        if not (isinstance(size, int | float) and 0.0 < size <= most):
-            of = "of unitised stick" if at == "sticks" else "of unitised servo command"
-            of = unit(at, axis) if at == "sensors" else of
-            raise InputError(f"amplitude must be in (0, {most:g}] {of}, got {one}")
-
-
-def check_band(band: tuple[float, ...] | None, name: str = "band") -> None:
-    """Raise InputError unless a band, or each of several one after the other, can be."""
-    if band is None:
-        return
-    pairs = list(zip(band[::2], band[1::2]))
-    fine = all(math.isfinite(high) and 0.0 < low < high for low, high in pairs)
-    if not (pairs and len(band) % 2 == 0 and fine):
-        raise InputError(f"{name} must be 0 < w_min < w_max in rad/s, got {band}")
-
-
-def complete(excitation: Excitation, setting: Setting | None) -> Setting:
+def complete(excitation: Excitation, value: T | None) -> T:
     """Return a setting that must not be left open any more. Raises InputError."""
-    if setting is None:
+    if value is None:
         raise InputError(
             f"an open {type(excitation).__name__} can't fly; complete it with "
             "on(vehicle.parameters)"
         )
-    return setting
-
-
-def checked(excitation: Excitation, given: Any, time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what an excitation's `sticks` gave for the times, (n_time,), as (n_time, n_axis).
-
-    Raises:
-        InputError: it has another shape, or a value that is not finite or beyond the range.
-    """
-    kind, at = type(excitation).__name__, excitation.at
-    axes, enough = PLACES[at], ENOUGH[at]
-    given = np.asarray(given)
-    wanted = (time.size, len(axes))
-    names = [one.upper() for one in axes] if at == "sticks" else axes
-    short = given.shape == (time.size, enough)
-    if (given.shape != wanted and not short) or given.dtype.kind not in "fiub":
-        raise InputError(
-            f"{kind}.sticks must return an array of numbers of shape {wanted}, one row a time, "
-            f"columns {', '.join(names)}; got shape {given.shape} of {given.dtype}"
-        )
-    columns = np.zeros(wanted)
-    columns[:, : given.shape[1]] = given
-    most = np.array([limit(at, axis) for axis in axes])
-    bad = ~(np.abs(columns) <= most)
-    if bad.any():
-        row, column = np.argwhere(bad)[0]
-        what = getattr(excitation, "source", "") or f"{kind}.sticks"
-        raise InputError(
-            f"{what} must stay between {-most[column]:g} and {most[column]:g}, "
-            f"{reach(at, axes[column])}; {names[column]} is {columns[row, column]:g} at "
-            f"{time[row]:g} s"
-        )
-    return columns
+    return value

@@ -1,25 +1,28 @@
-"""Fly plans and record them: what the flight computer writes of each flight, with provenance."""
+"""Fly plans and record them, into memory or into a folder."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from pathlib import Path
+from typing import Any, Literal
 
-from helisim.base.errors import InputError
-from helisim.records.provenance import made_by
+from helisim.base.errors import InputError, RecordError, StorageError
+from helisim.base.files import make_folder
+from helisim.base.settings import to_plain
+from helisim.base.value import FrozenMap
+from helisim.records.provenance import difference, made_by, plain
 from helisim.records.record import FlightRecord
-from helisim.sim.envelope import terminated_early
+from helisim.records.storage import read_record, write_record
 from helisim.sim.faults import RecorderFault
+from helisim.sim.flight import flight_numbers, generator, simulated
 from helisim.sim.injection import injection_digest
-from helisim.sim.missions.reached import Reached
-from helisim.sim.plain import to_plain
+from helisim.sim.missions.mission import Reached
 from helisim.sim.plan import Flyable, as_plan
 from helisim.sim.recorder import Recorder, last_second
-from helisim.sim.simulation import flight_numbers, generator, simulated
-from helisim.sim.trajectory import Trajectory
+from helisim.sim.trajectory import End, Trajectory
 from helisim.vehicle import ControllerLike, Vehicle
 
-Result = TypeVar("Result")
-
+LAST_SECONDS = "last_second"
+"""Folder beside records, of the last seconds of those flights that were terminated early."""
 _FEWEST_SAMPLES = 2
 """Beside the first, of the shortest record; the lever arm's derivative needs them."""
 
@@ -106,67 +109,58 @@ def fly_each(
     flights as threads are in memory at a time.
     """
 
-    def kept(flight: Flight) -> FlightRecord:
+    def record(flight: Flight) -> FlightRecord:
         if flight.last_second is not None and not keep_ended:
-            end = flight.record.provenance["ended"]
-            scripted = "mission" in flight.record.provenance
-            error = terminated_early(end["at"], end["why"], end.get("traceback"), scripted=scripted)
+            said = flight.record.provenance
+            error = End(**{"traceback": None, **said["ended"]}).error(scripted="mission" in said)
             error.record, error.last_second = flight.record, flight.last_second
             raise error
         return flight.record
 
-    return (kept(one) for one in fly_all(vehicle, plan, numbers, seed=seed, jobs=jobs))
+    return (record(one) for one in fly_all(vehicle, plan, numbers, seed=seed, jobs=jobs))
 
 
 def fly_all(
     vehicle: Vehicle,
     plan: Flyable,
     numbers: Sequence[int],
+    then: Callable[[int, Flight], Any] = lambda _, flight: flight,
     *,
     seed: int = 0,
     jobs: int | None = None,
-) -> Iterator[Flight]:
+) -> Iterator[Any]:
     """Yield each flight, those that were terminated early too, with their last second.
 
-    Arguments and the other errors are those of `fly_each`.
+    The other arguments and errors are those of `fly_each`.
+
+    Args:
+        vehicle: that flies.
+        plan: of the flights.
+        numbers: of the flights.
+        then: what is yielded of each flight's number and flight, made in the thread that flew it.
+        seed: as for `fly`.
+        jobs: as for `fly`.
 
     Raises:
         DivergedError: a flight was terminated before there was a record of it.
     """
-    return flown(vehicle, plan, numbers, lambda _, flight: flight, seed=seed, jobs=jobs)
-
-
-def flown(
-    vehicle: Vehicle,
-    plan: Flyable,
-    numbers: Sequence[int],
-    then: Callable[[int, Flight], Result],
-    *,
-    seed: int = 0,
-    jobs: int | None = None,
-) -> Iterator[Result]:
-    """Yield what `then` makes of each flight's number and flight, in the thread that flew it.
-
-    The other arguments and the errors are those of `fly_all`.
-    """
     plan = as_plan(plan).on(vehicle)
     recorder = plan.recorder or Recorder.of(vehicle)
 
-    def recorded(number: int, trajectory: Trajectory) -> Result:
+    def recorded(number: int, trajectory: Trajectory) -> Any:
         provenance = flight_provenance(vehicle, plan, seed=seed, number=number)
-        end = trajectory.end
+        end, last = trajectory.end, None
         if trajectory.script is not None:
-            provenance["reached"] = Reached.of(vehicle, trajectory).to_dict()
+            provenance["reached"] = to_plain(Reached.of(vehicle, trajectory))
         if end is not None:
             provenance["ended"] = end.to_dict()
             if trajectory.time[-1] * recorder.rate_hz < _FEWEST_SAMPLES:
-                scripted = trajectory.script is not None
-                raise terminated_early(end.at, end.why, end.traceback, scripted=scripted)
+                raise end.error(scripted=trajectory.script is not None)
+            last = last_second(trajectory, provenance)
         record = recorder.record(trajectory, generator(seed, number, "sensors"), provenance)
         for n, fault in enumerate(plan.faults):
             if isinstance(fault, RecorderFault):
                 record = fault.apply(record, generator(seed, number, f"fault {n}"))
-        last = None if end is None else last_second(trajectory, provenance)
         return then(number, Flight(record, last))
 
     return simulated(vehicle, plan, numbers, recorded, seed=seed, jobs=jobs)
@@ -180,11 +174,117 @@ def flight_provenance(vehicle: Vehicle, plan: Flyable, *, seed: int, number: int
     added = None if plan.excitation is None else injection_digest(plan.excitation, vehicle)
     if added is not None:
         facts["sticks_digest"] = added
-    return made_by(
-        "simulation",
-        **vehicle.provenance,
-        **facts,
-        plan_digest=plan.digest,
-        seed=seed,
-        flight=number,
-    )
+    facts |= {"plan_digest": plan.digest, "seed": seed, "flight": number}
+    return made_by("simulation", **vehicle.provenance, **facts)
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What a folder holds after its flights.
+
+    Attributes:
+        paths: one record a flight, in order.
+        found: how many of them were there before, and were left as they are.
+        ended: why those were terminated early that were; a folder `last_second` holds that of
+            each, at the simulation's rate.
+    """
+
+    paths: tuple[Path, ...]
+    found: int
+    ended: Mapping[Path, str]
+
+
+def fly_to(
+    folder: Path,
+    vehicle: Vehicle,
+    plan: Flyable,
+    *,
+    count: int = 1,
+    seed: int = 0,
+    jobs: int | None = None,
+    on_flight: Callable[[], None] | None = None,
+) -> Flown:
+    """Fly a plan as `fly` does and write each record as its flight ends.
+
+    Flights that the folder already holds, whole and of the same provenance, aren't flown
+    again; so a second call goes on where an interrupted one stopped. A damaged file is
+    written anew. A flight that is terminated early is kept as far as it went, marked, and the
+    others go on. Memory doesn't grow with `count`.
+
+    Args:
+        folder: of records such as `lat_0001.parquet`; made if it doesn't exist.
+        vehicle: that flies.
+        plan: of the flights; a bare manoeuvre, or a function of time in s that gives what is
+            added to the four sticks, is a plan with all else default.
+        count: number of flights that the folder shall hold.
+        seed: of pilots, turbulence and sensors.
+        jobs: threads; all processors if None.
+        on_flight: called once for each flight that the folder holds, for progress.
+
+    Raises:
+        InputError: as for `fly`; or the folder holds a flight of another configuration.
+        DivergedError: a flight is terminated before there is a record of it; those before it
+            are kept.
+        StorageError: the folder can't be made or written.
+    """
+    plan = as_plan(plan).on(vehicle)
+    paths = [folder / f"{plan.name}_{k + 1:04d}.parquet" for k in flight_numbers(count)]
+    ended: dict[Path, str] = {}
+    missing = []
+
+    def kept(path: Path, record: FlightRecord) -> None:
+        if record.ended:
+            ended[path] = record.ended
+        if on_flight is not None:
+            on_flight()
+
+    for number, path in enumerate(paths):
+        expected = flight_provenance(vehicle, plan, seed=seed, number=number)
+        found = _found(path, plain(expected))
+        if found is None:
+            missing.append(number)
+        else:
+            kept(path, found)
+    flights = fly_all(vehicle, plan, missing, seed=seed, jobs=jobs)
+    make_folder(folder)
+    for number, flight in zip(missing, flights):
+        write_flight(flight, paths[number])
+        kept(paths[number], flight.record)
+    return Flown(tuple(paths), count - len(missing), FrozenMap(dict(sorted(ended.items()))))
+
+
+def write_flight(flight: Flight, path: Path) -> Path | None:
+    """Write a flight, and its last second, if there is one, into a folder beside it.
+
+    Returns:
+        The path of the last second.
+
+    Raises:
+        StorageError: a file can't be written.
+    """
+    beside = None
+    if flight.last_second is not None:  # first: a record that says that it ended has it
+        beside = make_folder(path.parent / LAST_SECONDS) / f"{path.stem}.parquet"
+        write_record(flight.last_second, beside)
+    write_record(flight.record, path)
+    return beside
+
+
+def _found(path: Path, expected: Mapping[str, Any]) -> FlightRecord | None:
+    """Return the flight that a file holds; None where it is missing or damaged."""
+    if not path.exists():
+        return None
+    try:
+        found = read_record(path)
+    except (StorageError, RecordError):
+        return None
+    origin = {k: v for k, v in found.provenance.items() if k not in ("ended", "reached")}
+    change = difference(origin, expected)
+    if "excitation" in origin and "plan_digest" not in origin:
+        change = "an earlier version of helisim flew it, and stated no plan_digest"
+    if change:
+        raise InputError(
+            f"{path} holds a flight of another configuration: {change}; "
+            "choose another folder, or remove the file"
+        )
+    return found

@@ -1,9 +1,10 @@
-"""The ground of a flight: level, a slope, or a deck that a sea moves, to land on and take off."""
+"""The ground of a flight: level, a slope, or a moving deck; and what of a vehicle can meet it."""
 
 import copy
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import mujoco
 import numpy as np
@@ -11,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import InputError
+from helisim.base.settings import check, from_plain, in_brief, setting
 from helisim.physics.layout import CONTROL, PARAM, STATE
+from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord
-from helisim.sim.clearance import outline
-from helisim.sim.plain import from_plain, in_brief, settle
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
@@ -24,7 +25,6 @@ _HEAVIER = 1e6
 """Mass of a deck over that of who lands on it: what the landing does to its motion."""
 _SETTLING = 2.0
 """s, in which a vehicle comes to rest on its landing gear."""
-_DECK = "deck"
 _AXES = {
     "surge": (1.0, 0.0, 0.0),
     "sway": (0.0, -1.0, 0.0),
@@ -34,6 +34,8 @@ _AXES = {
 }
 """A deck's freedoms, the outermost first, and each one's axis, north-west-up."""
 _TURNS = ("pitch", "roll")
+FLIPS = np.outer(flip(1.0, 1.0, 1.0), flip(1.0, 1.0, 1.0))
+"""Times a rotation (3, 3) in MuJoCo's axes: from body (FRD) to earth (NED) axes."""
 _COLOURS = {"deck": (0.33, 0.34, 0.35, 1.0), "ground": (0.37, 0.46, 0.32, 1.0)}
 
 
@@ -48,15 +50,11 @@ class Swing:
     """
 
     amplitude: float
-    period: float = 8.0
-    phase: float = 0.0
+    period: float = setting(8.0, unit="s", above=0.0)
+    phase: float = setting(0.0, unit="rad")
 
     def __post_init__(self) -> None:
-        settle(self)
-        if not (math.isfinite(self.amplitude) and math.isfinite(self.phase)):
-            raise InputError(f"a swing needs a finite amplitude and phase, got {self}")
-        if not 0.0 < self.period < math.inf:
-            raise InputError(f"a swing's period must be above 0 s, got {self.period}")
+        check(self)
 
     @property
     def frequency(self) -> float:
@@ -69,9 +67,8 @@ class Swing:
 
     def rate(self, time: NDArray[np.float64] | float) -> NDArray[np.float64]:
         """Return how fast it moves at times (n_time,), s, of the same shape."""
-        return (
-            self.amplitude * self.frequency * np.cos(self.frequency * np.asarray(time) + self.phase)
-        )
+        phase = self.frequency * np.asarray(time) + self.phase
+        return self.amplitude * self.frequency * np.cos(phase)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,9 +86,9 @@ class Deck:
         pitch: bow up.
     """
 
-    length: float = 6.0
-    width: float = 6.0
-    above: float = 3.0
+    length: float = setting(6.0, unit="m", above=0.0)
+    width: float = setting(6.0, unit="m", above=0.0)
+    above: float = setting(3.0, unit="m", above=0.0)
     surge: Swing | None = None
     sway: Swing | None = None
     heave: Swing | None = None
@@ -103,14 +100,7 @@ class Deck:
     """m, of every deck, downwards from where one lands."""
 
     def __post_init__(self) -> None:
-        for name in _AXES:
-            swing = getattr(self, name)
-            if not isinstance(swing, Swing | None):
-                raise InputError(f"a deck's {name} must be a Swing or None, got {swing!r}")
-        settle(self)
-        for name in ("length", "width", "above"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise InputError(f"a deck's {name} must be above 0 m, got {getattr(self, name)}")
+        check(self)
         for name, swing in self.swings.items():
             if name in _TURNS and abs(swing.amplitude) >= 0.5:
                 raise InputError(
@@ -139,13 +129,52 @@ class Deck:
         Returns:
             (n_time, 3) m, and (n_time, 3, 3) from the deck's axes.
         """
-        still = np.zeros_like(time)
-        at = {
-            name: still if (one := getattr(self, name)) is None else one.at(time) for name in _AXES
-        }
-        place = np.column_stack([at["surge"], at["sway"], -at["heave"]])
+        at = dict.fromkeys(_AXES, np.zeros_like(time))
+        at |= {name: swing.at(time) for name, swing in self.swings.items()}
+        where = np.column_stack([at["surge"], at["sway"], -at["heave"]])
         turn = Rotation.from_euler("YX", np.column_stack([at["pitch"], at["roll"]]))
-        return place, turn.as_matrix()
+        return where, turn.as_matrix()
+
+    def add_to(self, spec: mujoco.MjSpec, mass: float) -> None:
+        """Add the deck on springs whose own motion is its own, so heavy, kg, that it keeps it.
+
+        A body that MuJoCo is told the place of (mocap) has no velocity, and what stands on it is
+        not carried along.
+        """
+        body = spec.worldbody.add_body(
+            name="deck", mass=mass, inertia=[mass] * 3, explicitinertial=True, gravcomp=1.0
+        )
+        hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+        for name, swing in self.swings.items():
+            body.add_joint(
+                name=f"deck_{name}",
+                type=hinge if name in _TURNS else slide,
+                axis=_AXES[name],
+                stiffness=[mass * swing.frequency**2, 0.0, 0.0],
+            )
+        spec.add_exclude(bodyname1="world", bodyname2="deck")
+        body.add_geom(
+            name="deck",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.5 * self.length, 0.5 * self.width, 0.5 * self.thickness],
+            pos=[0.0, 0.0, -0.5 * self.thickness],
+            mass=0.0,
+            rgba=_COLOURS["deck"],
+        )
+
+    def carry(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Move a vehicle that stands on the deck at rest to where the deck is, moving along."""
+        mujoco.mj_forward(model, data)
+        deck, moving = data.body("deck"), np.zeros(6)
+        kind = mujoco.mjtObj.mjOBJ_BODY
+        mujoco.mj_objectVelocity(model, data, kind, model.body("deck").id, moving, 0)
+        arm, turned, own = np.zeros(3), np.zeros(4), np.zeros(4)
+        mujoco.mju_rotVecQuat(arm, data.qpos[:3], deck.xquat)
+        mujoco.mju_mulQuat(turned, deck.xquat, data.qpos[3:7])
+        data.qpos[:3], data.qpos[3:7] = deck.xpos + arm, turned
+        data.qvel[:3] = moving[3:] + np.cross(moving[:3], arm)
+        mujoco.mju_negQuat(own, turned)
+        mujoco.mju_rotVecQuat(data.qvel[3:6], moving[:3], own)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,29 +197,16 @@ class Ground:
             (`drive.governor`); an ideal governor has no speed of its own.
     """
 
-    slope: float = 0.0
-    uphill: float = 0.0
-    friction: float | None = None
-    effect: float = 1.0
+    slope: float = setting(0.0, unit="rad", low=0.0, below=0.5 * math.pi)
+    uphill: float = setting(0.0, unit="rad")
+    friction: float | None = setting(None, above=0.0)
+    effect: float = setting(1.0, low=0.0, high=1.0)
     deck: Deck | None = None
     parked: bool = False
-    rotor: float = 1.0
+    rotor: float = setting(1.0, low=0.0, high=1.0)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.deck, Deck | None):
-            raise InputError(f"a ground's deck must be a Deck or None, got {self.deck!r}")
-        settle(self)
-        if not (0.0 <= self.slope < 0.5 * math.pi and math.isfinite(self.uphill)):
-            raise InputError(
-                "a ground needs a slope from 0 to pi/2 rad and a finite heading uphill, got "
-                f"{self.slope} and {self.uphill}"
-            )
-        if self.friction is not None and not 0.0 < self.friction < math.inf:
-            raise InputError(f"the ground's friction must be above 0, got {self.friction}")
-        if not 0.0 <= self.effect <= 1.0:
-            raise InputError(f"the ground's effect must be from 0 to 1, got {self.effect}")
-        if not 0.0 <= self.rotor <= 1.0:
-            raise InputError(f"the rotor's speed must be from 0 to 1, got {self.rotor}")
+        check(self)
         if self.rotor < 1.0 and not self.parked:
             raise InputError(
                 f"only a parked flight starts with a slow rotor: parked=True, got {self.rotor}"
@@ -200,6 +216,22 @@ class Ground:
 
     def __repr__(self) -> str:
         return in_brief(self)
+
+    @classmethod
+    def of_record(cls, record: FlightRecord) -> "Ground | None":
+        """Return the ground that a record was flown over by its provenance; None for none.
+
+        Raises:
+            InputError: what it has is no ground.
+        """
+        kept = record.provenance
+        said = kept.get("ground", dict(kept.get("by_hand", {})).get("ground"))
+        return None if said is None else from_plain(cls, said, "ground")
+
+    @property
+    def is_level(self) -> bool:
+        """Whether it is the plane at height 0."""
+        return self.deck is None and self.slope == 0.0
 
     def put_into(self, spec: mujoco.MjSpec, vehicle: mujoco.MjModel) -> None:
         """Add the ground to a specification: what `assemble` takes as `around`.
@@ -214,8 +246,11 @@ class Ground:
                 geom.friction = [self.friction, *geom.friction[1:]]
         below = 0.0 if self.deck is None else self.deck.above
         turn = self._quaternion()
-        for geom in drawn:
-            self._lay(geom, turn, below)
+        for geom in drawn:  # turned with the slope, or put below the deck
+            laid, quaternion = np.zeros(3), np.zeros(4)
+            mujoco.mju_rotVecQuat(laid, geom.pos, turn)
+            mujoco.mju_mulQuat(quaternion, turn, geom.quat)
+            geom.pos, geom.quat = laid - [0.0, 0.0, below], quaternion
         if not any(geom.type == mujoco.mjtGeom.mjGEOM_PLANE for geom in drawn):
             spec.worldbody.add_geom(
                 name="ground",
@@ -226,7 +261,7 @@ class Ground:
                 rgba=_COLOURS["ground"],
             )
         if self.deck is not None:
-            _add_deck(spec, self.deck, _HEAVIER * float(np.sum(vehicle.body_mass)))
+            self.deck.add_to(spec, _HEAVIER * float(np.sum(vehicle.body_mass)))
 
     def felt_by(self, vehicle: Vehicle) -> Vehicle:
         """Return a vehicle that feels the ground's effect, its trim as it was."""
@@ -254,10 +289,9 @@ class Ground:
                 "drive.governor = motor, not ideal"
             )
         standing = self._standing(vehicle, model) if self.parked else None
-        if self.deck is not None:
-            for name, swing in self.deck.swings.items():
-                joint = data.joint(f"{_DECK}_{name}")
-                joint.qpos[0], joint.qvel[0] = swing.at(0.0), swing.rate(0.0)
+        for name, swing in self.deck.swings.items() if self.deck is not None else ():
+            joint = data.joint(f"deck_{name}")
+            joint.qpos[0], joint.qvel[0] = swing.at(0.0), swing.rate(0.0)
         if standing is None:
             return
         flat = -par[PARAM.main_pitch_trim] / par[PARAM.main_pitch_range]
@@ -265,20 +299,19 @@ class Ground:
         deck = data.qpos[7:].copy(), data.qvel[6:].copy()
         place(model, data, trim)
         data.qpos[:7], data.qpos[7:], data.qvel[6:] = standing, *deck
-        act = data.act[addresses(model).state :]
         if self.rotor < 1.0:  # the engine idles
+            act = data.act[addresses(model).state :]
             act[STATE.speed], act[STATE.engine], act[STATE.governor] = self.rotor, 0.0, 0.0
         if self.deck is not None:
-            _carry(model, data)
+            self.deck.carry(model, data)
 
     def _standing(self, vehicle: Vehicle, model: mujoco.MjModel) -> NDArray[np.float64]:
         """Return position and orientation in which a vehicle stands, a deck at rest, (7,)."""
-        model = copy.copy(model)
-        par = model.actuator_user[addresses(model).rotor]
-        par[[PARAM.gyro_on, PARAM.pilot_on, PARAM.turbulence_on]] = 0.0
+        model, where = copy.copy(model), addresses(model)
+        off = [PARAM.gyro_on, PARAM.pilot_on, PARAM.turbulence_on]
+        model.actuator_user[where.rotor, off] = 0.0
         model.opt.wind[:] = 0.0
-        data = mujoco.MjData(model)
-        where, turn = addresses(model), self._quaternion()
+        data, turn = mujoco.MjData(model), self._quaternion()
         data.ctrl[where.control + CONTROL.rotor] = data.act[where.state + STATE.speed] = 0.0
         shape = outline(vehicle)
         lowest = float(np.max(shape.points[:, 2] + shape.radii)) + vehicle.imu_offset[2]
@@ -305,8 +338,8 @@ class Ground:
             leaning = math.sin(self.slope)
             normal = np.array([leaning * math.cos(self.uphill), leaning * math.sin(self.uphill)])
             return -points[..., 2] * math.cos(self.slope) - points[..., :2] @ normal
-        place, turn = self.deck.pose(time)
-        own = np.einsum("tji,tnj->tni", turn, points - place[:, None])
+        where, turn = self.deck.pose(time)
+        own = np.einsum("tji,tnj->tni", turn, points - where[:, None])
         over = np.abs(own[..., 0]) < 0.5 * self.deck.length
         over &= np.abs(own[..., 1]) < 0.5 * self.deck.width
         over &= own[..., 2] < self.deck.thickness
@@ -318,64 +351,94 @@ class Ground:
         along, across = math.cos(self.uphill), math.sin(self.uphill)
         return np.array([math.cos(half), -math.sin(half) * across, -math.sin(half) * along, 0.0])
 
-    def _lay(self, geom: mujoco.MjsGeom, turn: NDArray[np.float64], below: float) -> None:
-        """Turn one of a scene's geoms with the slope, or put it below the deck."""
-        place, quaternion = np.zeros(3), np.zeros(4)
-        mujoco.mju_rotVecQuat(place, geom.pos, turn)
-        mujoco.mju_mulQuat(quaternion, turn, geom.quat)
-        geom.pos, geom.quat = place - [0.0, 0.0, below], quaternion
 
+class Outline(NamedTuple):
+    """What of a vehicle can touch the ground, from its IMU, body axes, m.
 
-def ground_of(record: FlightRecord) -> Ground | None:
-    """Return the ground that a record was flown over, as its provenance has it; None for none.
-
-    Raises:
-        InputError: what it has is no ground.
+    Attributes:
+        points: (n, 3): ends of capsules; of another shape the centre.
+        radii: (n,): of the spheres around the points.
+        discs: centre, axis and radius of each rotor's disc.
     """
-    kept = record.provenance
-    said = kept.get("ground", dict(kept.get("by_hand", {})).get("ground"))
-    return None if said is None else from_plain(Ground, said, "ground")
+
+    points: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    discs: tuple[tuple[NDArray[np.float64], NDArray[np.float64], float], ...]
+
+    @property
+    def reach(self) -> float:
+        """How far any of it is from the IMU, m: higher above the ground no attitude matters."""
+        reach = float(np.max(np.linalg.norm(self.points, axis=1) + self.radii, initial=0.0))
+        discs = (float(np.linalg.norm(centre)) + radius for centre, _, radius in self.discs)
+        return max(reach, *discs)
+
+    def moved(self, offset: NDArray[np.float64]) -> "Outline":
+        """Return it from another point than the IMU, which is by an offset, (3,) m, from there."""
+        discs = tuple((centre + offset, axis, radius) for centre, axis, radius in self.discs)
+        return Outline(self.points + offset, self.radii, discs)
+
+    def rims(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
+        """Yield each rotor's name and sixteen points on its disc's rim from the IMU, (16, 3), m."""
+        angles = np.arange(16) * np.pi / 8.0
+        for name, (centre, axis, radius) in zip(("main", "tail"), self.discs):
+            aside = np.cross(axis, [1.0, 0.0, 0.0])
+            rim = np.outer(np.cos(angles), np.cross(aside, axis)) + np.outer(np.sin(angles), aside)
+            yield name, centre + radius * rim
+
+    def clearance(
+        self, positions: NDArray[np.float64], attitudes: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return how high the lowest point of gear and discs is above height 0, m, (n_time,).
+
+        Args:
+            positions: (n_time, 3) north, east, down of the IMU, m.
+            attitudes: (n_time, 3) phi, theta, psi, rad.
+        """
+        phi, theta = attitudes[:, 0], attitudes[:, 1]
+        level = np.cos(theta)
+        down = np.column_stack([-np.sin(theta), level * np.sin(phi), level * np.cos(phi)])
+        lowest = (down @ self.points.T + self.radii).max(axis=1)
+        for centre, axis, radius in self.discs:
+            rim = radius * np.sqrt(np.maximum(0.0, 1.0 - (down @ axis) ** 2))
+            lowest = np.maximum(lowest, down @ centre + rim)
+        return -positions[:, 2] - lowest
+
+    def closer_than(
+        self, least: float, positions: NDArray[np.float64], attitudes: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Return where the clearance is less than some metres, (n_time,).
+
+        Arguments are those of `clearance`. High above the ground no attitude is looked at.
+        """
+        low = -positions[:, 2] < least + self.reach
+        if low.any():
+            low[low] = self.clearance(positions[low], attitudes[low]) < least
+        return low
 
 
-def _carry(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Move a vehicle that stands on a deck at rest to where the deck is, and let it move along."""
-    mujoco.mj_forward(model, data)
-    deck, moving = data.body(_DECK), np.zeros(6)
-    kind = mujoco.mjtObj.mjOBJ_BODY
-    mujoco.mj_objectVelocity(model, data, kind, model.body(_DECK).id, moving, 0)
-    arm, turned = np.zeros(3), np.zeros(4)
-    mujoco.mju_rotVecQuat(arm, data.qpos[:3], deck.xquat)
-    mujoco.mju_mulQuat(turned, deck.xquat, data.qpos[3:7])
-    data.qpos[:3], data.qpos[3:7] = deck.xpos + arm, turned
-    data.qvel[:3] = moving[3:] + np.cross(moving[:3], arm)
-    own = np.zeros(4)
-    mujoco.mju_negQuat(own, turned)
-    mujoco.mju_rotVecQuat(data.qvel[3:6], moving[:3], own)
+def outline(vehicle: Vehicle) -> Outline:
+    """Return what can touch the ground: what collides in MuJoCo, and both rotors' discs."""
+    model, own = vehicle.model, vehicle.parameters
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)  # level and heading north, as the model is drawn
+    imu = data.site(vehicle.roles.site("imu")).xpos
 
+    def placed(where: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.array(flip(*(where - imu)))
 
-def _add_deck(spec: mujoco.MjSpec, deck: Deck, mass: float) -> None:
-    """Add a deck on springs whose own motion is the one that is wanted, so heavy that it keeps it.
-
-    A body that MuJoCo is told the place of (mocap) has no velocity, and what stands on it is not
-    carried along.
-    """
-    body = spec.worldbody.add_body(
-        name=_DECK, mass=mass, inertia=[mass] * 3, explicitinertial=True, gravcomp=1.0
+    points, radii = [], []
+    for geom in np.flatnonzero(model.geom_conaffinity | model.geom_contype):
+        centre = data.geom_xpos[geom]
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE:
+            half = data.geom_xmat[geom].reshape(3, 3)[:, 2] * model.geom_size[geom, 1]
+            points += [placed(centre + half), placed(centre - half)]
+            radii += [model.geom_size[geom, 0]] * 2
+        else:
+            points.append(placed(centre))
+            radii.append(model.geom_rbound[geom])
+    hub, tail = (placed(data.site(vehicle.roles.site(role)).xpos) for role in ("hub", "tail_hub"))
+    discs = (
+        (hub, np.array([0.0, 0.0, 1.0]), own["main_rotor.radius"]),
+        (tail, np.array([0.0, 1.0, 0.0]), own["tail_rotor.radius"]),
     )
-    for name, swing in deck.swings.items():
-        turns = name in _TURNS
-        body.add_joint(
-            name=f"{_DECK}_{name}",
-            type=mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE,
-            axis=_AXES[name],
-            stiffness=[mass * swing.frequency**2, 0.0, 0.0],
-        )
-    spec.add_exclude(bodyname1="world", bodyname2=_DECK)
-    body.add_geom(
-        name=_DECK,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[0.5 * deck.length, 0.5 * deck.width, 0.5 * deck.thickness],
-        pos=[0.0, 0.0, -0.5 * deck.thickness],
-        mass=0.0,
-        rgba=_COLOURS["deck"],
-    )
+    return Outline(np.array(points).reshape(-1, 3), np.array(radii), discs)

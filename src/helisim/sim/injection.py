@@ -10,8 +10,7 @@ from scipy.interpolate import CubicSpline
 from helisim.base.errors import InputError
 from helisim.physics.layout import INJECTION
 from helisim.records.channels import AXES, RATES
-from helisim.sim.excitation import Excitation, is_compiled
-from helisim.sim.places import PLACES, limit
+from helisim.sim.excitation import PLACES, Excitation, is_compiled, limit
 from helisim.vehicle import Vehicle
 
 _FIRST = {
@@ -59,24 +58,16 @@ def _injection(
     rows = np.zeros((time.size, len(INJECTION)))
     for place, columns in excitation.added(time).items():
         values = columns if place == "sticks" else columns[ticks]
-        if place in ("servos", "actuators"):
-            values = _servos(values, np.array(mixing))
+        if place in ("servos", "actuators"):  # the four servos' own, and what is mixed for them
+            mixed, values = values[:, : len(AXES)], values[:, len(AXES) :].copy()
+            values[:, :3] += mixed[:, :3] @ np.array(mixing)
+            values[:, 3] += mixed[:, 3]
         elif place == "sensors":
             values = _turned(values, time, each)
-        first = _FIRST[place]
-        rows[:, first : first + values.shape[1]] = values
+        rows[:, _FIRST[place] : _FIRST[place] + values.shape[1]] = values
         _check_total(excitation, place, values, time)
     rows.setflags(write=False)
     return rows
-
-
-def _servos(columns: NDArray[np.float64], mixing: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return commands of the four servos, (n_time, 4), from mixed ones and their own, (n, 8)."""
-    axes = len(AXES)
-    servos = columns[:, axes:].copy()
-    servos[:, :3] += columns[:, :3] @ mixing
-    servos[:, 3] += columns[:, 3]
-    return servos
 
 
 def _turned(
@@ -91,9 +82,8 @@ def _turned(
     moved = angles.any(axis=0)
     if not moved.any() or len(angles) < 2:
         return columns
-    rates = np.zeros_like(angles)
+    rates, turned = np.zeros_like(angles), columns.copy()
     rates[:, moved] = CubicSpline(time[::each], angles[:, moved])(time[::each], 1)
-    turned = columns.copy()
     turned[:, : len(RATES)] += np.repeat(rates, each, axis=0)[: len(columns)]
     return turned
 

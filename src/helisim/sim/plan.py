@@ -29,35 +29,85 @@ Faults may stand as on the command line too: `faults = ["servo_tail:weak@30,rate
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
 from typing import Any
 
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
 from helisim.base.display import Displayed
-from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.errors import InputError
 from helisim.base.files import atomic_write, read_toml
-from helisim.records.record import FlightRecord
-from helisim.sim.envelope import FlightEnvelope
-from helisim.sim.excitation import EXCITATIONS, Excitation, check_excitation
-from helisim.sim.faults import FAULTS, Fault, FlightFault, check_faults, parse_fault
-from helisim.sim.ground import Ground
-from helisim.sim.manoeuvres.history import Manoeuvre
-from helisim.sim.missions.mission import MISSIONS, Mission, check_mission
-from helisim.sim.pilot import Pilot
-from helisim.sim.plain import (
+from helisim.base.settings import (
+    check,
+    default_of,
     from_plain,
     in_brief,
-    of_kind,
+    setting,
+    setting_names,
     to_plain,
-    toml_settings,
     toml_text,
-    with_kind,
 )
+from helisim.physics.layout import PARAM
+from helisim.records.record import FlightRecord
+from helisim.sim.excitation import Excitation, check_excitation
+from helisim.sim.faults import Fault, FlightFault, check_faults, parse_fault
+from helisim.sim.ground import Ground
+from helisim.sim.limits import FlightEnvelope
+from helisim.sim.manoeuvres import Manoeuvre
+from helisim.sim.missions.mission import Mission, check_mission
 from helisim.sim.recorder import Recorder
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
+from helisim.vehicle.trim import collective_stick
+
+_AIR = 0.9
+"""m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m."""
+_LONGEST_WORD = 60
+"""Characters of a setting in words: packed samples have thousands."""
+
+
+def hover_height(model: mujoco.MjModel) -> float:
+    """Return how high a helicopter hovers to be seen with its pad, m; half its extent hangs below.
+
+    Args:
+        model: with every part to be seen.
+    """
+    return _AIR + 0.5 * model.stat.extent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pilot:
+    """A pilot who holds the hover at the place where the flight starts.
+
+    Attributes:
+        remnant: its level: rms of the stick movement that no purpose explains, unitised, each
+            axis.
+        remnant_interval: s between its knots; it is flat up to about 1/interval rad/s.
+    """
+
+    remnant: float = setting(0.003, low=0.0, high=0.5)
+    remnant_interval: float = setting(0.1, unit="s", above=0.0)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def write(
+        self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int, height: float
+    ) -> None:
+        """Put the pilot into a vehicle's parameters (n_param,) for the force laws."""
+        par[PARAM.pilot_on] = 1.0
+        par[PARAM.pilot_north : PARAM.pilot_psi + 1] = [0.0, 0.0, -height, 0.0]
+        par[PARAM.pilot_phi], par[PARAM.pilot_theta] = vehicle.trim.phi, vehicle.trim.theta
+        par[PARAM.pilot_col] = collective_stick(vehicle.model, vehicle.trim)
+        par[PARAM.pilot_lon : PARAM.pilot_ped + 1] = 0.0
+        par[PARAM.pilot_seed] = seed
+        par[PARAM.remnant_col : PARAM.remnant_ped + 1] = self.remnant
+        par[PARAM.remnant_interval] = self.remnant_interval
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,21 +124,21 @@ class FlightPlan(Displayed):
         recorder: the flight computer; the vehicle's own if None.
         weather: that is flown through; each flight has its own turbulence.
         ground: to land on; None: the flight is in the air alone.
-        faults: of servos, gyro and recorder, in each flight; a recorder's, in this order.
         envelope: limits beyond which a flight is terminated early.
+        faults: of servos, gyro and recorder, in each flight; a recorder's, in this order.
 
     Raises:
         InputError: a part is of another kind, or a fault can't be in this flight.
     """
 
-    excitation: Excitation | None = None
-    mission: Mission | None = None
+    excitation: Excitation | None = setting(None, unsaid=True)
+    mission: Mission | None = setting(None, unsaid=True)
     pilot: Pilot = field(default_factory=Pilot)
     recorder: Recorder | None = None
     weather: Weather = field(default_factory=Weather)
-    ground: Ground | None = None
-    faults: tuple[Fault, ...] = ()
+    ground: Ground | None = setting(None, unsaid=True)
     envelope: FlightEnvelope = field(default_factory=FlightEnvelope)
+    faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
         if self.excitation is not None or self.mission is None:
@@ -97,12 +147,9 @@ class FlightPlan(Displayed):
             check_mission(self.mission)
             if self.ground is None:
                 object.__setattr__(self, "ground", self.mission.ground)
-        for name, kind in _PARTS.items():
-            part = getattr(self, name)
-            if not isinstance(part, kind) and not (name in _OPTIONAL and part is None):
-                raise InputError(f"{name} must be a {kind.__name__}, got {part!r}")
         object.__setattr__(self, "faults", tuple(self.faults))
         check_faults(self.faults, self.duration)
+        check(self, "plan")
 
     def __repr__(self) -> str:
         return in_brief(self)
@@ -110,16 +157,15 @@ class FlightPlan(Displayed):
     @property
     def name(self) -> str:
         """What its records are named after: the mission, the excitation's axis, or both."""
-        named = [one.name for one in (self.mission,) if one is not None]
-        return "_".join(named + [one.axis for one in (self.excitation,) if one is not None])
+        named = [] if self.mission is None else [self.mission.name]
+        return "_".join(named if self.excitation is None else [*named, self.excitation.axis])
 
     @property
     def duration(self) -> float:
         """The longest that a flight of it lasts, s."""
-        if self.mission is not None:
-            return self.mission.duration
-        assert self.excitation is not None
-        return self.excitation.duration
+        flown = self.mission or self.excitation
+        assert flown is not None
+        return flown.duration
 
     @property
     def written(self) -> bool:
@@ -144,18 +190,20 @@ class FlightPlan(Displayed):
         complete = None if excitation is None else excitation.on(vehicle.parameters)
         return replace(self, excitation=complete, recorder=recorder)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self, *, toml: bool = False) -> dict[str, Any]:
         """Return the plan as JSON data, of which `from_dict` makes an equal plan.
+
+        Args:
+            toml: whether as data of a TOML file, which knows no null.
 
         Raises:
             InputError: the manoeuvre is a function, which `on` samples first.
         """
-        self._check_written()
-        return {
-            **{name: with_kind(one) for name, one in self._flown().items()},
-            **{name: to_plain(getattr(self, name)) for name in self._said()},
-            "faults": [with_kind(fault) for fault in self.faults],
-        }
+        if not self.written:
+            raise InputError(
+                "a function of time can't be written down: the plan's on(vehicle) samples it"
+            )
+        return to_plain(self, toml=toml)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "FlightPlan":
@@ -164,38 +212,18 @@ class FlightPlan(Displayed):
         Raises:
             InputError: there is no excitation, or something isn't known or can't be.
         """
-        for name in data:
-            if name not in _KEYS:
-                raise UnknownNameError("key of a flight plan", name, _KEYS)
-        if not any(data.get(name) is not None for name in _FLOWN):
+        given = dict(data)
+        flown = given.get("excitation") is not None or given.get("mission") is not None
+        if not flown and set(given) <= set(setting_names(cls)):
             raise InputError(
                 'a flight plan needs an excitation, such as excitation = {kind = "Sweep", '
                 'axis = "lat"}, or a mission, such as mission = {kind = "Forward"}'
             )
-        flown: dict[str, Any] = {
-            name: of_kind(data[name], kinds, name)
-            for name, kinds in _FLOWN.items()
-            if data.get(name) is not None
-        }
-        given: dict[str, Any] = {
-            name: from_plain(kind, data[name], name)
-            for name, kind in _PARTS.items()
-            if data.get(name) is not None
-        }
-        recorder = data.get("recorder")
-        if recorder is not None and "latency" not in recorder:
-            given["recorder"] = replace(given["recorder"], latency=None)
-        faults = data.get("faults", ())
-        if isinstance(faults, str) or not isinstance(faults, list | tuple):
-            raise InputError(f"faults must be a list, got {faults!r}")
-        return cls(
-            **flown,
-            faults=tuple(
-                parse_fault(one) if isinstance(one, str) else of_kind(one, FAULTS, "fault")
-                for one in faults
-            ),
-            **given,
-        )
+        if isinstance(recorder := given.get("recorder"), Mapping) and "latency" not in recorder:
+            given["recorder"] = {**recorder, "latency": None}  # the vehicle's own
+        if isinstance(faults := given.get("faults"), list | tuple):
+            given["faults"] = [parse_fault(o) if isinstance(o, str) else o for o in faults]
+        return from_plain(cls, given, "plan")
 
     @classmethod
     def of_record(cls, record: FlightRecord) -> "FlightPlan":
@@ -205,72 +233,35 @@ class FlightPlan(Displayed):
             InputError: it wasn't flown by helisim, or its plan can't be flown any more.
         """
         kept = dict(record.provenance)
-        if not any(name in kept for name in _FLOWN):
+        if "excitation" not in kept and "mission" not in kept:
             raise InputError("the record's provenance has no flight plan: helisim didn't fly it")
         if "watch" in kept:  # of records that name no plan_digest
             kept["envelope"] = kept.pop("watch")
-        plan = {name: kept[name] for name in _KEYS if name in kept}
+        plan = {name: kept[name] for name in setting_names(cls) if name in kept}
         if "weather" in plan:
             plan["weather"] = {k: v for k, v in plan["weather"].items() if k != "dryden"}
         return cls.from_dict(plan)
 
     def to_toml(self) -> str:
         """Return the plan as the text of a plan file; errors as for `to_dict`."""
-        self._check_written()
-        tables: dict[str, Any] = {
-            name: with_kind(one, toml_settings) for name, one in self._flown().items()
-        }
-        for name in self._said():
-            part = getattr(self, name)
-            if part is not None:
-                tables[name] = toml_settings(part)
-        if self.faults:
-            tables["faults"] = [with_kind(fault, toml_settings) for fault in self.faults]
-        return toml_text(tables)
-
-    def _said(self) -> Iterator[str]:
-        """Yield the names of the parts that plain data have: no ground is not spoken of."""
-        return (name for name in _PARTS if name != "ground" or self.ground is not None)
-
-    def _flown(self) -> dict[str, Excitation | Mission]:
-        """Return what is flown on purpose, excitation and mission, as far as there are any."""
-        both = {"excitation": self.excitation, "mission": self.mission}
-        return {name: one for name, one in both.items() if one is not None}
-
-    def _check_written(self) -> None:
-        if not self.written:
-            raise InputError(
-                "a function of time can't be written down: the plan's on(vehicle) samples it"
-            )
+        tables = self.to_dict(toml=True)
+        return toml_text(tables if self.faults else {**tables, "faults": None})
 
     def in_words(self) -> tuple[tuple[str, str], ...]:
         """Return each part's name, and its settings that aren't the defaults, in words."""
-        return (
-            *((name, _in_words(one)) for name, one in self._flown().items()),
-            *((name, _in_words(getattr(self, name))) for name in self._said()),
-            ("faults", "; ".join(map(_in_words, self.faults)) or "none"),
-        )
+        parts = ((one.name, getattr(self, one.name)) for one in fields(self))
+        said = [
+            (name, _in_words(part))
+            for name, part in parts
+            if name != "faults" and (part is not None or name == "recorder")
+        ]
+        return (*said, ("faults", "; ".join(map(_in_words, self.faults)) or "none"))
 
     def __str__(self) -> str:
         lines = [f"  {name:<12}{words}" for name, words in self.in_words()]
         title = f"flight plan {self.digest[:8]}" if self.written else "flight plan"
         return "\n".join([title, *lines])
 
-
-_PARTS: dict[str, type] = {
-    "pilot": Pilot,
-    "recorder": Recorder,
-    "weather": Weather,
-    "ground": Ground,
-    "envelope": FlightEnvelope,
-}
-_FLOWN: dict[str, dict[str, Any]] = {"excitation": EXCITATIONS, "mission": MISSIONS}
-_KEYS = (*_FLOWN, *_PARTS, "faults")
-_OPTIONAL = ("recorder", "ground")
-
-
-_LONGEST_WORD = 60
-"""Characters of a setting in words: packed samples have thousands."""
 
 Flyable = FlightPlan | Excitation | Mission | Callable[[float], Any]
 """What can be flown: a plan, a bare manoeuvre or mission, or a bare function of time."""
@@ -284,13 +275,11 @@ def as_plan(flown: Flyable) -> FlightPlan:
     """
     if isinstance(flown, FlightPlan):
         return flown
-    if isinstance(flown, Excitation):
-        return FlightPlan(excitation=flown)
     if isinstance(flown, Mission):
         return FlightPlan(mission=flown)
-    if not callable(flown) or isinstance(flown, type):
-        check_excitation(flown)
-    return FlightPlan(excitation=Manoeuvre(flown))
+    if not isinstance(flown, Excitation) and callable(flown) and not isinstance(flown, type):
+        flown = Manoeuvre(flown)
+    return FlightPlan(excitation=flown)  # pyright: ignore[reportArgumentType]
 
 
 def read_plan(path: str | PathLike[str]) -> FlightPlan:
@@ -320,22 +309,17 @@ def _in_words(part: Any) -> str:
     changed = [
         f"{one.name} {_value_in_words(to_plain(getattr(part, one.name)))}"
         for one in fields(part)
-        if getattr(part, one.name) != _default(one)
+        if getattr(part, one.name) != default_of(one)
     ]
-    kind = "" if type(part) in _PARTS.values() else type(part).__name__
+    named = isinstance(part, Excitation | Mission | Fault)
+    kind = type(part).__name__ if named else ""
     return ": ".join(filter(None, (kind, ", ".join(changed)))) or "as by default"
-
-
-def _default(one: Field[Any]) -> Any:
-    return one.default if one.default_factory is MISSING else one.default_factory()
 
 
 def _value_in_words(value: Any) -> str:
     if isinstance(value, dict):
-        inner = ", ".join(
-            f"{key} {_value_in_words(one)}" for key, one in value.items() if one is not None
-        )
-        return f"({inner})"
+        said = (f"{key} {_value_in_words(one)}" for key, one in value.items() if one is not None)
+        return f"({', '.join(said)})"
     if isinstance(value, list):
         return f"({', '.join(map(_value_in_words, value))})"
     text = f"{value:g}" if isinstance(value, float) else getattr(value, "__name__", str(value))

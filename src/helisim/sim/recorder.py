@@ -1,12 +1,12 @@
 """The flight computer: from what truly happened to what is recorded.
 
-Each channel passes the same anti-alias filter, is sampled late by its own latency, and gains
-noise and quantisation. Velocity and specific force are measured at the IMU and corrected to
-the centre of gravity with the measured rates (Wu and Chen, section 2).
+Each channel passes the same anti-alias filter, is sampled with its own latency, and gains noise and
+quantisation. Velocity and specific force are measured at the IMU and corrected to the centre of
+gravity with the measured rates (Wu and Chen, section 2).
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import InputError
-from helisim.base.value import FrozenMap
+from helisim.base.settings import check, in_brief, setting, to_plain
 from helisim.records.channels import (
     ACCELERATIONS,
     AIR,
@@ -43,11 +43,11 @@ from helisim.records.channels import (
     channel,
 )
 from helisim.records.record import FlightRecord
-from helisim.sim.plain import UNSAID, in_brief, to_plain
 from helisim.sim.trajectory import Trajectory
 from helisim.vehicle import Vehicle
 
-_Columns = Mapping[tuple[str, ...], Callable[[Trajectory], NDArray[np.float64]]]
+_Array = NDArray[np.float64]
+_Columns = Mapping[tuple[str, ...], Callable[[Trajectory], _Array]]
 
 _MEASURED: _Columns = {
     IN2: lambda flight: flight.sticks,
@@ -86,7 +86,6 @@ _RESOLUTION = {**dict.fromkeys(SERVOS, 0.0005), **dict.fromkeys(IN2, 0.0005)}
 
 _LAST = 1.0
 """s, before the end of a flight, that are kept as they truly were."""
-_AT_IMU = (*VELOCITIES, *ACCELERATIONS, *POSITIONS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,8 +96,6 @@ class Recorder:
         rate_hz: samples a second.
         antialias_hz: corner of the fourth-order Butterworth filter before sampling.
         lever_arm_corrected: False leaves velocity and force as they are at the IMU.
-        lever_arm: (x, y, z) m, from the centre of gravity to the IMU (FRD), that they are corrected
-            by, such as a suspension found; None takes the vehicle's true one.
         rotor: True adds the rotor's true tilt, thrusts and torque, the air's own motion, the
             servos' true positions and, over a ground, its force, to look at; no flight computer
             measures them.
@@ -106,37 +103,28 @@ class Recorder:
             own, which `on` fills in.
         noise: standard deviation by channel name, in the channel's unit.
         resolution: step by channel name; 0 where none is given.
+        lever_arm: (x, y, z) m, from the centre of gravity to the IMU (FRD), that they are corrected
+            by, such as a suspension found; None takes the vehicle's true one.
     """
 
-    rate_hz: float = 100.0
-    antialias_hz: float = 40.0
+    rate_hz: float = setting(100.0, unit="Hz", above=0.0)
+    antialias_hz: float = setting(40.0, unit="Hz", above=0.0)
     lever_arm_corrected: bool = True
     rotor: bool = False
-    latency: Mapping[str, float] | None = field(default_factory=dict)
-    noise: Mapping[str, float] = field(default_factory=lambda: dict(_NOISE))
-    resolution: Mapping[str, float] = field(default_factory=lambda: dict(_RESOLUTION))
-    lever_arm: tuple[float, float, float] | None = field(default=None, metadata=UNSAID)
+    latency: Mapping[str, float] | None = setting(factory=dict, unit="s", low=0.0)
+    noise: Mapping[str, float] = setting(factory=lambda: dict(_NOISE), low=0.0)
+    resolution: Mapping[str, float] = setting(factory=lambda: dict(_RESOLUTION), low=0.0)
+    lever_arm: tuple[float, float, float] | None = setting(None, unit="m", unsaid=True)
 
     def __post_init__(self) -> None:
-        if self.lever_arm is not None:
-            arm = tuple(float(x) for x in self.lever_arm)
-            if len(arm) != 3 or not np.all(np.isfinite(arm)):
-                raise InputError(f"lever_arm must be three finite numbers, got {self.lever_arm}")
-            object.__setattr__(self, "lever_arm", arm)
-        if not 0.0 < self.antialias_hz < 0.5 * self.rate_hz < np.inf:
+        check(self)
+        if not self.antialias_hz < 0.5 * self.rate_hz:
             raise InputError(
                 f"the anti-alias corner must be below half the sample rate, got "
                 f"{self.antialias_hz} Hz for {self.rate_hz} Hz"
             )
-        for name in ("latency", "noise", "resolution"):
-            if getattr(self, name) is None:
-                continue
-            values = dict(getattr(self, name))
-            for key, value in values.items():
-                channel(key)
-                if not (np.isfinite(value) and value >= 0.0):
-                    raise InputError(f"{name} of {key!r} must be 0 or more, got {value}")
-            object.__setattr__(self, name, FrozenMap(values))
+        for name in (*(self.latency or ()), *self.noise, *self.resolution):
+            channel(name)
 
     def __repr__(self) -> str:
         return in_brief(self)
@@ -175,176 +163,135 @@ class Recorder:
             rng: of the sensor noise.
             provenance: kept with the record.
         """
-        sampling = _Sampling(self, trajectory, rng)
-        columns = {name: sampling.inputs(name) for name in (*IN1, *IN2, *SERVOS)}
-        columns |= sampling.motion()
-        motor = set() if trajectory.rotor_speed is None else {ROTOR_SPEED}
-        own = set(_MEASURED) - {IN2, SERVOS, ROTOR_SPEED, *_MOTION}
-        columns |= sampling.plain(motor | own)
-        if self.rotor:
-            columns |= sampling.plain(
-                set(_TRUE) - ({CONTACT} if trajectory.ground is None else set())
-            )
+        flight = trajectory.at_ticks()  # so that a record doesn't depend on the time step
+        sampling = _Sampling(self, flight, rng)
+        columns = sampling.inputs() | sampling.motion()
+        plain = set(_MEASURED) - {IN2, SERVOS, *_MOTION}
+        plain |= set(_TRUE) if self.rotor else set()
+        plain -= {ROTOR_SPEED} if flight.rotor_speed is None else set()
+        plain -= {CONTACT} if flight.ground is None else set()
+        for names, source in (_MEASURED | _TRUE).items():
+            if names in plain:
+                columns |= sampling.recorded(names, source(flight))
         columns |= sampling.injected(columns)
-        names = [name for name in CHANNELS if name in columns]
-        values = np.column_stack([columns[name] for name in names])
-        kept = tuple(CHANNELS[name] for name in names)
+        kept = tuple(one for name, one in CHANNELS.items() if name in columns)
+        values = np.column_stack([columns[one.name] for one in kept])
         return FlightRecord(sampling.time, values, kept, provenance)
 
 
 class _Sampling:
     """One flight seen by one recorder."""
 
-    def __init__(
-        self, recorder: Recorder, trajectory: Trajectory, rng: np.random.Generator
-    ) -> None:
-        trajectory = trajectory.at_ticks()  # so that a record doesn't depend on the time step
-        self.recorder = recorder
-        self.trajectory = trajectory
-        self.rng = rng
-        count = (
-            int(np.floor((trajectory.time[-1] - trajectory.time[0]) * recorder.rate_hz + 1e-6)) + 1
-        )
-        self.time = trajectory.time[0] + np.arange(count) / recorder.rate_hz
-        rate_hz = 1.0 / trajectory.timestep
-        self._sos = None
+    def __init__(self, recorder: Recorder, flight: Trajectory, rng: np.random.Generator) -> None:
+        self.recorder, self.flight, self.rng = recorder, flight, rng
+        lasts = flight.time[-1] - flight.time[0]
+        count = int(np.floor(lasts * recorder.rate_hz + 1e-6)) + 1
+        self.time = flight.time[0] + np.arange(count) / recorder.rate_hz
+        rate_hz, self._sos = 1.0 / flight.timestep, None
         if recorder.antialias_hz < 0.5 * rate_hz:
             self._sos = butter(4, recorder.antialias_hz, fs=rate_hz, output="sos")
-        self.sticks, self.commands = map(
-            self._filtered, (_MEASURED[names](trajectory) for names in (IN2, SERVOS))
-        )
-        self._input_noise = {name: self._noise(name) for name in (*IN2, *SERVOS)}
 
-    def inputs(self, name: str) -> NDArray[np.float64]:
-        """Return a stick, a servo command, or an input recomputed from the servo commands."""
-        if name in IN2:
-            return self._digitised(name, self.sticks[:, IN2.index(name)])
-        if name in SERVOS:
-            return self._digitised(name, self.commands[:, SERVOS.index(name)])
-        commands = [
-            self._digitised(servo_name, self.commands[:, k], late_as=name)
-            for k, servo_name in enumerate(SERVOS)
-        ]
-        plate = self.trajectory.swashplate
-        mixed = (*plate.unmix(*commands[:3]), commands[3])[IN1.index(name)]
-        return self._rounded(name, mixed + self._noise(name))
+    def inputs(self) -> dict[str, _Array]:
+        """Return the sticks, the servo commands, and the inputs recomputed from these."""
+        signals = {
+            name: signal
+            for names in (IN2, SERVOS)
+            for name, signal in zip(names, self.filtered(_MEASURED[names](self.flight)).T)
+        }
+        noise, found = {name: self.noise(name) for name in signals}, {}
+        for name in IN1:
+            commands = [
+                self.rounded(servo, self.sampled(signals[servo], name) + noise[servo])
+                for servo in SERVOS
+            ]
+            mixed = (*self.flight.swashplate.unmix(*commands[:3]), commands[3])[IN1.index(name)]
+            found[name] = self.rounded(name, mixed + self.noise(name))
+        for name, signal in signals.items():
+            found[name] = self.rounded(name, self.sampled(signal, name) + noise[name])
+        return found
 
-    def motion(self) -> dict[str, NDArray[np.float64]]:
+    def motion(self) -> dict[str, _Array]:
         """Return rates, attitudes, velocities, specific forces and positions by name."""
-        noise = {name: self._noise(name) for names in _MOTION for name in names}
-        filtered = {names: self._filtered(_MEASURED[names](self.trajectory)) for names in _MOTION}
-        late = {names: self._seen(filtered[names], names, noise, late=True) for names in _MOTION}
+        noise = {names: np.column_stack(list(map(self.noise, names))) for names in _MOTION}
+        filtered = {names: self.filtered(_MEASURED[names](self.flight)) for names in _MOTION}
+
+        def seen(names: tuple[str, ...], *, late: bool) -> _Array:
+            each = zip(names, filtered[names].T)
+            columns = [self.sampled(signal, name if late else None) for name, signal in each]
+            return np.column_stack(columns) + noise[names]
+
+        found = {names: seen(names, late=True) for names in _MOTION}
         if self.recorder.lever_arm_corrected:
-            shift = self._lever_arm(
-                *(self._seen(filtered[names], names, noise) for names in (RATES, ATTITUDES))
+            rates, attitudes = seen(RATES, late=False), seen(ATTITUDES, late=False)
+            own = self.recorder.lever_arm
+            arm = self.flight.imu_offset if own is None else np.array(own)
+            spin, turning = np.gradient(rates, self.time, axis=0), np.cross(rates, arm)
+            found[VELOCITIES] = found[VELOCITIES] - turning
+            found[ACCELERATIONS] = found[ACCELERATIONS] - (
+                np.cross(spin, arm) + np.cross(rates, turning)
             )
-            late |= {names: late[names] - added for names, added in shift.items()}
+            earth = Rotation.from_euler("ZYX", attitudes[:, ::-1])
+            found[POSITIONS] = found[POSITIONS] - earth.apply(arm)
         return {
-            name: self._rounded(name, late[names][:, k])
+            name: self.rounded(name, signal)
             for names in _MOTION
-            for k, name in enumerate(names)
+            for name, signal in zip(names, found[names].T)
         }
 
-    def plain(self, groups: Iterable[tuple[str, ...]]) -> dict[str, NDArray[np.float64]]:
-        """Return channels that need no correction by name, filtered, late, noisy and rounded."""
-        return {
-            name: self._recorded(name, signal)
-            for names, columns in {**_MEASURED, **_TRUE}.items()
-            if names in groups
-            for name, signal in zip(names, self._filtered(columns(self.trajectory)).T)
-        }
-
-    def injected(
-        self, columns: Mapping[str, NDArray[np.float64]]
-    ) -> dict[str, NDArray[np.float64]]:
+    def injected(self, columns: Mapping[str, _Array]) -> dict[str, _Array]:
         """Return what a manoeuvre adds where no other channel shows it, and what comes of it.
 
         Args:
             columns: of the other channels; what is added to one is as late as that one.
         """
-        flight, found = self.trajectory, {}
+        flight, found = self.flight, {}
         for servos, added, total, sign in (
             (flight.commands_added, IN1_ADDED, IN1_GYRO, -1.0),
             (flight.actuators_added, IN1_DISTURBANCE, IN1_SUM, 1.0),
         ):
             if servos is None:
                 continue
-            mixed = (*flight.swashplate.unmix(*servos.T[:3]), servos.T[3])
-            for name, own, both, signal in zip(IN1, added, total, mixed):
-                found[own] = self._recorded(
-                    own, self._filtered(signal[:, None])[:, 0], late_as=name
-                )
+            mixed = np.column_stack([*flight.swashplate.unmix(*servos.T[:3]), servos.T[3]])
+            found |= self.recorded(added, mixed, late_as=IN1)
+            for name, own, both in zip(IN1, added, total):
                 found[both] = columns[name] + sign * found[own]
         for names, sums, own, added in (
             (RATE_DISTURBANCE, RATE_SUM, flight.gyro_rates, flight.rates_added),
             (ATTITUDE_DISTURBANCE, ATTITUDE_SUM, flight.attitudes, flight.angles_added),
         ):
-            if added is None:
-                continue
-            for each, signals in ((names, added), (sums, own + added)):
-                for name, signal in zip(each, self._filtered(signals).T):
-                    found[name] = self._recorded(name, signal)
+            if added is not None:
+                found |= self.recorded(names, added)
+                found |= self.recorded(sums, own + added)
         return found
 
-    def _lever_arm(
-        self, rates: NDArray[np.float64], attitudes: NDArray[np.float64]
-    ) -> dict[tuple[str, ...], NDArray[np.float64]]:
-        """Return what the IMU's offset adds to velocity, specific force and position."""
-        own = self.recorder.lever_arm
-        arm = self.trajectory.imu_offset if own is None else np.array(own)
-        spin = np.gradient(rates, self.time, axis=0)
-        turning = np.cross(rates, arm)
-        earth = Rotation.from_euler("ZYX", attitudes[:, ::-1])
+    def recorded(
+        self, names: tuple[str, ...], signals: _Array, *, late_as: tuple[str, ...] | None = None
+    ) -> dict[str, _Array]:
+        """Return signals, (n, channels), by name: filtered, late, noisy and rounded."""
         return {
-            VELOCITIES: turning,
-            ACCELERATIONS: np.cross(spin, arm) + np.cross(rates, turning),
-            POSITIONS: earth.apply(arm),
+            name: self.rounded(name, self.sampled(signal, late) + self.noise(name))
+            for name, late, signal in zip(names, late_as or names, self.filtered(signals).T)
         }
 
-    def _seen(
-        self,
-        signals: NDArray[np.float64],
-        names: tuple[str, ...],
-        noise: Mapping[str, NDArray[np.float64]],
-        *,
-        late: bool = False,
-    ) -> NDArray[np.float64]:
-        columns = [
-            self._sampled(signals[:, k], name if late else None) + noise[name]
-            for k, name in enumerate(names)
-        ]
-        return np.column_stack(columns)
-
-    def _digitised(
-        self, name: str, signal: NDArray[np.float64], *, late_as: str | None = None
-    ) -> NDArray[np.float64]:
-        sampled = self._sampled(signal, late_as or name)
-        return self._rounded(name, sampled + self._input_noise[name])
-
-    def _recorded(
-        self, name: str, signal: NDArray[np.float64], *, late_as: str | None = None
-    ) -> NDArray[np.float64]:
-        """Return a filtered signal as a channel of it: late, noisy and rounded."""
-        sampled = self._sampled(signal, late_as or name)
-        return self._rounded(name, sampled + self._noise(name))
-
-    def _filtered(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    def filtered(self, signals: _Array) -> _Array:
         """Return columns behind the anti-alias filter, which begins at rest."""
         if self._sos is None:
             return signals
         start = sosfilt_zi(self._sos)[:, :, None] * signals[0]
         return sosfilt(self._sos, signals, axis=0, zi=start)[0]
 
-    def _sampled(self, signal: NDArray[np.float64], name: str | None) -> NDArray[np.float64]:
-        """Return a filtered signal at the samples, late by the latency of a named channel."""
-        latency = 0.0 if name is None else self.recorder.late(name)
-        return np.interp(self.time - latency, self.trajectory.time, signal)
+    def sampled(self, signal: _Array, late_as: str | None) -> _Array:
+        """Return a filtered signal at the samples, delayed by the latency of a named channel."""
+        latency = 0.0 if late_as is None else self.recorder.late(late_as)
+        return np.interp(self.time - latency, self.flight.time, signal)
 
-    def _rounded(self, name: str, signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rounded(self, name: str, signal: _Array) -> _Array:
+        """Return a channel's signal in its resolution."""
         step = self.recorder.resolution.get(name, 0.0)
         return signal if step == 0.0 else np.round(signal / step) * step
 
-    def _noise(self, name: str) -> NDArray[np.float64]:
+    def noise(self, name: str) -> _Array:
+        """Return new noise of a channel, (n_sample,)."""
         level = self.recorder.noise.get(name, 0.0)
         if level == 0.0:
             return np.zeros(self.time.size)
@@ -366,12 +313,11 @@ def last_second(trajectory: Trajectory, provenance: Mapping[str, Any]) -> Flight
     if trajectory.rotor_speed is None:
         del groups[ROTOR_SPEED]
     values = np.column_stack([columns(trajectory) for columns in groups.values()])
-    channels = tuple(_channel(name) for names in groups for name in names)
+    channels = tuple(_of_imu(CHANNELS[name]) for names in groups for name in names)
     return FlightRecord(trajectory.time, values, channels, provenance)
 
 
-def _channel(name: str) -> Channel:
-    one = CHANNELS[name]
-    if name not in _AT_IMU:
+def _of_imu(one: Channel) -> Channel:
+    if one.name not in (*VELOCITIES, *ACCELERATIONS, *POSITIONS):
         return one
     return replace(one, meaning=one.meaning.replace("the centre of gravity", "the IMU"))

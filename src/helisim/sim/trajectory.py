@@ -50,6 +50,20 @@ class End:
         failed = {} if self.traceback is None else {"traceback": self.traceback}
         return {"at": self.at, "why": self.why, "state": self.state.tolist(), **failed}
 
+    def error(self, *, scripted: bool = False) -> DivergedError:
+        """Return the error of a flight that ended so, a controller's traceback as its note.
+
+        Args:
+            scripted: whether a mission was flown, whose settings are to be changed then.
+        """
+        swept = "fly a smaller amplitude or a narrower band"
+        change = "give the mission other settings" if scripted else swept
+        advice = f"; {change}, or check the gyro's gains" if self.traceback is None else ""
+        error = DivergedError(f"{self}{advice}")
+        if self.traceback:
+            error.add_note(self.traceback)
+        return error
+
 
 @dataclass(frozen=True, eq=False)
 class Script:
@@ -87,9 +101,10 @@ class Trajectory:
         velocities: (n_time, 3) u, v, w in m/s at the IMU.
         specific_forces: (n_time, 3) ax, ay, az in m/s^2 at the IMU.
         positions: (n_time, 3) north, east, down in m of the IMU.
+        imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
         swashplate: of the vehicle, by which servo commands are col, lon and lat.
-        rotor_speed: (n_time, 1) rad/s, where a motor turns the rotor; None under an ideal governor.
         gyro_rates: (n_time, 3) p, q, r in rad/s as the gyro senses them, at its ticks and late.
+        rotor_speed: (n_time, 1) rad/s, where a motor turns the rotor; None under an ideal governor.
         commands_added: (n_time, 4) what a manoeuvre adds to the commands, servo by servo; None
             where it adds nothing there.
         actuators_added: (n_time, 4) likewise to what reaches the servos.
@@ -97,7 +112,6 @@ class Trajectory:
         angles_added: (n_time, 3) likewise to the attitude that a controller sees, rad; None too
             where only rates are disturbed.
         hold: s, for which sticks and servo commands are held; 0 if they are not.
-        imu_offset: (3,) from the centre of gravity to the IMU, m, body axes (FRD).
         ground: that was below; None in a flight in the air alone.
         end: why the flight was terminated early; None if it wasn't.
         script: what a mission's script did; None where none was flown.
@@ -131,6 +145,16 @@ class Trajectory:
     end: End | None = None
     script: Script | None = None
 
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """At which samples the helicopter touches something, (n_time,)."""
+        return np.any(self.contact != 0.0, axis=1)
+
+    @property
+    def earth(self) -> Rotation:
+        """The rotations from body (FRD) to earth (NED) axes, (n_time,)."""
+        return Rotation.from_euler("ZYX", self.attitudes[:, ::-1])
+
     def injected(self, added: NDArray[np.float64] | None, places: Collection[str]) -> "Trajectory":
         """Return it with what a manoeuvre added in it.
 
@@ -138,12 +162,10 @@ class Trajectory:
             added: (n_step, n_injection) of the whole flight, or None.
             places: where the manoeuvre adds something.
         """
-        if added is None:
-            return self
         shown = {
             name: added[: self.time.size, first : first + count]
             for name, (place, first, count) in _INJECTED.items()
-            if place in places
+            if added is not None and place in places
         }
         if "angles_added" in shown and not shown["angles_added"].any():
             del shown["angles_added"]
@@ -185,26 +207,32 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         DivergedError: a number is not finite, or the simulation stopped.
     """
     model = vehicle.model
-    _check_finite(model, sensordata)
+    count, why = sound_samples(model, sensordata)
+    if count < len(sensordata):
+        raise DivergedError(why)
 
     def seen(name: str) -> NDArray[np.float64]:
         sensor = model.sensor(name)
         return sensordata[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
 
-    time = seen("clock")[:, 0]
-    attitudes = _attitudes(seen("imu_attitude"))
-    rates = _flipped(seen("imu_gyro"))
-    velocities = _flipped(seen("imu_velocity"))
-    forces = _flipped(seen("imu_accelerometer"))
-    positions = _flipped(seen("imu_position"))
+    def flipped(name: str) -> NDArray[np.float64]:
+        return np.column_stack(flip(*seen(name).T))
+
+    quaternions = seen("imu_attitude")
+    x, y, z = flip(*quaternions[:, 1:].T)
+    turned = Rotation.from_quat(np.column_stack([quaternions[:, 0], x, y, z]), scalar_first=True)
+    attitudes = turned.as_euler("ZYX")[:, ::-1]
+    attitudes[:, 2] = np.unwrap(attitudes[:, 2])
+    rates, velocities = flipped("imu_gyro"), flipped("imu_velocity")
+    forces, positions = flipped("imu_accelerometer"), flipped("imu_position")
     if model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
-        turned = 0.5 * model.opt.timestep * rates  # rad, of the attitude since the velocity
-        velocities = velocities + np.cross(turned, velocities)
+        turning = 0.5 * model.opt.timestep * rates  # rad, of the attitude since the velocity
+        velocities = velocities + np.cross(turning, velocities)
         attitudes, forces, positions = map(_halfway, (attitudes, forces, positions))
     par = model.actuator_user[addresses(model).rotor]
     ratio = seen("rotor")[:, SENSOR.speed - SENSOR.thrust :]
     return Trajectory(
-        time=time,
+        time=seen("clock")[:, 0],
         timestep=float(model.opt.timestep),
         sticks=seen("stick"),
         servo_commands=seen("servo_command"),
@@ -219,17 +247,12 @@ def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajec
         velocities=velocities,
         specific_forces=forces,
         positions=positions,
-        imu_offset=imu_offset(vehicle),
+        imu_offset=np.array(vehicle.imu_offset),
         swashplate=vehicle.swashplate,
-        gyro_rates=_flipped(seen("gyro_rate")),
+        gyro_rates=flipped("gyro_rate"),
         rotor_speed=par[PARAM.main_speed] * ratio if par[PARAM.drive_governor] != 0.0 else None,
         hold=vehicle.parameters["gyro.period"],
     )
-
-
-def imu_offset(vehicle: Vehicle) -> NDArray[np.float64]:
-    """Return the IMU's place from the centre of gravity, m, body axes (FRD), (3,)."""
-    return np.array(vehicle.imu_offset)
 
 
 def _halfway(columns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -238,18 +261,6 @@ def _halfway(columns: NDArray[np.float64]) -> NDArray[np.float64]:
     found[1:] = 0.5 * (columns[:-1] + columns[1:])
     found[2:-1] += (columns[1:-2] + columns[2:-1] - columns[:-3] - columns[3:]) / 16.0
     return found
-
-
-def _flipped(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.column_stack(flip(*columns.T))
-
-
-def _attitudes(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
-    x, y, z = flip(*quaternions[:, 1:].T)
-    turned = Rotation.from_quat(np.column_stack([quaternions[:, 0], x, y, z]), scalar_first=True)
-    angles = turned.as_euler("ZYX")[:, ::-1]
-    angles[:, 2] = np.unwrap(angles[:, 2])
-    return angles
 
 
 def sound_samples(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> tuple[int, str]:
@@ -269,9 +280,3 @@ def sound_samples(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> tup
         last = int(np.argmax(stopped))
         return last + 1, f"the simulation stopped at {time[last]:.2f} s"
     return len(time), ""
-
-
-def _check_finite(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> None:
-    count, why = sound_samples(model, sensordata)
-    if count < len(sensordata):
-        raise DivergedError(why)

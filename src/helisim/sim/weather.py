@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.settings import check, setting
 from helisim.base.units import METRE_PER_FOOT, METRE_S_PER_KNOT
 from helisim.physics import air as law
 from helisim.physics.layout import PARAM
@@ -23,8 +24,6 @@ LEVELS = {
 _LOWEST, _HIGHEST = 10.0 * METRE_PER_FOOT, 1000.0 * METRE_PER_FOOT
 """m, of the low-altitude model."""
 _STATES = 8
-
-
 _STILL = 1e-6
 """m/s: less wind is calm air."""
 _STORM = 150.0
@@ -47,25 +46,20 @@ class Gust:
         hold: s; in the standard it stays for good: give more than the flight lasts.
     """
 
-    north: float = 0.0
-    east: float = 0.0
-    down: float = 0.0
-    start: float = 5.0
-    rise: float = 1.0
-    hold: float = 0.0
+    north: float = setting(0.0, unit="m/s")
+    east: float = setting(0.0, unit="m/s")
+    down: float = setting(0.0, unit="m/s")
+    start: float = setting(5.0, unit="s")
+    rise: float = setting(1.0, unit="s", above=0.0)
+    hold: float = setting(0.0, unit="s", low=0.0)
 
     def __post_init__(self) -> None:
-        if not all(map(math.isfinite, (self.north, self.east, self.down, self.start))):
-            raise InputError(f"a gust needs finite velocities (m/s) and start (s), got {self}")
-        if not (0.0 < self.rise < math.inf and 0.0 <= self.hold < math.inf):
-            raise InputError(
-                f"a gust needs a positive rise and a hold of 0 or more, in seconds, got {self}"
-            )
+        check(self)
 
 
 @dataclass(frozen=True)
 class Dryden:
-    """What MIL-F-8785C's Dryden model takes: rms, scale lengths, and a speed.
+    """The parameters of MIL-F-8785C's Dryden model: rms, scale lengths, and a speed.
 
     Low-altitude model. MIL-HDBK-1797's differs by name only here: its L_v and L_w are half as
     long, and its formulas have 2 L_v and 2 L_w.
@@ -106,13 +100,12 @@ class Dryden:
             law.turbulence_rates(state, noise, lags, written)
             return written
 
-        no_state, no_noise = np.zeros(_STATES), np.zeros(4)
-        a = np.column_stack([rates(unit, no_noise) for unit in np.eye(_STATES)])
-        b = np.column_stack([rates(no_state, unit) for unit in np.eye(4)])
+        a = np.column_stack([rates(unit, np.zeros(4)) for unit in np.eye(_STATES)])
+        b = np.column_stack([rates(np.zeros(_STATES), unit) for unit in np.eye(4)])
         return a, b * self.levels(span) * np.sqrt(2.0 * lags)
 
     def start(self, span: float, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Return states drawn from the filters' stationary distribution, (8,).
+        """Return a sample of the filters' stationary distribution, (8,).
 
         So the air is as rough in a flight's first second as in its last.
         """
@@ -140,27 +133,18 @@ class Weather:
             out of the ground's effect, with room for a heave sweep.
     """
 
-    wind: float = 0.0
-    wind_from: float = 0.0
+    wind: float = setting(0.0, unit="m/s", low=0.0)
+    wind_from: float = setting(0.0, unit="rad")
     turbulence: str | float | None = None
-    rms: tuple[float, float, float] | None = None
-    drift: float | None = None
+    rms: tuple[float, float, float] | None = setting(None, unit="m/s", above=0.0)
+    drift: float | None = setting(None, unit="m/s", above=0.0)
     gust: Gust | None = None
-    height: float = 20.0
+    height: float = setting(20.0, unit="m", above=0.0)
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.wind) and self.wind >= 0.0 and math.isfinite(self.wind_from)):
-            raise InputError(
-                f"wind must be 0 m/s or more and wind_from a heading in rad, got {self.wind}, "
-                f"{self.wind_from}"
-            )
+        check(self)
         if isinstance(self.turbulence, str) and self.turbulence not in LEVELS:
             raise UnknownNameError("turbulence", self.turbulence, LEVELS)
-        if self.rms is not None:
-            object.__setattr__(self, "rms", tuple(self.rms))
-        rms = (1.0, 1.0, 1.0) if self.rms is None else self.rms
-        if len(rms) != 3 or not all(0.0 < level < math.inf for level in rms):
-            raise InputError(f"rms needs three positive numbers in m/s, got {self.rms}")
         if not 0.0 <= self.low_wind <= _STORM:
             raise InputError(
                 f"turbulence must be a wind at 20 ft of 0 to {_STORM:g} m/s, or one of "
@@ -168,10 +152,6 @@ class Weather:
             )
         if self.rms is not None and self.turbulence is not None:
             raise InputError("turbulence and rms exclude each other: give one of them")
-        if self.drift is not None and not 0.0 < self.drift < math.inf:
-            raise InputError(f"drift must be a positive speed in m/s, got {self.drift}")
-        if not 0.0 < self.height < math.inf:
-            raise InputError(f"height must be above 0 m, got {self.height}")
         if self.low_wind > 0.0 and not _LOWEST <= self.height <= _HIGHEST:
             raise InputError(
                 f"the low-altitude turbulence of MIL-F-8785C holds from {_LOWEST:.2f} to "
@@ -199,8 +179,7 @@ class Weather:
             return None
         shape = 0.177 + 0.000823 * self.height / METRE_PER_FOOT
         down = 0.1 * self.low_wind
-        level = down / shape**0.4
-        long = self.height / shape**1.2
+        level, long = down / shape**0.4, self.height / shape**1.2
         return Dryden(
             rms=self.rms or (level, level, down),
             lengths=(long, long, self.height),
@@ -221,12 +200,10 @@ class Weather:
 
     def write(self, par: NDArray[np.float64], vehicle: Vehicle, *, seed: int) -> None:
         """Put gust and turbulence into a vehicle's parameters (n_param,); MuJoCo has the wind."""
-        if self.gust is not None:
-            gust = self.gust
+        if (gust := self.gust) is not None:
             par[PARAM.gust_north : PARAM.gust_down + 1] = gust.north, gust.east, gust.down
             par[PARAM.gust_start : PARAM.gust_hold + 1] = gust.start, gust.rise, gust.hold
-        dryden = self.dryden
-        if dryden is None:
+        if (dryden := self.dryden) is None:
             return
         span = 2.0 * vehicle.parameters["main_rotor.radius"]
         par[PARAM.turbulence_on], par[PARAM.turbulence_seed] = 1.0, seed

@@ -20,26 +20,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import DivergedError, InputError, ModelError, UnknownNameError
+from helisim.base.settings import to_plain
 from helisim.physics.drive import IDEAL, MOTOR
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
 from helisim.physics.native import installed
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
+from helisim.sim.flight import begin, generator, steps
 from helisim.sim.ground import Ground
-from helisim.sim.plain import to_plain
+from helisim.sim.limits import Contact
 from helisim.sim.recorder import Recorder
-from helisim.sim.simulation import generator
 from helisim.sim.trajectory import read_trajectory
 from helisim.sim.weather import Weather
 from helisim.sitl.link import Sensed
 from helisim.sitl.mixing import Outputs
-from helisim.sitl.watch import Watch
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import with_room
 from helisim.vehicle.controller import DIRECT, SHIPPED, Controller, law_room
 from helisim.vehicle.force_laws import check_motor
 from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import find_trim, place
+from helisim.vehicle.trim import find_trim
 
 _SPOOL_UP = 12.0
 """s, to the nominal speed where no motor's numbers say it: usual for speed controllers."""
@@ -267,7 +267,7 @@ class Aircraft:
         self.weather.write(par, self.vehicle, seed=air_seed)
         self._rotor = None if motor else SlowRotor(float(self.period))
         self._imu = int(self.model.sensor("imu_gyro").adr[0])
-        self._watch = Watch(self.vehicle, self.ground)
+        self._contact = Contact(self.vehicle, self.ground)
         self.data = mujoco.MjData(self.model)
         self._recording = (
             Recording(float(self.period), self.model.nsensordata) if recorded else None
@@ -295,16 +295,13 @@ class Aircraft:
 
     def reset(self) -> None:
         """Stand on the ground again at time 0, the rotor stopped."""
-        place(self.model, self.data, self.vehicle.trim)
-        self.ground.begin(self.vehicle, self.model, self.data)
+        begin(self.vehicle, self.model, self.data, self.weather, self.ground, seed=self.seed)
         act = self.data.act[self._where.state :]
         act[STATE.inflow_0 : STATE.inflow_c + 1] = 0.0
-        rough = self.weather.start(self.vehicle, generator(self.seed, 0, "first air"))
-        act[STATE.air_u : STATE.air_u + len(rough)] = rough
         self.data.ctrl[self._where.control + CONTROL.rotor] = 0.0
         self.crashed, self._frames, self._crash = "", 0, None
         self._start = np.zeros(3)
-        self._watch.begin()
+        self._contact.begin()
         if self._rotor is not None:
             self._rotor.speed = 0.0
         with installed():
@@ -356,7 +353,11 @@ class Aircraft:
         if self._recording is not None:
             self._recording.add(self._frames, self.data.sensordata)
         if not self.crashed:
-            self.crashed = self._watch.found(sensed, self._start, self.stands)
+            turn = np.empty(9)
+            mujoco.mju_quat2Mat(turn, sensed.quaternion)
+            self.crashed = self._contact.found(
+                sensed.time, self._start + sensed.position, turn.reshape(3, 3), self.stands
+            )
             if self.crashed:
                 self._crash = self.time, self.crashed
                 self._lose_rotor()
@@ -381,7 +382,7 @@ class Aircraft:
         return self._recording.record(self.vehicle, self.ground, self._crash, flown)
 
     def _fly_on(self) -> None:
-        mujoco.mj_step(self.model, self.data, self._each)
+        next(steps(self.model, self.data, each=self._each))
         mujoco.mj_forward(self.model, self.data)
 
     def _command(self, pulses: Sequence[int]) -> None:

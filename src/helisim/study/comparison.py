@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.settings import INFINITE
 from helisim.ident.fitted import Support
-from helisim.sim.plain import INFINITE
 
 Agreement = Literal["agrees", "differs", "not judged"]
 """Whether a value is within its tolerance of a reference; "not judged" where it has none."""

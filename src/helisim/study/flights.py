@@ -12,8 +12,7 @@ from helisim.records.provenance import one_blas_thread
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record
 from helisim.sim import Doublet, Flight, FlightPlan, Recorder, Sweep, fly_all
-from helisim.sim.fly import flown
-from helisim.sim.folder import write_flight
+from helisim.sim.fly import write_flight
 from helisim.study.exclusion import Exclusion
 from helisim.study.models import MODELS
 from helisim.study.results import read_results
@@ -107,7 +106,7 @@ def _fly_and_score(
         return record, None if record.ended else sweep_coherence(record, plan.name)
 
     with one_blas_thread():  # around all threads, or they would take it from each other
-        yield from flown(vehicle, plan, range(len(paths)), judged, seed=seed, jobs=jobs)
+        yield from fly_all(vehicle, plan, range(len(paths)), judged, seed=seed, jobs=jobs)
 
 
 def fly_doublets(

@@ -8,7 +8,7 @@ from typing import Any
 
 from helisim.base.errors import InputError
 from helisim.base.files import read_json
-from helisim.sim.plain import from_plain
+from helisim.base.settings import from_plain
 from helisim.study.differences import changes, leaves, listed, record_difference
 from helisim.study.flights import RESULTS
 from helisim.study.identified import read_models

@@ -9,8 +9,8 @@ from helisim.base.errors import InputError
 from helisim.base.files import make_folder, write_json
 from helisim.records.provenance import one_blas_thread, versions
 from helisim.sim import Recorder
+from helisim.sim.flight import thread_count
 from helisim.sim.rigs import RigTest, run_rigs
-from helisim.sim.simulation import thread_count
 from helisim.study.comparison import ComparisonTable
 from helisim.study.flights import (
     FOLDER,

@@ -8,9 +8,9 @@ from typing import Any
 from helisim.base.display import Displayed
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import read_json
+from helisim.base.settings import from_plain
 from helisim.base.value import FrozenMap
 from helisim.ident.verification import VerificationFigures
-from helisim.sim.plain import from_plain
 from helisim.sim.rigs import RigTest
 from helisim.study.comparison import ComparisonTable
 from helisim.study.exclusion import Exclusion

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from helisim.base.display import Displayed
 from helisim.base.errors import StorageError
+from helisim.base.settings import from_plain
 from helisim.base.value import FrozenMap, Value
 from helisim.records.record import FlightRecord
-from helisim.sim.plain import from_plain
 from helisim.study.flights import FOLDER, RESULTS, read_kept_sweeps
 from helisim.study.identified import IdentifiedModel, read_models
 from helisim.study.results import Results, read_results

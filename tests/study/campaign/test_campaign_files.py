@@ -7,7 +7,6 @@ import pytest
 
 from helisim.records.channels import AXES
 from helisim.sim import fly
-from helisim.sim.trajectory import imu_offset
 from helisim.study.campaign import campaign_from, read_campaign, read_dataset, run_campaign
 from helisim.study.campaign.replicate import by_method
 from helisim.study.identification import frequency_response, identify_model
@@ -93,7 +92,7 @@ def test_an_uncorrected_lever_arm_moves_the_yaw_damping(jr700, tmp_path):
         return 100.0 * (wrong - right) / abs(right)
 
     # an IMU ahead by x takes x r for side velocity, and conditioning on it gives N_r - N_v x
-    ahead, base = imu_offset(jr700)[0], jr700.derivatives
+    ahead, base = jr700.imu_offset[0], jr700.derivatives
     expected = -100.0 * base["N_v"] * ahead / abs(base["N_r"])
     assert expected == pytest.approx(-8.9, abs=0.1)
     # two sweeps: -7.4 to -9.1 % over three seeds

@@ -1,9 +1,8 @@
 """Missions: flights by a script, with a pilot that holds position, velocity and heading."""
 
 from helisim.sim.missions.autopilot import Autopilot
-from helisim.sim.missions.autorotation import Autorotation
 from helisim.sim.missions.mission import MISSIONS, Mission, Start, check_mission, missions_by_name
-from helisim.sim.missions.routes import Forward, Pirouette, TakeOffHoverLand
+from helisim.sim.missions.shipped import Autorotation, Forward, Pirouette, TakeOffHoverLand
 
 __all__ = [
     "MISSIONS",

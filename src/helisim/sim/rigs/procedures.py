@@ -1,25 +1,104 @@
-"""Bench and turntable from rig to finding, each value beside the truth that the vehicle carries."""
+"""Bench, turntable and suspension from rig to finding, each value beside the vehicle's truth."""
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
+import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from helisim.base.errors import RecordError
+from helisim.base.errors import RecordError, UnknownNameError
+from helisim.base.settings import to_plain
 from helisim.physics.gyro import held_lag
+from helisim.physics.motion import flip
 from helisim.records.record import FlightRecord
 from helisim.sim.recorder import Recorder
-from helisim.sim.rigs.finding import Finding, RigTest
-from helisim.sim.rigs.gains import loop_gains
-from helisim.sim.rigs.hold import PedalSteps, TableSweep, hold, step_pedals, turn
-from helisim.sim.rigs.suspension import suspension_test
+from helisim.sim.rigs.bench import (
+    PedalSteps,
+    TableSweep,
+    hang,
+    hold,
+    step_pedals,
+    suspension_points,
+    turn,
+)
+from helisim.sim.rigs.found import (
+    REST,
+    attitude_sensitivity,
+    centre_errors,
+    centre_of_gravity,
+    loop_gains,
+    plumb_line,
+)
 from helisim.vehicle import Vehicle
+from helisim.vehicle.motion import root_body
 
 _STEP_BAND = (2.0, 60.0)
 """rad/s. A step has content everywhere; below, the resolution of the slow ramp's record tells,
 above, the servos' and the sticks' records alias."""
 _SERVO_RANGE = 0.5
 """Unitised: the gyro commands the tail servo no further."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One number that a ground test found.
+
+    Attributes:
+        name: of the quantity.
+        unit: SI.
+        value: from the record.
+        truth: what the vehicle and its recorder carry; None where there is none.
+        standard_error: of `value`; None where it is not estimated.
+        how: the method, in one line.
+    """
+
+    name: str
+    unit: str
+    value: float
+    truth: float | None = None
+    standard_error: float | None = None
+    how: str = ""
+
+    @property
+    def error(self) -> float | None:
+        """Value minus truth, in the unit."""
+        return None if self.truth is None else self.value - self.truth
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        plain = to_plain(self)
+        last = {name: plain.pop(name) for name in ("standard_error", "how")}
+        return {**plain, "error": self.error, **last}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigTest:
+    """What the test in one rig found.
+
+    Attributes:
+        rig: its name.
+        findings: in the order in which they are found.
+        notes: what else there is to know.
+    """
+
+    rig: str
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Finding:
+        """Return the finding of that name. Raises UnknownNameError."""
+        for finding in self.findings:
+            if finding.name == name:
+                return finding
+        raise UnknownNameError(f"finding of the {self.rig}", name, [f.name for f in self.findings])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON data."""
+        findings = [finding.to_dict() for finding in self.findings]
+        return {"rig": self.rig, "findings": findings, "notes": list(self.notes)}
 
 
 def run_rigs(
@@ -41,17 +120,26 @@ def run_rigs(
         recorder: the vehicle's own if None.
         on_progress: called with a rig's name after each test.
     """
-    on_progress = on_progress or (lambda _: None)
-    setting = vehicle.parameters["gyro.k_delta"]  # read off the gyro, as on a real bench
-    bench = bench_test(vehicle, k_delta=setting, seed=seed, recorder=recorder)
-    on_progress(bench.rig)
-    table = turntable_test(
-        vehicle, k_p=bench["k_p"], k_i=bench["k_I"], seed=seed, recorder=recorder
-    )
-    on_progress(table.rig)
-    suspension = suspension_test(vehicle, seed=seed, recorder=recorder)
-    on_progress(suspension.rig)
-    return bench, table, suspension
+    tests: dict[str, RigTest] = {}
+    for test in (
+        # k_delta is read off the gyro, as on a real bench
+        lambda: bench_test(
+            vehicle, k_delta=vehicle.parameters["gyro.k_delta"], seed=seed, recorder=recorder
+        ),
+        lambda: turntable_test(
+            vehicle,
+            k_p=tests["bench"]["k_p"],
+            k_i=tests["bench"]["k_I"],
+            seed=seed,
+            recorder=recorder,
+        ),
+        lambda: suspension_test(vehicle, seed=seed, recorder=recorder),
+    ):
+        found = test()
+        tests[found.rig] = found
+        if on_progress is not None:
+            on_progress(found.rig)
+    return tuple(tests.values())
 
 
 def bench_test(
@@ -81,71 +169,62 @@ def bench_test(
     record = step_pedals(hold(vehicle, "bench"), steps, seed=seed, recorder=recorder)
     _check_servo(record)
     found = loop_gains(record, input="PED", output="servo_tail", band=_STEP_BAND, noisy="output")
+    p, p_error = found.proportional, found.proportional_error
+    i, i_error = found.integral, found.integral_error
     true = vehicle.parameters
-    k_p, k_i = true["gyro.k_p"], true["gyro.k_i"]
-    rest = record.select(("p", "q", "r"))
-    return RigTest(
-        rig="bench",
-        findings=(
-            Finding(
-                name="k_delta",
-                unit="1",
-                value=k_delta,
-                how="not measured: as the gyro shows its setting",
-            ),
-            Finding(
-                name="k_p k_delta",
-                unit="1",
-                value=found.proportional,
-                truth=k_p * true["gyro.k_delta"],
-                standard_error=found.proportional_error,
-                how="jump of the tail servo's command over the pedal step",
-            ),
-            Finding(
-                name="k_I k_delta",
-                unit="1/s",
-                value=found.integral,
-                truth=k_i * true["gyro.k_delta"],
-                standard_error=found.integral_error,
-                how="slope of the tail servo's command over the pedal step",
-            ),
-            Finding(
-                name="k_I / k_p",
-                unit="1/s",
-                value=found.ratio,
-                truth=k_i / k_p,
-                how="slope over jump: no other gain is in it",
-            ),
-            Finding(
-                name="k_p",
-                unit="1",
-                value=found.proportional / k_delta,
-                truth=k_p,
-                standard_error=found.proportional_error / k_delta,
-                how=f"jump over k_delta = {k_delta:g}, which the bench does not give",
-            ),
-            Finding(
-                name="k_I",
-                unit="1/s",
-                value=found.integral / k_delta,
-                truth=k_i,
-                standard_error=found.integral_error / k_delta,
-                how=f"slope over k_delta = {k_delta:g}",
-            ),
-            Finding(
-                name="delay",
-                unit="s",
-                value=found.delay,
-                truth=true["gyro.ped_latency"],
-                standard_error=found.delay_error,
-                how="pedal stick to tail servo command",
-            ),
+    k_p, k_i, own = true["gyro.k_p"], true["gyro.k_i"], true["gyro.k_delta"]
+    over = f"over k_delta = {k_delta:g}"
+    table = (
+        ("k_delta", "1", k_delta, None, None, "not measured: as the gyro shows its setting"),
+        (
+            "k_p k_delta",
+            "1",
+            p,
+            k_p * own,
+            p_error,
+            "jump of the tail servo's command over the pedal step",
         ),
-        notes=(
-            f"rates while the pedals stepped: {np.max(np.abs(rest.mean(axis=0))):.1e} rad/s mean, "
-            f"{np.max(rest.std(axis=0)):.1e} rad/s rms, the sensors' noise",
+        (
+            "k_I k_delta",
+            "1/s",
+            i,
+            k_i * own,
+            i_error,
+            "slope of the tail servo's command over the pedal step",
+        ),
+        (
+            "k_I / k_p",
+            "1/s",
+            found.ratio,
+            k_i / k_p,
+            None,
+            "slope over jump: no other gain is in it",
+        ),
+        (
+            "k_p",
+            "1",
+            p / k_delta,
+            k_p,
+            p_error / k_delta,
+            f"jump {over}, which the bench does not give",
+        ),
+        ("k_I", "1/s", i / k_delta, k_i, i_error / k_delta, f"slope {over}"),
+        (
+            "delay",
+            "s",
+            found.delay,
+            true["gyro.ped_latency"],
+            found.delay_error,
+            "pedal stick to tail servo command",
         ),
     )
+    rest = record.select(("p", "q", "r"))
+    note = (
+        f"rates while the pedals stepped: {np.max(np.abs(rest.mean(axis=0))):.1e} rad/s mean, "
+        f"{np.max(rest.std(axis=0)):.1e} rad/s rms, the sensors' noise"
+    )
+    findings = tuple(Finding(*row) for row in table)
+    return RigTest(rig="bench", findings=findings, notes=(note,))
 
 
 def turntable_test(
@@ -174,92 +253,76 @@ def turntable_test(
     Raises:
         RecordError: the tail servo ran into its limit.
     """
-    sweep = sweep or TableSweep()
-    recorder = recorder or Recorder.of(vehicle)
+    sweep, recorder = sweep or TableSweep(), recorder or Recorder.of(vehicle)
     record = turn(hold(vehicle, "turntable"), sweep, seed=seed, recorder=recorder)
     _check_servo(record)
-    true = vehicle.parameters
-    period = true["gyro.period"]
-    lead_filter = held_lag(true["gyro.lead_filter"], period) - 0.5 * period
     found = loop_gains(
         record, input="r", output="servo_tail", band=sweep.band, noisy="input", lead=True
     )
-    k_a = true["gyro.k_a"]
-    return RigTest(
-        rig="turntable",
-        findings=(
-            Finding(
-                name="k_p k_a",
-                unit="s",
-                value=-found.proportional,
-                truth=true["gyro.k_p"] * k_a,
-                standard_error=found.proportional_error,
-                how="ped / r, proportional part",
-            ),
-            Finding(
-                name="k_I k_a",
-                unit="1",
-                value=-found.integral,
-                truth=true["gyro.k_i"] * k_a,
-                standard_error=found.integral_error,
-                how="ped / r, integral part",
-            ),
-            Finding(
-                name="k_I / k_p",
-                unit="1/s",
-                value=found.ratio,
-                truth=true["gyro.k_i"] / true["gyro.k_p"],
-                how="the bench's ratio once more, from another test",
-            ),
-            Finding(
-                name="k_a",
-                unit="s",
-                value=-found.integral / k_i.value,
-                truth=k_a,
-                standard_error=_ratio_error(found.integral, found.integral_error, k_i),
-                how=f"integral part over the bench's k_I = {k_i.value:.5g}",
-            ),
-            Finding(
-                name="k_a by k_p",
-                unit="s",
-                value=-found.proportional / k_p.value,
-                truth=k_a,
-                standard_error=_ratio_error(found.proportional, found.proportional_error, k_p),
-                how=f"proportional part over the bench's k_p = {k_p.value:.5g}",
-            ),
-            Finding(
-                name="lead",
-                unit="s",
-                value=found.lead,
-                truth=true["gyro.lead"],
-                standard_error=found.lead_error,
-                how="from the gain, which grows with frequency",
-            ),
-            Finding(
-                name="lead_filter",
-                unit="s",
-                value=found.lead_filter,
-                truth=lead_filter,
-                standard_error=found.lead_filter_error,
-                how="from the gain, which grows less the higher the frequency",
-            ),
-            Finding(
-                name="tau_r",
-                unit="s",
-                value=-found.delay,
-                truth=recorder.late("r") - true["gyro.latency"],
-                standard_error=found.delay_error,
-                how="by how much the rate is recorded late, beside the servo command it causes",
-            ),
+    p, p_error = found.proportional, found.proportional_error
+    i, i_error = found.integral, found.integral_error
+    true = vehicle.parameters
+    period, k_a = true["gyro.period"], true["gyro.k_a"]
+    lead_filter = held_lag(true["gyro.lead_filter"], period) - 0.5 * period
+    table = (
+        ("k_p k_a", "s", -p, true["gyro.k_p"] * k_a, p_error, "ped / r, proportional part"),
+        ("k_I k_a", "1", -i, true["gyro.k_i"] * k_a, i_error, "ped / r, integral part"),
+        (
+            "k_I / k_p",
+            "1/s",
+            found.ratio,
+            true["gyro.k_i"] / true["gyro.k_p"],
+            None,
+            "the bench's ratio once more, from another test",
+        ),
+        (
+            "k_a",
+            "s",
+            -i / k_i.value,
+            k_a,
+            _ratio_error(i, i_error, k_i),
+            f"integral part over the bench's k_I = {k_i.value:.5g}",
+        ),
+        (
+            "k_a by k_p",
+            "s",
+            -p / k_p.value,
+            k_a,
+            _ratio_error(p, p_error, k_p),
+            f"proportional part over the bench's k_p = {k_p.value:.5g}",
+        ),
+        (
+            "lead",
+            "s",
+            found.lead,
+            true["gyro.lead"],
+            found.lead_error,
+            "from the gain, which grows with frequency",
+        ),
+        (
+            "lead_filter",
+            "s",
+            found.lead_filter,
+            lead_filter,
+            found.lead_filter_error,
+            "from the gain, which grows less the higher the frequency",
+        ),
+        (
+            "tau_r",
+            "s",
+            -found.delay,
+            recorder.late("r") - true["gyro.latency"],
+            found.delay_error,
+            "by how much the rate is recorded late, beside the servo command it causes",
         ),
     )
+    return RigTest(rig="turntable", findings=tuple(Finding(*row) for row in table))
 
 
 def _ratio_error(part: float, error: float, over: Finding) -> float:
     """Return the standard error of a part over a finding, both in error on their own."""
-    own = error / over.value
     of_bench = part / over.value**2 * (over.standard_error or 0.0)
-    return math.hypot(own, of_bench)
+    return math.hypot(error / over.value, of_bench)
 
 
 def _check_servo(record: FlightRecord) -> None:
@@ -269,3 +332,60 @@ def _check_servo(record: FlightRecord) -> None:
             f"the tail servo's command reached {furthest:.3f} of {_SERVO_RANGE}: its limit "
             "hides the gyro's answer; step or sweep less"
         )
+
+
+def suspension_test(
+    vehicle: Vehicle, *, seed: int = 1, recorder: Recorder | None = None
+) -> RigTest:
+    """Find the centre of gravity and the IMU's lever arm: hang the helicopter from two points."""
+    held, recorder = hold(vehicle, "suspension"), recorder or Recorder.of(vehicle)
+    points = suspension_points(held)
+    records = {name: hang(held, name, seed=seed, recorder=recorder) for name in points}
+    lines = [plumb_line(records[name], point) for name, point in points.items()]
+    found, (true_centre, imu) = centre_of_gravity(lines), _drawing(held)
+    first, second = (np.array(line.down) for line in lines)
+    crossing = float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
+    gap = abs(np.cross(first, second) @ (lines[1].point - lines[0].point)) / np.sin(crossing)
+    sensitivity = attitude_sensitivity(lines)
+    worst = max(recorder.noise.get("phi", 0.0), recorder.noise.get("theta", 0.0))
+    samples, allowed = recorder.rate_hz * REST, 1e-3 / sensitivity
+    findings = [
+        Finding(f"{name}_{axis}", "m", float(value), float(true), float(error), how)
+        for name, values, truths, how in (
+            ("cg", found, true_centre, "where the plumb lines meet, airframe axes"),
+            (
+                "imu",
+                imu - found,
+                held.imu_offset,
+                "lever arm: the drawing's IMU less the centre of gravity",
+            ),
+        )
+        for axis, value, true, error in zip("xyz", values, truths, centre_errors(lines))
+    ]
+    distance = float(np.linalg.norm(found - true_centre))
+    far = Finding("cg distance", "m", distance, 0.0, how="found to true centre of gravity")
+    return RigTest(
+        rig="suspension",
+        findings=(*findings, far),
+        notes=(
+            f"the lines cross at {np.degrees(crossing):.1f} degrees and miss each other by "
+            f"{1e3 * gap:.3f} mm",
+            f"an attitude off by 1 mrad in the worst way moves the centre by "
+            f"{sensitivity:.3f} mm: 1 mm allows a bias of {1e3 * allowed:.2f} mrad "
+            f"({np.degrees(allowed):.2f} degrees), or {1e3 * allowed * np.sqrt(samples):.0f} mrad "
+            f"of white noise averaged over {REST:g} s; the recorder has {1e3 * worst:.3g} mrad",
+        ),
+    )
+
+
+def _drawing(held: Vehicle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return true centre of gravity and IMU in the airframe's own axes (FRD), (3,) m each."""
+    model = held.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    body = root_body(model)
+    turned = data.xmat[body].reshape(3, 3).T
+    centre = turned @ (data.subtree_com[body] - data.xpos[body])
+    imu = turned @ (data.site(held.roles.site("imu")).xpos - data.xpos[body])
+    return np.array(flip(*centre)), np.array(flip(*imu))

@@ -6,9 +6,9 @@ from functools import cache
 from typing import Any, TypeVar, cast, get_type_hints
 
 from helisim.base.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.settings import convert, value_object
 from helisim.records.channels import AXES
 from helisim.sim import FlightEnvelope, FlightPlan, Pilot, Recorder, Sweep, Weather
-from helisim.sim.plain import check_type, value_object
 from helisim.study.campaign.variation import Value
 from helisim.vehicle import Vehicle, load, standard_parameters
 from helisim.vehicle.assembly import Integrator
@@ -69,7 +69,7 @@ class Settings:
             if words_of(name):
                 changed[name] = number_of(name, change.value)
                 continue
-            check_type(f"vehicle.{name}", float, change.value)
+            convert(float, change.value, f"vehicle.{name}")
             changed[name] = _changed(f"vehicle.{name}", old, change)
         return changed
 
@@ -152,7 +152,7 @@ def applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
         if key:
             raise InputError(f"{where}: {section}.{top} has no parts")
         expected = float if change.relative else hints[top]
-        check_type(where, expected, change.value)
+        convert(expected, change.value, where)
         new[top] = _changed(where, old, change)
     try:
         return replace(plain, **new)  # pyright: ignore[reportArgumentType, reportCallIssue]
@@ -161,7 +161,7 @@ def applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
 
 
 def _in_mapping(where: str, old: Mapping[str, Any], key: str, change: Change) -> dict[str, Any]:
-    check_type(where, float, change.value)
+    convert(float, change.value, where)
     if key:
         return {**old, key: _changed(where, old.get(key, 0.0), change)}
     if change.relative:

@@ -1,6 +1,5 @@
 """Hold the helicopter in a rig, do something to it, and record what its computer sees."""
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -9,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.settings import check, setting
 from helisim.physics import pilot
 from helisim.physics.motion import flip
-from helisim.physics.native import installed
 from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
-from helisim.sim.envelope import FlightEnvelope
+from helisim.sim.flight import roll
+from helisim.sim.limits import FlightEnvelope
 from helisim.sim.recorder import Recorder
 from helisim.sim.trajectory import read_trajectory
 from helisim.vehicle import Vehicle
@@ -22,9 +22,6 @@ from helisim.vehicle.assembly import assemble
 
 _ENVELOPE = replace(FlightEnvelope.off(), tilt=FlightEnvelope().tilt, rate=FlightEnvelope().rate)
 """Of what is held: a gyro that can't turn its helicopter may well saturate, near the ground."""
-
-_STILL = 1.0
-"""s, before and after a sweep of a stick."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,24 +37,21 @@ class PedalSteps:
         rest: s, before the first and after each.
     """
 
-    sizes: tuple[float, ...] = (0.016, 0.015, 0.014, 0.013, 0.012)
-    hold: float = 0.506
-    rest: float = 1.012
+    sizes: tuple[float, ...] = setting((0.016, 0.015, 0.014, 0.013, 0.012), above=0.0, high=0.5)
+    hold: float = setting(0.506, unit="s", above=0.0)
+    rest: float = setting(1.012, unit="s", above=0.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sizes", tuple(float(size) for size in self.sizes))
+        check(self)
         if not self.sizes:
             raise InputError("sizes must hold one step or more")
-        _check_positive(self)
-        if max(self.sizes) > 0.5:
-            raise InputError(f"sizes are at most 0.5 of unitised stick, got {self.sizes}")
 
     @property
     def duration(self) -> float:
         """Length of the test, s."""
         return self.rest + 2 * len(self.sizes) * (self.hold + self.rest)
 
-    def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def control(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the pedal stick at times in s; (n_time,) each."""
         stick = np.zeros(time.size)
         sides = [side * size for size in self.sizes for side in (1.0, -1.0)]
@@ -81,23 +75,20 @@ class TableSweep:
         rest: s, still, before and again after.
     """
 
-    amplitude: float = 0.015
-    band: tuple[float, float] = (2.0, 120.0)
-    duration: float = 66.0
-    rest: float = 3.0
+    amplitude: float = setting(0.015, unit="rad", above=0.0)
+    band: tuple[float, float] = setting((2.0, 120.0), unit="rad/s", above=0.0)
+    duration: float = setting(66.0, unit="s", above=0.0)
+    rest: float = setting(3.0, unit="s", above=0.0)
 
     def __post_init__(self) -> None:
-        _check_positive(self)
-        if not 0.0 < self.band[0] < self.band[1]:
-            raise InputError(f"band must be 0 < w_min < w_max in rad/s, got {self.band}")
-        if self.duration <= 2.0 * self.rest:
-            raise InputError(f"duration must leave time to sweep, got {self.duration} s")
+        check(self)
+        _check_sweep(self.band, self.duration, self.rest)
 
-    def rates(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the commanded rate, rad/s to the right, at times in s; (n_time,) each."""
+    def control(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the table's commanded rate, rad/s to the left, at times in s; (n_time,) each."""
         length = self.duration - 2.0 * self.rest
         angle = [pilot.sweep(t - self.rest, length, *self.band, 2.0, 0.0, 0) for t in time]
-        return self.amplitude * np.gradient(np.array(angle), time)
+        return -(self.amplitude * np.gradient(np.array(angle), time))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,22 +102,26 @@ class StickSweep:
         duration: s, of the whole test, a second of rest before and after.
     """
 
-    amplitude: float = 0.018
-    band: tuple[float, float] = (8.0, 200.0)
-    duration: float = 60.0
+    amplitude: float = setting(0.018, above=0.0)
+    band: tuple[float, float] = setting((8.0, 200.0), unit="rad/s", above=0.0)
+    duration: float = setting(60.0, unit="s", above=0.0)
 
     def __post_init__(self) -> None:
-        _check_positive(self)
-        if not 0.0 < self.band[0] < self.band[1]:
-            raise InputError(f"band must be 0 < w_min < w_max in rad/s, got {self.band}")
-        if self.duration <= 2.0 * _STILL:
-            raise InputError(f"duration must leave time to sweep, got {self.duration} s")
+        check(self)
+        _check_sweep(self.band, self.duration, 1.0)
 
-    def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def control(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the stick at times in s; (n_time,) each."""
-        length = self.duration - 2.0 * _STILL
-        sweep = [pilot.sweep(t - _STILL, length, *self.band, 1.0, 0.0, 0) for t in time]
+        length = self.duration - 2.0
+        sweep = [pilot.sweep(t - 1.0, length, *self.band, 1.0, 0.0, 0) for t in time]
         return self.amplitude * np.array(sweep)
+
+
+def _check_sweep(band: tuple[float, float], duration: float, rest: float) -> None:
+    if not band[0] < band[1]:
+        raise InputError(f"band must be 0 < w_min < w_max in rad/s, got {band}")
+    if duration <= 2.0 * rest:
+        raise InputError(f"duration must leave time to sweep, got {duration} s")
 
 
 def hold(vehicle: Vehicle, rig: str) -> Vehicle:
@@ -152,8 +147,7 @@ def step_pedals(
     recorder: Recorder | None = None,
 ) -> FlightRecord:
     """Step the pedals of a helicopter on the bench, rotor off, and return the record."""
-    steps = steps or PedalSteps()
-    return _driven(held, "bench", "PED", steps, steps.sticks, seed, recorder)
+    return _driven(held, "bench", "PED", steps or PedalSteps(), seed, recorder)
 
 
 def turn(
@@ -164,9 +158,7 @@ def turn(
     recorder: Recorder | None = None,
 ) -> FlightRecord:
     """Sweep the rate of a helicopter on the turntable, sticks centred, rotor off."""
-    sweep = sweep or TableSweep()
-    # the table's drive is positive to the left
-    return _driven(held, "turntable", "drive", sweep, lambda t: -sweep.rates(t), seed, recorder)
+    return _driven(held, "turntable", "drive", sweep or TableSweep(), seed, recorder)
 
 
 def sweep_stick(
@@ -178,8 +170,7 @@ def sweep_stick(
     recorder: Recorder | None = None,
 ) -> FlightRecord:
     """Sweep one stick of a helicopter on the bench, rotor off, and return the record."""
-    sweep = sweep or StickSweep()
-    return _driven(held, "bench", stick, sweep, sweep.sticks, seed, recorder)
+    return _driven(held, "bench", stick, sweep or StickSweep(), seed, recorder)
 
 
 def hang(
@@ -205,15 +196,13 @@ def hang(
     points = suspension_points(held)
     if point not in points:
         raise UnknownNameError("suspension point", point, points)
-    control = _at_rest(held, duration)
     what = {"point": point, "duration": duration}
-    return _record(held, point, control, "suspension", what, seed, recorder)
+    return _record(held, point, _at_rest(held, duration), "suspension", what, seed, recorder)
 
 
 def suspension_points(held: Vehicle) -> dict[str, NDArray[np.float64]]:
     """Return where the suspension can take hold, by name: (3,) m, airframe axes (FRD)."""
-    model = held.model
-    welds = [model.equality(k) for k in range(model.neq)]
+    welds = [held.model.equality(k) for k in range(held.model.neq)]
     return {weld.name: np.array(flip(*weld.data[:3])) for weld in welds}
 
 
@@ -222,21 +211,19 @@ def _driven(
     rig: str,
     actuator: str,
     test: PedalSteps | TableSweep | StickSweep,
-    law: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     seed: int,
     recorder: Recorder | None,
 ) -> FlightRecord:
     """Return the record of a test in which one actuator follows a law of time."""
     control = _at_rest(held, test.duration)
     time = np.arange(len(control)) * held.model.opt.timestep
-    control[:, held.model.actuator(actuator).id] = law(time)
+    control[:, held.model.actuator(actuator).id] = test.control(time)
     return _record(held, "mounted", control, rig, asdict(test), seed, recorder)
 
 
 def _at_rest(held: Vehicle, duration: float) -> NDArray[np.float64]:
     """Return controls at zero, (n_step, n_control): sticks centred, rotor off."""
-    steps = round(duration / held.model.opt.timestep) + 1
-    return np.zeros((steps, held.model.nu))
+    return np.zeros((round(duration / held.model.opt.timestep) + 1, held.model.nu))
 
 
 def _record(
@@ -250,8 +237,15 @@ def _record(
 ) -> FlightRecord:
     if not isinstance(seed, int) or seed < 0:
         raise InputError(f"seed must be an integer, 0 or more, got {seed!r}")
-    recorder = recorder or Recorder.of(held)
-    trajectory = read_trajectory(held, _run(held.model, key, control))
+    recorder, model = recorder or Recorder.of(held), held.model
+    data, physics = mujoco.MjData(model), mujoco.mjtState.mjSTATE_FULLPHYSICS
+    mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+    start = np.empty(mujoco.mj_stateSize(model, physics))
+    mujoco.mj_getState(model, data, start, physics)
+    if key in (points := suspension_points(held)):
+        model = held.model.__copy__()
+        model.eq_active0[:] = [name == key for name in points]
+    trajectory = read_trajectory(held, roll(model, start, len(control), control=control))
     _ENVELOPE.check(held, trajectory)
     provenance = made_by(
         "ground test",
@@ -263,24 +257,3 @@ def _record(
     )
     rng = np.random.default_rng([seed, *f"{rig} {key}".encode()])
     return recorder.record(trajectory, rng, provenance)
-
-
-def _run(model: mujoco.MjModel, key: str, control: NDArray[np.float64]) -> NDArray[np.float64]:
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
-    welds = [model.equality(k).name for k in range(model.neq)]
-    if key in welds:
-        data.eq_active[:] = [name == key for name in welds]
-    sensordata = np.empty((len(control), model.nsensordata))
-    with installed():
-        for k, row in enumerate(control):
-            data.ctrl[:] = row
-            mujoco.mj_step(model, data)
-            sensordata[k] = data.sensordata
-    return sensordata
-
-
-def _check_positive(settings: PedalSteps | TableSweep | StickSweep) -> None:
-    for name, value in asdict(settings).items():
-        if not np.all(np.isfinite(value)) or np.min(value) <= 0.0:
-            raise InputError(f"{name} must be positive, got {value}")

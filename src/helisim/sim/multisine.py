@@ -1,17 +1,17 @@
 """Multisines: sums of sines of low peak, on several axes at once and yet told apart.
 
-Each axis has harmonics of one period of its own, dealt out in turn, so the inputs are orthogonal
-over every whole period (Morelli, Flight Test Maneuvers for Efficient Aerodynamic Modeling,
-Journal of Aircraft 49, 2012). The phases are Schroeder's (IEEE Transactions on Information Theory
-16, 1970), which make something like a linear sweep of each axis; or scattered ones, moved by
-clipping in turns until the peak is low (Van der Ouderaa, Schoukens and Renneboog, IEEE
-Transactions on Instrumentation and Measurement 37, 1988). Those excite all frequencies all the
-time, so that every window of an estimate sees the axes move independently.
+Each axis has every n-th harmonic of one period, so the inputs are orthogonal over every whole
+period (Morelli, Flight Test Maneuvers for Efficient Aerodynamic Modeling, Journal of Aircraft 49,
+2012). The phases are Schroeder's (IEEE Transactions on Information Theory 16, 1970), which make
+something like a linear sweep; or scattered ones, clipped again and again until the peak is low (Van
+der Ouderaa, Schoukens and Renneboog, IEEE Transactions on Instrumentation and Measurement 37,
+1988), which excite all frequencies all the time, so that every window of an estimate sees the axes
+move independently.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
@@ -19,19 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
+from helisim.base.settings import setting
 from helisim.physics.memory import TICK_TOLERANCE
 from helisim.records.channels import AXES
-from helisim.sim.excitation import (
-    Excitation,
-    check_amplitude,
-    check_band,
-    check_settings,
-    check_times,
-    complete,
-    own_setting,
-)
-from helisim.sim.places import PLACES
-from helisim.sim.plain import UNSAID
+from helisim.sim.excitation import PLACES, complete, own_setting
+from helisim.sim.manoeuvres import Timed
 
 _CLIPPINGS = 600
 """Turns of clipping: twice as many lower the peak by less than a percent more."""
@@ -44,11 +36,9 @@ _NEWTON_STEPS = 3
 _DIGITS = 6
 """Of phases, rad, so that another FFT's rounding leaves the same signal."""
 
-Phases = Literal["low_peak", "schroeder"]
-
 
 @dataclass(frozen=True, kw_only=True)
-class Multisine(Excitation):
+class Multisine(Timed):
     """Sines at harmonics of one period, all axes at once, orthogonal over each whole period.
 
     Attributes:
@@ -72,18 +62,16 @@ class Multisine(Excitation):
     amplitude: float | tuple[float, ...] | None = None
     band: tuple[float, ...] | None = None
     period: float = 60.0
-    slope: float = 0.0
-    corner: float = field(default=0.0, metadata=UNSAID)
-    phases: Phases = "low_peak"
+    slope: float = setting(0.0, low=-8.0, high=8.0)
+    corner: float = setting(0.0, unit="rad/s", low=0.0, unsaid=True)
+    phases: Literal["low_peak", "schroeder"] = "low_peak"
     trim_time: float = 3.0
 
     left_open: ClassVar[tuple[str, ...]] = ("amplitude", "band")
+    several: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        check_settings(self)
-        check_times(self.duration, self.trim_time)
-        check_amplitude(self)
-        check_band(self.band)
+        super().__post_init__()
         for name, each in (("amplitude", 1), ("band", 2)):
             given = getattr(self, name)
             if isinstance(given, tuple) and len(given) not in (each, each * len(self.axes)):
@@ -91,24 +79,19 @@ class Multisine(Excitation):
                     f"{name} needs {each} number{'s' * (each > 1)} or {each * len(self.axes)} for "
                     f"the axes {self.axis}, got {len(given)}"
                 )
-        if not -8.0 <= self.slope <= 8.0:
-            raise InputError(f"slope must be a number from -8 to 8, got {self.slope}")
-        if not 0.0 <= self.corner < math.inf:
-            raise InputError(f"corner must be 0 rad/s or more, got {self.corner}")
         longest = self.duration - 2.0 * self.trim_time
         if not 0.0 < self.period <= longest + 1e-9:
             raise InputError(
                 f"period must be above 0 and at most {longest:g} s (what the trimmed stretches "
                 f"leave), got {self.period}"
             )
-        if self.band is not None:
-            for axis, numbers in self.harmonics.items():
-                if not numbers.size:
-                    raise InputError(
-                        f"no harmonic of {axis} is in its band: with {len(self.axes)} axes they "
-                        f"are {2.0 * math.pi * len(self.axes) / self.period:.3g} rad/s apart; "
-                        "take a longer period or a wider band"
-                    )
+        for axis, numbers in self.harmonics.items() if self.band is not None else ():
+            if not numbers.size:
+                raise InputError(
+                    f"no harmonic of {axis} is in its band: with {len(self.axes)} axes they "
+                    f"are {2.0 * math.pi * len(self.axes) / self.period:.3g} rad/s apart; "
+                    "take a longer period or a wider band"
+                )
 
     def on(self, own: Mapping[str, float]) -> "Multisine":
         """Return it with what is left open filled in by a vehicle's own parameters.
@@ -133,13 +116,13 @@ class Multisine(Excitation):
     @property
     def harmonics(self) -> dict[str, NDArray[np.int64]]:
         """The harmonics of each axis, in numbers of oscillations a period. Raises InputError."""
-        axes, bands = self.axes, self._each(complete(self, self.band), 2)
+        bands, count = self._each(complete(self, self.band), 2), len(self.axes)
         per_rad = self.period / (2.0 * math.pi)
         found = {}
-        for k, (axis, (low, high)) in enumerate(zip(axes, bands)):
+        for k, (axis, (low, high)) in enumerate(zip(self.axes, bands)):
             first, last = math.ceil(low * per_rad - 1e-9), math.floor(high * per_rad + 1e-9)
             numbers = np.arange(max(first, 1), last + 1)
-            found[axis] = numbers[numbers % len(axes) == (k + 1) % len(axes)]
+            found[axis] = numbers[numbers % count == (k + 1) % count]
         return found
 
     @property
@@ -162,12 +145,11 @@ class Multisine(Excitation):
         turn = 2.0 * math.pi / self.period * since[flown]
         for (axis, one), (amplitude,) in zip(self._designs().items(), amplitudes):
             angle = np.outer(turn, one.numbers) + one.phase
-            column = PLACES[self.at].index(axis)
-            columns[flown, column] = amplitude * (np.cos(angle) @ one.height)
+            columns[flown, PLACES[self.at].index(axis)] = amplitude * (np.cos(angle) @ one.height)
         return columns
 
-    def _own(self, own: Mapping[str, float], setting: str) -> Any:
-        each = [own_setting(self, own, axis, setting) for axis in self.axes]
+    def _own(self, own: Mapping[str, float], name: str) -> Any:
+        each = [own_setting(self, own, axis, name) for axis in self.axes]
         return tuple(np.ravel(each).tolist())
 
     def _each(self, given: float | tuple[float, ...], count: int) -> list[tuple[float, ...]]:
@@ -204,13 +186,13 @@ class Design:
 
 
 @lru_cache(maxsize=64)
-def design(numbers: tuple[int, ...], slope: float, phases: Phases, corner: float = 0.0) -> Design:
+def design(numbers: tuple[int, ...], slope: float, phases: str, corner: float = 0.0) -> Design:
     """Return the multisine of these harmonics.
 
     Args:
         numbers: of the harmonics, rising.
         slope: power goes as frequency to the minus `slope`.
-        phases: how they are chosen.
+        phases: "low_peak" or "schroeder".
         corner: oscillations a period, below which the power is flat.
     """
     k = np.array(numbers)
@@ -236,15 +218,11 @@ def schroeder_phases(power: NDArray[np.float64]) -> NDArray[np.float64]:
     return -2.0 * np.pi * np.cumsum(before)
 
 
-def _samples(numbers: NDArray[np.int64]) -> int:
-    return 1 << math.ceil(math.log2(_OVERSAMPLED * int(numbers[-1])))
-
-
 def _signal(
     numbers: NDArray[np.int64], height: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return one period of a sum of cosines, (n_sample,)."""
-    count = _samples(numbers)
+    count = 1 << math.ceil(math.log2(_OVERSAMPLED * int(numbers[-1])))
     spectrum = np.zeros(count // 2 + 1, dtype=np.complex128)
     spectrum[numbers] = 0.5 * count * height * np.exp(1j * phase)
     return np.fft.irfft(spectrum, count)
