@@ -3,6 +3,7 @@
 The others' are written here from a textbook's closed form: b / (s^2 + 2 zeta w0 s + w0^2).
 """
 
+import hashlib
 import json
 
 import numpy as np
@@ -10,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import helisim as hs
 from helisim.base.errors import InputError, StorageError
 from helisim.ident import FrequencyResponse, frequency_response, identify, load_response, structures
 from helisim.ident.response import is_response
@@ -25,15 +25,11 @@ COHERENCE = np.linspace(0.99, 0.7, OMEGA.size)
 DB, DEG = 20.0 * np.log10(np.abs(EXACT)), np.degrees(np.unwrap(np.angle(EXACT)))
 
 
-def heave_response():
+@pytest.fixture(scope="module")
+def heave():
     time, inputs, outputs = flown(structures.heave, HEAVE, "col", 5, duration=30.0, noise=0.02)
     record = FlightRecord(time, np.hstack([inputs, outputs]), (channel("col"), channel("w")))
     return frequency_response(record, inputs="col", outputs="w", band=(2.0, 20.0))
-
-
-@pytest.fixture(scope="module")
-def heave():
-    return heave_response()
 
 
 def written(path, heading, columns, separator=","):
@@ -51,6 +47,7 @@ def test_a_response_in_json_gives_the_fit_of_its_records(tmp_path, heave):
     again = load_response(path)
     assert again == heave
     assert again.scatter == heave.scatter
+    assert not again.scatter.noise.flags.writeable
     one, other = (identify(frf, structures.heave) for frf in (heave, again))
     assert one.values == other.values
     for name in one.parameters:
@@ -207,10 +204,12 @@ def test_a_changed_file_is_refused(tmp_path, heave):
     path = tmp_path / "heave.json"
     heave.save(path)
     data = json.loads(path.read_text())
-    data["response"]["response"]["real"][0][0][3] *= 1.5
-    path.write_text(json.dumps(data))
-    with pytest.raises(InputError, match=r"heave\.json: .*take 'scatter' out"):
-        load_response(path)
+    for part in (data["response"]["response"]["real"][0][0], data["scatter"]["model"]["weights"]):
+        part[3], whole = part[4], part[3]
+        path.write_text(json.dumps(data))
+        with pytest.raises(InputError, match=r"heave\.json: .*take 'scatter' out"):
+            load_response(path)
+        part[3] = whole
     del data["scatter"]
     path.write_text(json.dumps(data))
     assert load_response(path).scatter is None
@@ -228,5 +227,47 @@ def test_a_log_is_no_response(tmp_path):
     assert not is_response(path)
     assert not is_response(tmp_path / "none.txt")
     assert not is_response("no\0name.txt")
-    assert hs.load_response is load_response
-    assert isinstance(heave_response(), FrequencyResponse)
+
+
+def redigested(data):
+    """Return a file's data with the digest that belongs to them."""
+    response = FrequencyResponse.from_dict(data["response"]).response
+    digest = hashlib.blake2b(response.tobytes(), digest_size=12)
+
+    def parts(plain):
+        match plain:
+            case dict():
+                return "".join(f"{name}:{parts(plain[name])}" for name in sorted(plain))
+            case list():
+                return f"[{len(plain)}" + "".join(map(parts, plain))
+        return f"{plain!r};"
+
+    digest.update(parts(data["scatter"]["model"]).encode())
+    data["scatter"]["digest"] = digest.hexdigest()
+    return data
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m["bias"].update(base64="AAAA*AAAA"), "can't be read|isn't base64"),
+        (lambda m: m["bias"].update(base64="AAA"), "an array isn't base64"),
+        (lambda m: m["bias"].update(type="<f2"), "has the type '<f2', expected <f8, <f4"),
+        (lambda m: m["bias"].update(type="|O"), r"has the type '\|O', expected <f8"),
+        (lambda m: m["bias"].update(shape=[7]), "can't be read: cannot reshape"),
+        (lambda m: m.update(kind="object"), "can't be read: 'object'"),
+        (lambda m: m.pop("share"), "can't be read: .*'share'"),
+        (lambda m: m.update(more=1), "can't be read: .*'more'"),
+    ],
+)
+def test_what_is_no_error_model_is_refused(tmp_path, heave, change, message):
+    """Though its digest is right: nothing is guessed, no object is built."""
+    path = tmp_path / "heave.json"
+    heave.save(path)
+    data = json.loads(path.read_text())
+    path.write_text(json.dumps(redigested(data)))
+    assert load_response(path).scatter == heave.scatter
+    change(data["scatter"]["model"])
+    path.write_text(json.dumps(redigested(data)))
+    with pytest.raises(InputError, match=message):
+        load_response(path)
