@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 from scipy.signal import ZoomFFT, chirp, lfilter
 
 from helisim.base.errors import IdentificationError, InputError
-from helisim.base.trend import without_trend
+from helisim.base.units import without_trend
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures
 from helisim.ident.composite import PERIODS, compose, window_lengths
 from helisim.ident.conditioning import condition, random_error
