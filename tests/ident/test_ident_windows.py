@@ -12,8 +12,7 @@ from helisim.base.units import without_trend
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures
 from helisim.ident.composite import PERIODS, compose, window_lengths
 from helisim.ident.conditioning import condition, random_error
-from helisim.ident.cost import Cost
-from helisim.ident.fitting.points import select
+from helisim.ident.cost import Cost, select
 from helisim.ident.evaluate import response
 from helisim.ident.scatter import hann_lobe
 from helisim.ident.spectra import cross_spectra, segment_starts
