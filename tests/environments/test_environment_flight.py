@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import helisim.gym
-from helisim.gym.motions import StateReader
-from helisim.gym.task import BOUND
+from helisim.gym.task import BOUND, StateReader
 from helisim.physics.layout import CONTROL, PARAM
 from helisim.physics.native import installed
 from helisim.sim import Weather

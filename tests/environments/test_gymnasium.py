@@ -177,14 +177,14 @@ def test_no_window_without_a_display(monkeypatch):
     ("settings", "says"),
     [
         ({"vehicle": "jr7000"}, "unknown vehicle 'jr7000'; .*did you mean jr700"),
-        ({"action": "stick"}, "unknown action 'stick'; available: sticks, servos"),
+        ({"action": "stick"}, "unknown setting.action 'stick'; available: sticks, servos"),
         ({"frameskip": 5}, "unknown setting of the environment 'frameskip'.*frame_skip"),
-        ({"frame_skip": 0}, "frame_skip must be a whole number of time steps"),
+        ({"frame_skip": 0}, "frame_skip must be an integer 1 or more, got 0"),
         ({"timestep": 0.0005, "frame_skip": 6}, "a multiple of 4, got 6"),
         ({"integrator": "rk4"}, "RK4"),
-        ({"authority": 0.0}, "authority must be above 0"),
+        ({"authority": 0.0}, "authority must be a number above 0 and at most 1, got 0.0"),
         ({"task": "land"}, "unknown task 'land'; available: hover, track"),
-        ({"weather": "windy"}, "weather must be a Weather or WeatherRange, got 'windy'"),
+        ({"weather": "windy"}, "weather must be .*Weather, WeatherRange, got 'windy'"),
         ({"spread": {"airframe.mas": 0.1}}, "unknown parameter 'airframe.mas'.*airframe.mass"),
         ({"spread": {"air.density": 1.0}}, "relative, from 0 to below 1, got 1.0"),
         ({"spread": {"air.ground_effect": 0.1}}, "is 0, which no relative spread changes"),
@@ -226,11 +226,11 @@ def test_a_wrong_action_or_option_is_one_clear_line():
         env.step(np.full(4, "a"))
     with pytest.raises(InputError, match="threads must be an integer"):
         vector(threads=0)
-    with pytest.raises(InputError, match="position must be 0 or more, got '1'"):
+    with pytest.raises(InputError, match="position must be a number 0 or more m, got '1'"):
         helisim.gym.Start(position="1")
-    with pytest.raises(InputError, match="wind must be 0 or more, got 'light'"):
+    with pytest.raises(InputError, match="wind must be a number 0 or more m/s, got 'light'"):
         helisim.gym.WeatherRange(wind="light")
-    with pytest.raises(InputError, match="distance must be above 0, got '1'"):
+    with pytest.raises(InputError, match="distance must be a number above 0, got '1'"):
         helisim.gym.Hover(distance="1")
     with pytest.raises(InputError, match="autoreset_mode 'later'"):
         vector(autoreset_mode="later")

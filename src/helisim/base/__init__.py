@@ -20,8 +20,8 @@ def register() -> None:
         if name not in known.registry:
             known.register(
                 name,
-                entry_point="helisim.gym.single:HelicopterEnv",
-                vector_entry_point="helisim.gym.vector:HelicopterVectorEnv",
+                entry_point="helisim.gym.environments:HelicopterEnv",
+                vector_entry_point="helisim.gym.environments:HelicopterVectorEnv",
                 max_episode_steps=_STEPS,
                 kwargs={"task": task},
             )

@@ -12,13 +12,10 @@ except ImportError as error:
     raise ImportError(f"helisim.gym needs gymnasium ({error}): pip install helisim[gym]") from None
 
 from helisim.base import register
-from helisim.gym.agent import Action
-from helisim.gym.settings import Setup, Start
-from helisim.gym.single import HelicopterEnv
-from helisim.gym.spread import USUAL, Spread
+from helisim.gym.environments import HelicopterEnv, HelicopterVectorEnv
+from helisim.gym.episodes import USUAL, Action, Spread
+from helisim.gym.settings import Setup, Start, WeatherRange
 from helisim.gym.task import Hover, Observation, Situation, Task, Track
-from helisim.gym.vector import HelicopterVectorEnv
-from helisim.gym.weather import WeatherRange
 
 __all__ = [
     "USUAL",

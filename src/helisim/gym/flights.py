@@ -14,17 +14,14 @@ from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.gym.agent import Agent
-from helisim.gym.limits import Limits
-from helisim.gym.motions import StateReader
+from helisim.gym.episodes import Agent, EpisodeStart, Spread
 from helisim.gym.settings import Setup
-from helisim.gym.spread import Spread
-from helisim.gym.start import EpisodeStart
-from helisim.gym.task import BOUND, Situation, check_task
+from helisim.gym.task import BOUND, Situation, StateReader, check_task
 from helisim.physics.layout import SENSOR
 from helisim.physics.native import installed
 from helisim.sim import Weather
 from helisim.sim.flight import thread_count
+from helisim.sim.limits import Limits
 from helisim.vehicle.controller import Flying
 from helisim.vehicle.motion import addresses
 
@@ -83,7 +80,7 @@ class Flights:
         self.agent = Agent(setup, self.vehicle)
         self.spread = Spread(self.vehicle, setup.spread)
         self._start = EpisodeStart(setup, self.vehicle)
-        self._limits = Limits(setup.envelope, self.vehicle)
+        self._limits = Limits(setup.envelope, self.vehicle, of_origin=True)
         self._reader = StateReader(model)
         self._scale = 1.0 / np.array([[one.scale] for one in self.task.observations])
         self._models = [copy.copy(model) for _ in range(count)]
@@ -277,9 +274,11 @@ class Flights:
         situation = self._situation()
         seen = self._observed(situation)
         reward = self._shaped("reward", self.task.reward(situation, seen), (self.count,))
-        beyond: dict[str, NDArray[np.bool_]] = dict(
-            self._limits.beyond(situation.motions, self._air)
-        )
+        motions = situation.motions
+        through = motions.body_velocity - self._air
+        state = (motions.attitude, motions.rates, motions.position, motions.flapping, through)
+        limits = self._limits.beyond(*(one.T for one in state))
+        beyond: dict[str, NDArray[np.bool_]] = {name: rows for name, _, rows in limits}
         beyond["distance"] = self.task.lost(situation, seen)
         finite = np.isfinite(seen)
         if not finite.all():

@@ -1,20 +1,67 @@
-"""What an environment is made of: every setting that `gymnasium.make` takes, checked."""
+"""The settings of an environment, all that `gymnasium.make` takes, checked."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from os import PathLike
-from typing import Any, Literal, get_args
+from typing import Any, Literal
+
+import numpy as np
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.base.settings import is_number
+from helisim.base.settings import check, setting, setting_names
 from helisim.gym.task import Hover, Task, Track
-from helisim.gym.weather import WeatherRange
 from helisim.physics.memory import TICK_TOLERANCE
-from helisim.sim import FlightEnvelope, Weather
+from helisim.sim import FlightEnvelope, Gust, Weather
 from helisim.sim.flight import thread_count
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import Integrator
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeatherRange:
+    """The weathers of which each episode has one; every strength up to these is as likely.
+
+    Attributes:
+        wind: m/s, steady, from any direction.
+        turbulence: m/s of wind at 20 ft above the ground, which makes it (see `Weather`).
+        gust: m/s at its full strength, level, to any direction; it starts within the first
+            `gust_within` seconds and rises in 0.5 to 2 s.
+        gust_within: s.
+        height: m above the ground, of the flight.
+    """
+
+    wind: float = setting(0.0, unit="m/s", low=0.0)
+    turbulence: float = setting(0.0, unit="m/s", low=0.0)
+    gust: float = setting(0.0, unit="m/s", low=0.0)
+    gust_within: float = setting(8.0, unit="s", low=0.0)
+    height: float = setting(20.0, unit="m", low=0.0)
+
+    def __post_init__(self) -> None:
+        check(self, "weather")
+        Weather(turbulence=self.turbulence, height=self.height)  # which says if it can't be
+
+    def draw(self, random: np.random.Generator) -> Weather:
+        """Return one of the weathers."""
+        wind, turbulence, gust, start, rise = random.uniform(size=5)
+        wind_from, gust_to = random.uniform(-math.pi, math.pi, 2)
+        blow = None
+        if self.gust > 0.0:
+            blow = Gust(
+                north=gust * self.gust * math.cos(gust_to),
+                east=gust * self.gust * math.sin(gust_to),
+                start=start * self.gust_within,
+                rise=0.5 + 1.5 * rise,
+                hold=1.0,
+            )
+        return Weather(
+            wind=wind * self.wind,
+            wind_from=wind_from,
+            turbulence=turbulence * self.turbulence,
+            gust=blow,
+            height=self.height,
+        )
+
 
 ActionKind = Literal["sticks", "servos"]
 
@@ -33,16 +80,14 @@ class Start:
         rate: rad/s about each axis.
     """
 
-    position: float = 1.0
-    velocity: float = 0.5
-    tilt: float = 0.1
-    heading: float = 0.5
-    rate: float = 0.1
+    position: float = setting(1.0, unit="m", low=0.0)
+    velocity: float = setting(0.5, unit="m/s", low=0.0)
+    tilt: float = setting(0.1, unit="rad", low=0.0)
+    heading: float = setting(0.5, unit="rad", low=0.0)
+    rate: float = setting(0.1, unit="rad/s", low=0.0)
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not (is_number(value) and 0.0 <= value < math.inf):
-                raise InputError(f"start: {name} must be 0 or more, got {value!r}")
+        check(self, "start")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,8 +120,8 @@ class Setup:
     task: str | Task = "hover"
     vehicle: str | PathLike[str] | Vehicle = "jr700"
     action: ActionKind = "sticks"
-    authority: float = 0.5
-    frame_skip: int = 10
+    authority: float = setting(0.5, above=0.0, high=1.0)
+    frame_skip: int = setting(10, low=1)
     integrator: Integrator | None = None
     timestep: float | None = None
     weather: Weather | WeatherRange = field(default_factory=Weather)
@@ -86,20 +131,9 @@ class Setup:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        if self.action not in get_args(ActionKind):
-            raise UnknownNameError("action", self.action, get_args(ActionKind))
-        if not (is_number(self.authority) and 0.0 < self.authority <= 1.0):
-            raise InputError(f"authority must be above 0 and at most 1, got {self.authority!r}")
-        if not isinstance(self.frame_skip, int) or self.frame_skip < 1:
-            raise InputError(
-                f"frame_skip must be a whole number of time steps, 1 or more, got {self.frame_skip}"
-            )
+        check(self, "setting")
         if not isinstance(self.task, Task) and self.task not in TASKS:
             raise UnknownNameError("task", self.task, TASKS)
-        for name, kinds in _KINDS.items():
-            if not isinstance(getattr(self, name), kinds):
-                wanted = " or ".join(kind.__name__ for kind in kinds)
-                raise InputError(f"{name} must be a {wanted}, got {getattr(self, name)!r}")
         thread_count(self.threads, "threads")
 
     @classmethod
@@ -110,7 +144,7 @@ class Setup:
             UnknownNameError: no such setting.
             InputError: a setting that can't be.
         """
-        names = [one.name for one in fields(cls)]
+        names = setting_names(cls)
         for name in settings:
             if name not in names:
                 raise UnknownNameError("setting of the environment", name, names)
@@ -155,11 +189,3 @@ class Setup:
                 f"frame_skip must make whole periods of the gyro, {period:g} s, of steps of "
                 f"{step:g} s: a multiple of {round(period / step)}, got {self.frame_skip}"
             )
-
-
-_KINDS: Mapping[str, tuple[type, ...]] = {
-    "weather": (Weather, WeatherRange),
-    "spread": (Mapping,),
-    "start": (Start,),
-    "envelope": (FlightEnvelope,),
-}
