@@ -623,7 +623,7 @@ def toml_text(
         path = (*_path, toml_key(key))
         if isinstance(item, Mapping) and not isinstance(item, Inline):
             sections.append((f"[{'.'.join(path)}]", path, item))
-        elif isinstance(item, list | tuple) and item and _is_table(item[0]):
+        elif isinstance(item, list | tuple) and item and all(map(_is_table, item)):
             sections += [(f"[[{'.'.join(path)}]]", path, one) for one in item]
         elif item is not None:
             lines += [f"# {line}".rstrip() for line in comments(".".join((*_path, key)))]
