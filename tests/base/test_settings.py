@@ -19,7 +19,6 @@ from helisim.base.settings import (
     changed,
     check,
     from_plain,
-    notation,
     parse_notation,
     setting,
     to_plain,
@@ -252,10 +251,9 @@ def test_an_array_holds_finite_numbers(time):
         ("both,at=2.5", Both(at=2.5)),
     ],
 )
-def test_a_notation_is_read_and_written(text, value):
+def test_a_notation_is_read(text, value):
     """Kinds in any case; what is left out is the default."""
     assert parse_notation(text, PARTS) == value
-    assert parse_notation(notation(value), PARTS) == value
 
 
 def test_a_notation_reaches_into_settings():
@@ -266,7 +264,6 @@ def test_a_notation_reaches_into_settings():
         gust=Gust(down=2.0), pair=(3.0, 42.0), names=("p", "q"), noise={"p": 0.1}, flag=False,
         level="severe", count=2,
     )  # fmt: skip
-    assert parse_notation(notation(plan), {"Plan": Plan}) == plan
     assert parse_notation("plan,level=20", {"Plan": Plan}).level == 20.0
     assert parse_notation("step", PARTS, given={"at": 2.0}) == Step(at=2.0)
 

@@ -732,26 +732,3 @@ def from_text(hint: Any, text: str) -> Any:
         if mark in text or many:
             return [from_text(inner, part.strip()) for part in text.split(mark)]
     return text
-
-
-def notation(value: Any) -> str:
-    """Return a value object as the text that `parse_notation` reads, defaults left out.
-
-    Raises:
-        InputError: it holds a list of objects or text with a comma, which such text can't say.
-    """
-    return ",".join([kind_name(value).lower(), *_items(to_plain(value, defaults=False), "")])
-
-
-def _items(data: Mapping[str, Any], before: str) -> Iterator[str]:
-    for name, item in data.items():
-        if isinstance(item, Mapping):
-            yield from _items(item, f"{before}{name}.")
-            continue
-        parts = item if isinstance(item, list) else [item]
-        texts = [OFF if one is None else str(one) for one in parts]
-        texts = [one.lower() if one in ("True", "False") else one for one in texts]
-        if any(isinstance(one, dict | list) for one in parts) or "," in "".join(texts):
-            raise InputError(f"{before}{name} can't be written as NAME=VALUE: {shown(item)}")
-        names = any(isinstance(one, str) for one in parts)
-        yield f"{before}{name}={('+' if names else ':').join(texts)}"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.cli.options import Options, imported, wrapped
+from helisim.cli.options import Options, imported, is_number, wrapped
 from helisim.cli.shared import numbers_by_name
 
 if TYPE_CHECKING:
@@ -71,21 +71,16 @@ def manoeuvre(o: Options, planned: "Excitation | None" = None) -> "Excitation":
         InputError: a setting is none, or what is asked for together can't be.
         StorageError: a file can't be read.
     """
-    from helisim.sim import History, Sequence, Together
+    from helisim.sim import Sequence, Together
 
     given = {name: value for name in _GENERAL if (value := getattr(o, name, None)) is not None}
-    asked = []
-    for option, text in o.flown:
-        word, *items = text.split(",")
-        settings = {**given, **stated(option, items)}
-        if option.startswith("--h"):
-            _check_settings("--history", settings, ("axis", "at", "method", "duration"))
-            asked.append(History.read(Path(word), **settings))
-        else:
-            axis = {} if planned is None else {"axis": planned.axis}
-            asked.append(_kind(word.strip(), settings, axis))
+    usual = given if planned is None else {"axis": planned.axis, **given}
+    asked = [
+        _history(text, given) if option.startswith("--h") else _excitation(text, given, usual)
+        for option, text in o.flown
+    ]
     if not asked:
-        asked = [_kind("sweep", given, {}) if planned is None else _changed(o, planned, given)]
+        asked = [_changed(o, planned, given) if planned else _excitation("sweep", given, given)]
     if o.sequence is not None:
         if len(asked) < 2:
             raise InputError("--sequence joins two manoeuvres or more: give --excitation again")
@@ -107,46 +102,51 @@ def _changed(o: Options, planned: "Excitation", given: Mapping[str, Any]) -> "Ex
     return from_plain(type(planned), {**to_plain(planned), **given}, "the excitation")
 
 
-def _kind(word: str, settings: Mapping[str, Any], usual: Mapping[str, Any]) -> "Excitation":
-    """Return the manoeuvre of one --excitation."""
-    from helisim.base.settings import from_plain
+def _excitation(text: str, given: Mapping[str, Any], usual: Mapping[str, Any]) -> "Excitation":
+    """Return the manoeuvre of one --excitation, `usual` what it doesn't say."""
+    from helisim.base.settings import parse_notation
     from helisim.sim import Manoeuvre
     from helisim.sim.excitation import EXCITATIONS
 
+    word, *items = text.split(",")
     if ":" in word:
-        _check_settings("--excitation MODULE:FUNCTION", settings, ("axis", "at", "duration"))
+        option = "--excitation MODULE:FUNCTION"
+        settings = _settings(option, items, {"axis": str, "at": str, "duration": float}, given)
         return Manoeuvre(imported("--excitation", word), **settings)
     kinds = {name.lower(): kind for name, kind in EXCITATIONS.items()}
-    if word.lower() not in kinds:
-        raise UnknownNameError("excitation", word, kinds)
-    kind = kinds[word.lower()]
-    if "parts" in kind.__dataclass_fields__:
+    kind = kinds.get(word.strip().lower())
+    if kind is not None and "parts" in kind.__dataclass_fields__:
         raise InputError(
             f"--excitation {word}: give --excitation for each part, and --sequence to fly them "
             "one after the other; a plan file nests them"
         )
-    if "samples" in kind.__dataclass_fields__:
+    if kind is not None and "samples" in kind.__dataclass_fields__:
         raise InputError(f"--excitation {word}: give its file, --history FILE[,NAME=VALUE...]")
-    return from_plain(kind, {**usual, **settings}, f"the excitation {kind.__name__}")
+    return parse_notation(text, kinds, what="excitation", given=usual)
 
 
-def _check_settings(option: str, settings: Mapping[str, Any], known: Sequence[str]) -> None:
-    for name in settings:
-        if name not in known:
-            raise UnknownNameError(f"setting of {option}", name, known)
+def _history(text: str, given: Mapping[str, Any]) -> "Excitation":
+    """Return the manoeuvre of one --history."""
+    from helisim.sim import History
+
+    path, *items = text.split(",")
+    known = {"axis": str, "at": str, "method": str, "duration": float}
+    return History.read(Path(path), **_settings("--history", items, known, given))
 
 
-def stated(option: str, items: Sequence[str]) -> dict[str, Any]:
-    """Return NAME=VALUE items: numbers, several numbers as 3:42, or text. Raises InputError."""
-    found: dict[str, Any] = {}
+def _settings(
+    option: str, items: Sequence[str], known: Mapping[str, type], given: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return NAME=VALUE items by name, beside those that are given. Raises InputError."""
+    found = dict(given)
     for item in items:
         name, equals, text = (one.strip() for one in item.partition("="))
-        if not (name and equals and text):
+        if not (name and equals and text) or (known.get(name) is float and not is_number(text)):
             raise InputError(f"{option} takes NAME=VALUE, got {item!r}")
-        found[name] = text
-        with suppress(ValueError):
-            numbers = tuple(float(one) for one in text.split(":"))
-            found[name] = numbers[0] if len(numbers) == 1 else numbers
+        found[name] = known.get(name, str)(text)
+    for name in found:
+        if name not in known:
+            raise UnknownNameError(f"setting of {option}", name, known)
     return found
 
 
@@ -157,21 +157,20 @@ def mission(o: Options, planned: "Mission | None" = None) -> "Mission | None":
         UnknownNameError: no such mission or setting.
         InputError: a setting is none, or the module has no such mission.
     """
-    from helisim.base.settings import from_plain
+    from helisim.base.settings import parse_notation
     from helisim.sim.missions import Mission, missions_by_name
 
     flown = planned
     if o.mission is not None:
-        word, *items = (one.strip() for one in o.mission.split(","))
-        given, kinds = stated("--mission", items), missions_by_name()
-        kind: Any = imported("--mission", word) if ":" in word else kinds.get(word.lower())
-        if kind is None:
-            raise UnknownNameError("mission", word, kinds)
-        if not (isinstance(kind, type) and issubclass(kind, Mission)):
-            raise InputError(
-                f"--mission {word}: it is no subclass of helisim.Mission, but {kind!r:.80}"
-            )
-        flown = from_plain(kind, given, f"the mission {word}")
+        word, kinds = o.mission.split(",")[0].strip(), missions_by_name()
+        if ":" in word:
+            kinds = {word: imported("--mission", word)}
+        for kind in kinds.values():
+            if not (isinstance(kind, type) and issubclass(kind, Mission)):
+                raise InputError(
+                    f"--mission {word}: it is no subclass of helisim.Mission, but {kind!r:.80}"
+                )
+        flown = parse_notation(o.mission, kinds, what="mission")
     return flown if flown is None or o.duration is None else replace(flown, duration=o.duration)
 
 

@@ -197,12 +197,12 @@ def parameters(options: Options) -> dict[str, float | str]:
     Raises:
         InputError: neither.
     """
-    from helisim.vehicle.parameters import CHOICES, number_of
+    from helisim.vehicle.parameters import number_of, words_of
 
     given: dict[str, float | str] = {}
     for item in options.set:
         name, _, text = map(str.strip, item.partition("="))
-        if name in CHOICES:
+        if words_of(name):
             try:
                 number_of(name, text)
             except InputError as error:
