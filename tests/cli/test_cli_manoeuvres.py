@@ -130,7 +130,7 @@ def test_kinds_are_listed_with_settings_and_defaults(capsys):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--excitation", "step"], "the excitation Step needs axis"),
+        (["--excitation", "step"], "excitation step needs axis"),
         (["--excitation", "step,axis=lat,at=tail"], "'tail'; available: sticks, servos"),
         (["--excitation", "step,axis=lat,amplitude=2"], "(0, 0.5] of unitised stick, got 2.0"),
         (["--excitation", "step,axis=lat,amplitude=big"], "amplitude must be a number, got 'big'"),

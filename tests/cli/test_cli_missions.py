@@ -83,14 +83,14 @@ def test_missions_are_listed(capsys):
         ("pirouete", "unknown mission 'pirouete'; available: "),
         (
             "forward,sped=3",
-            "unknown setting of the mission forward 'sped'; available: duration, sp",
+            "unknown setting of mission forward 'sped'; available: duration, sp",
         ),
         ("forward,speed=-3", "speed must be a number above 0 m/s, got -3"),
         (
             "forward,speed=fast",
-            "the mission forward.speed must be a number above 0 m/s, got 'fast'",
+            "mission forward.speed must be a number above 0 m/s, got 'fast'",
         ),
-        ("forward,speed", "--mission takes NAME=VALUE, got 'speed'"),
+        ("forward,speed", "mission forward takes NAME=VALUE, got 'speed'"),
         ("autorotation,speed=200", "level flight at "),
         ("math:sqrt", "is no subclass of helisim.Mission"),
         ("nowhere:Mine", "can't import it: No module named"),

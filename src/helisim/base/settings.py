@@ -671,7 +671,7 @@ def parse_notation(
     found = {name.casefold(): kind for name, kind in kinds.items()}.get(word.casefold())
     if found is None:
         raise UnknownNameError(what, word, [name.lower() for name in kinds])
-    settings = read_settings(found, items, word)
+    settings = read_settings(found, items, f"{what} {word}")
     taken = {name: item for name, item in given.items() if name not in settings}
     return from_plain(found, {**taken, **settings}, f"{what} {shown(word)}")
 
