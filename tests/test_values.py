@@ -23,8 +23,9 @@ from helisim.handling.measured.margins import Driven, MeasuredFigure, MeasuredLo
 from helisim.ident import Reduction
 from helisim.ident.verification import Trace
 from helisim.logs import Column
+from helisim.logs.read import reading_options
 from helisim.look.sweeps import FlownSweep
-from helisim.look.systemid import Inferred, InferredFit, InferredLog, Sampling, TakenChannel
+from helisim.look.systemid import Inferred, InferredFit, InferredLog, TakenChannel
 from helisim.sitl.parameters import Setting
 from helisim.study.run import Run
 from made_run import make_flight, make_model, make_verification, write_run
@@ -61,7 +62,7 @@ def make_inferred():
     channel = TakenChannel("ped", Column("RATE.YOut", "1"), 400.0, "by name")
     log = InferredLog("a.bin", "ArduCopter", True, (sweep,), (channel,), {"H_SW_TYPE": 3.0}, 0.0)
     fit = InferredFit("yaw_base", ("ped",), ("r",), (), ("mixer_yaw",), (2.0, 60.0), "yaw")
-    return Inferred((log,), Sampling(200.0, 0.25, frozenset(), 0.0), (fit,), ())
+    return Inferred((log,), reading_options(200.0, (), 0.25), (fit,), ())
 
 
 @pytest.fixture(scope="module")

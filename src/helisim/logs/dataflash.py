@@ -73,15 +73,10 @@ def is_dataflash(path: str | PathLike[str]) -> bool:
 
 @dataclass(frozen=True)
 class _Field:
-    """A field of a message.
+    """A field of a message, such as "Roll": `count` numbers of a kind of NumPy's.
 
-    Attributes:
-        name: such as "Roll".
-        kind: of number, as NumPy writes it.
-        count: of numbers.
-        offset: from the message's start, bytes.
-        divisor: what the stored number is divided by, as the letter says.
-        index: of the field in the FMT message.
+    They stand `offset` bytes from the message's start, and are divided by `divisor`; `index` is
+    the field's place in the FMT message.
     """
 
     name: str
@@ -97,15 +92,7 @@ class _Field:
 
 
 class _Layout(NamedTuple):
-    """What one FMT message says.
-
-    Attributes:
-        number: of the type of message.
-        name: of the type, such as "RATE".
-        length: of a message, bytes with its header.
-        fields: that can be read.
-        lost: why some can't be, empty if all can.
-    """
+    """What one FMT message says: a type's number, name, bytes, fields, and why some are lost."""
 
     number: int
     name: str
@@ -164,10 +151,7 @@ def _text(data: bytes) -> str:
 class _Scales(NamedTuple):
     """Units of fields, as the log's FMTU, UNIT and MULT messages say.
 
-    Attributes:
-        ids: number of a type -> a letter each field for its unit, and one for its multiplier.
-        units: letter -> unit.
-        multipliers: letter -> factor from the stored number to the unit.
+    `ids` are of each type a letter each field for its unit, and one for its multiplier.
     """
 
     ids: Mapping[int, tuple[str, str]]
@@ -270,13 +254,7 @@ def _kinds(
 
 
 def _whole(places: _Places, lengths: NDArray[np.int16], size: int) -> NDArray[np.bool_]:
-    """Return which marks begin a message, (n,).
-
-    Args:
-        places: (n,) of the marks.
-        lengths: (n,) bytes of the message that would begin there, 0 if its type isn't known.
-        size: of the file, bytes.
-    """
+    """Return which marks begin a message, (n,)."""
     found = np.zeros(places.size, dtype=bool)
     ends = places + lengths
     possible = (lengths > 0) & (ends <= size)
@@ -681,10 +659,6 @@ class DataFlash:
         """Return the rows of a type that the format itself knows, each with its time first.
 
         None where the type lacks a field, or has it as something else.
-
-        Args:
-            name: of the type.
-            texts: field -> whether it is a text.
         """
         parts = [
             part

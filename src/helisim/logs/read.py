@@ -107,8 +107,17 @@ def read_log(
         LogError: the log can't be used so: columns or units that don't exist, cells that aren't
             numbers, and what would need a repair that wasn't asked for, all at once.
     """
-    path = Path(path)
-    options = _options(resample_hz, repair, max_gap, min_duration, (start, stop))
+    options = reading_options(resample_hz, repair, max_gap, min_duration, start, stop)
+    return read_as(Path(path), channels, time, options)
+
+
+def read_as(
+    path: Path,
+    channels: Map | Mapping[str, Column | str] | Sequence[str] | None,
+    time: Clock | str | None,
+    options: Options,
+) -> Log:
+    """Read a flight log as `read_log` does, by options of `reading_options`."""
     content, findings = file_digest(path), Findings()
     by_name = (channels,) if isinstance(channels, str) else channels
     mapped = isinstance(by_name, Map | Mapping)
@@ -167,22 +176,11 @@ def read_logs(
         _check_repairs(asked)
     except InputError as error:
         asked, unknown = tuple(name for name in asked if name in REPAIRS), error
+    options = reading_options(resample_hz, asked, max_gap, min_duration, start, stop)
     for path in map(Path, paths):
         try:
-            log = read_log(
-                path,
-                channels=channels,
-                time=time,
-                resample_hz=resample_hz,
-                repair=asked,
-                max_gap=max_gap,
-                min_duration=min_duration,
-                start=start,
-                stop=stop,
-            )
+            log = read_as(path, channels, time, options)
         except HelisimError as error:
-            if isinstance(error, InputError) and str(path) not in str(error):
-                raise  # an option, which is the same for all
             findings.refuse_error(path, error)
             continue
         _check_usable(log, wanted, use_ended, findings)
@@ -230,7 +228,7 @@ def screen(
         RecordError: the record can't be used without a repair that wasn't asked for.
         InputError: an option doesn't exist.
     """
-    options = _options(resample_hz, repair, max_gap, min_duration, (None, None))
+    options = reading_options(resample_hz, repair, max_gap, min_duration)
     content = record.time.tobytes() + record.values.tobytes()
     wanted = (channels,) if isinstance(channels, str) else channels
     digest = blake2b(content, digest_size=16).hexdigest()
@@ -299,26 +297,27 @@ def _check_repairs(names: Iterable[str]) -> None:
         raise InputError("the repairs 'order' and 'resets' exclude each other: choose one")
 
 
-def _options(
+def reading_options(
     rate: float | None,
-    repair: Iterable[str],
-    max_gap: float | None,
-    min_duration: float,
-    limits: tuple[float | None, float | None],
+    repair: Iterable[str] = (),
+    max_gap: float | None = None,
+    min_duration: float = 0.0,
+    start: float | None = None,
+    stop: float | None = None,
 ) -> Options:
+    """Return how a log is to be read. Raises InputError."""
     names = frozenset((repair,) if isinstance(repair, str) else repair)
     _check_repairs(names)
     if max_gap is not None and not max_gap > 0.0:
         raise InputError(f"max_gap is {max_gap}, expected a time in s")
     if not 0.0 <= min_duration < np.inf:
         raise InputError(f"min_duration is {min_duration}, expected a time in s")
-    start = -np.inf if limits[0] is None else limits[0]
-    stop = np.inf if limits[1] is None else limits[1]
-    if not start < stop:
+    limits = -np.inf if start is None else start, np.inf if stop is None else stop
+    if not limits[0] < limits[1]:
         raise InputError(f"the log's limits are {start:g} and {stop:g} s, expected start < stop")
     rate = None if rate is None else check_rate(rate)
     names |= {"gaps"} if "frozen" in names else set()
-    return Options(rate, names, max_gap, min_duration, (start, stop))
+    return Options(rate, names, max_gap, min_duration, limits)
 
 
 def _by_name(source: Source, wanted: Sequence[str], findings: Findings) -> dict[str, Column]:
@@ -498,18 +497,7 @@ def _assembled(
     provenance: Mapping[str, Any],
     wanted: Sequence[str] | None = None,
 ) -> Log:
-    """Return the log of samples by their clocks: tidied, screened, cut, resampled.
-
-    Args:
-        head: path, format, digest, what rows are counted in, and samples, for the report.
-        samples: of each clock.
-        unused: columns.
-        origin: the first stamp.
-        options: how it is read.
-        findings: what was found before; more is added.
-        provenance: of the records, beside the report.
-        wanted: channels to screen; all if None.
-    """
+    """Return the log of samples by their clocks: tidied, screened, cut, resampled."""
     taken = {one.channel.name: one for clock in samples for one in clock.taken}
     stretches = [
         tuple(screened(_unwrapped(one, findings), options, findings, wanted) for one in stretch)

@@ -155,11 +155,7 @@ def _median_step(samples: Samples, k: int) -> float:
 
 
 def _runs(samples: Samples, options: Options, findings: Findings) -> list[tuple[int, int]]:
-    """Return the first and last sample of stretches whose channels have numbers close together.
-
-    Raises:
-        RecordError: a column has no number.
-    """
+    """Return the first and last sample of stretches whose channels have numbers close together."""
     time, strict = samples.time, options.rate is not None
     cuts: set[tuple[float, float]] = set()
     holed = False
@@ -265,13 +261,7 @@ Interpolant = Callable[[Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """Channels that have their numbers at the same instants.
-
-    Attributes:
-        columns: which of all channels they are.
-        time: (n_known,) s.
-        values: (n_known, n_channel).
-    """
+    """Channels, by their numbers among all, that have values (n_known, n_channel) at instants."""
 
     columns: tuple[int, ...]
     time: Array
@@ -325,11 +315,7 @@ def interpolant(time: Array, values: Array) -> Interpolant:
 
 
 def _grid(start: float, stop: float, rate: float, factor: int, samples: int) -> Array:
-    """Return the instants start + k / rate, (n_time,) s, up to stop.
-
-    Raises:
-        InputError: with `factor` fine samples to each they are too many for the log's `samples`.
-    """
+    """Return the instants start + k / rate, (n_time,) s, up to stop."""
     count = int(min(np.floor((stop - start) * rate + 1e-6), 1e12)) + 1
     most = min(_MAX_SAMPLES, 100_000 + _MAX_EXPANSION * samples)
     if count * factor > most:

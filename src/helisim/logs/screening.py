@@ -196,7 +196,7 @@ class Likeness(NamedTuple):
     Attributes:
         coherence: mean over the compared frequencies, weighted by power; 0 without any.
         ratio: measured over predicted, with its sign.
-        phase: of measured over predicted, rad, in the middle of the compared frequencies.
+        phase: of that, rad, in the middle of the compared frequencies.
     """
 
     coherence: float
@@ -446,14 +446,7 @@ def likeness(measured: NDArray[np.complex128], predicted: NDArray[np.complex128]
 def _judged(
     channels: Channels, pairs: _Pairs, scale: float, angles: bool = False
 ) -> list[LogFinding]:
-    """Return wrong axes, else wrong units and signs, of channels that go with what is predicted.
-
-    Args:
-        channels: as declared.
-        pairs: of measured and predicted channels.
-        scale: by which a ratio may be off without a word, in its logarithm.
-        angles: whether the angles' units are to blame, not the rates'.
-    """
+    """Return wrong axes, else wrong units and signs, of channels that go with what is predicted."""
     swapped = _swapped(channels, pairs) or _exchanged(channels, pairs)
     own = [(one, like) for (one, other), like in pairs.items() if one == other and like.sure]
     return swapped or [

@@ -102,11 +102,7 @@ class Source:
         raise NotImplementedError
 
     def _time_column(self, time: Clock | None) -> tuple[str, str]:
-        """Return the column of times and its unit, stated by the map or by the heading.
-
-        Raises:
-            InputError: there is none, there are several, or its unit is unknown.
-        """
+        """Return the column of times and its unit, stated by the map or by the heading."""
         if time is None or time.column is None:
             likely = [name for name in self.names if split_heading(name)[0].lower() in TIME_NAMES]
             if len(likely) != 1:

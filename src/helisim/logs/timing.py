@@ -33,15 +33,7 @@ _ROUNDING = 1e-3  # of the mean step, rms: less than this comes from stamps with
 
 
 class Options(NamedTuple):
-    """How a log is to be read.
-
-    Attributes:
-        rate: of the records, Hz; None for the log's own.
-        repairs: what may be done.
-        max_gap: the longest step that is no gap, s; None for 4.5 median steps.
-        min_duration: shorter parts are left out, s.
-        limits: samples before the one and after the other are left out, s.
-    """
+    """How a log is to be read: Hz, s; `limits` are the first and last instant that is used."""
 
     rate: float | None
     repairs: frozenset[str]
@@ -61,12 +53,9 @@ class Taken(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of channels that share a clock.
+    """Samples of channels that share a clock, by rows (n_time,) of a log.
 
     Attributes:
-        path: the log.
-        counts: what its rows are counted in.
-        rows: (n_time,) row numbers.
         time: (n_time,) s.
         values: (n_time, n_channel) SI, NaN where the log has no number.
         taken: (n_channel,) what the columns are.

@@ -35,15 +35,7 @@ _NO_MOVE = 1e-9
 
 
 class Named(NamedTuple):
-    """What a column's name says.
-
-    Attributes:
-        channel: it may be.
-        unit: that the name implies, None if it doesn't.
-        sign: that makes it the channel's.
-        rank: of names for the same channel the lowest is best.
-        why: it is taken for that.
-    """
+    """What a column's name says; of names for the same channel the lowest rank is best."""
 
     channel: str
     unit: str | None

@@ -274,12 +274,7 @@ def _answer(
 
 
 def _cross_spectra(columns: Array, step: float) -> tuple[Array, NDArray[np.complex128]]:
-    """Return frequencies, (n_freq,) rad/s, and cross-spectra (n_freq, n_channel, n_channel).
-
-    Args:
-        columns: (n_time, n_channel), uniform; too short ones give no frequency.
-        step: s.
-    """
+    """Return frequencies, (n_freq,) rad/s, and cross-spectra (n_freq, n_channel, n_channel)."""
     length, width = 2 * int(columns.shape[0] / (2.0 * _WINDOWS)), columns.shape[1]
     if length < 32:
         return np.empty(0), np.empty((0, width, width), np.complex128)

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 
 from helisim.base.errors import InputError
 from helisim.logs.mapping import Clock, Column, Map
+from helisim.logs.read import reading_options
 from helisim.logs.report import OURS, LogFinding
 from helisim.look.channels import AS_RECORDED, CONTROLS, SeenChannel
 from helisim.look.excitation import FoundAnswer, FoundExcitation, answers, excitation, loops
-from helisim.look.opened import Asked, Opened, SeenClock, opened
+from helisim.look.opened import Opened, SeenClock, opened
 from helisim.look.sweeps import FlownSweep, own_sweeps
 from helisim.records.channels import CHANNELS, IN1, IN2, RATES
 
@@ -219,9 +220,8 @@ def look(
     paths = [logs] if isinstance(logs, str | Path) else list(logs)
     if not paths:
         raise InputError("no logs were given; expected at least one file")
-    repairs = (repair,) if isinstance(repair, str) else tuple(repair)
-    asked = Asked(Map.of(channels, time), resample_hz, repairs, max_gap, start, stop)
-    looked = [_looked(Path(path), asked) for path in paths]
+    options = reading_options(resample_hz, repair, max_gap, 0.0, start, stop)
+    looked = [_looked(opened(Path(path), Map.of(channels, time), options), path) for path in paths]
     return Look(tuple(one.found for one in looked), _proposal(looked))
 
 
@@ -238,11 +238,10 @@ class _Looked(NamedTuple):
         return [duration for duration in durations if duration > _SHORT * max(durations)]
 
 
-def _looked(path: Path, asked: Asked) -> _Looked:
-    log = opened(path, asked)
+def _looked(log: Opened, path: str | Path) -> _Looked:
     duration = sum(record.duration for record in log.records)
     head = (str(path), log.format, log.clocks, log.seen, log.unused, duration, len(log.records))
-    swept = own_sweeps(path) if log.records else ()
+    swept = own_sweeps(Path(path)) if log.records else ()
     if swept or not log.records:
         return _Looked(LogLook(*head, (), (), log.findings, swept), log)
     record = max(log.records, key=lambda one: one.duration)

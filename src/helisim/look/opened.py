@@ -11,10 +11,10 @@ from helisim.base.errors import HelisimError, LogError
 from helisim.base.note import Option
 from helisim.base.units import is_unit
 from helisim.logs.mapping import REPAIRS, Clock, Column, Map, named_column, split_heading
-from helisim.logs.read import is_ours, open_source, read_log
+from helisim.logs.read import is_ours, open_source, read_as
 from helisim.logs.report import OURS, Findings, LogFinding
 from helisim.logs.source import Source
-from helisim.logs.timing import steadiness
+from helisim.logs.timing import Options, steadiness
 from helisim.look.channels import AS_RECORDED, SeenChannel, guess
 from helisim.records.record import FlightRecord
 
@@ -77,17 +77,7 @@ class SeenClock:
 
 
 class Opened(NamedTuple):
-    """What could be read of a log.
-
-    Attributes:
-        format: of the file.
-        clocks: that its channels have.
-        seen: its channels.
-        unused: its other columns.
-        records: uniform; empty if nothing could be read.
-        findings: what is wrong, or to be noted.
-        options: that it was read with.
-    """
+    """What could be read of a log: uniform records, none if nothing could, and by what options."""
 
     format: str
     clocks: tuple[SeenClock, ...] = ()
@@ -98,46 +88,27 @@ class Opened(NamedTuple):
     options: tuple[Option, ...] = ()
 
 
-class Asked(NamedTuple):
-    """How the user says that logs are to be read.
-
-    Attributes:
-        map: of the columns that are known.
-        resample_hz: of the records, Hz.
-        repair: see `REPAIRS`.
-        max_gap: s.
-        start: s.
-        stop: s.
-    """
-
-    map: Map
-    resample_hz: float | None
-    repair: tuple[str, ...]
-    max_gap: float | None
-    start: float | None
-    stop: float | None
-
-
-def opened(path: Path, asked: Asked) -> Opened:
+def opened(path: Path, map_: Map, options: Options) -> Opened:
     """Open a log and read what can be read of it.
 
     Raises:
         StorageError: the file can't be read.
         InputError: an option doesn't exist.
     """
-    if not asked.map.channels and is_ours(path):
-        return _ours(path, asked)
-    source = open_source(path, asked.map, cut_tail=True)
+    if not map_.channels and is_ours(path):
+        return _ours(path, options)
+    source = open_source(path, map_, cut_tail=True)
     findings = Findings(source.findings)
-    time, tail = asked.map.time, ()
+    time, tail = map_.time, ()
     if any(finding.kind == "incomplete last line" for finding in findings):
-        asked, tail = asked._replace(repair=(*asked.repair, "tail")), (Option("repair", "tail"),)
+        options = options._replace(repairs=options.repairs | {"tail"})
+        tail = (Option("repair", "tail"),)
     if source.counts == "line" or source.format == "Parquet":
         time = _clock(source, time)
-    timed = () if time is None or time == asked.map.time else (_time_option(time),)
+    timed = () if time is None or time == map_.time else (_time_option(time),)
     clocks = _clocks(source, time, findings)
     rates = {clock: one.rate for clock, one in clocks.items()}
-    seen = guess(source, asked.map.channels, rates)
+    seen = guess(source, map_.channels, rates)
     used = sorted({source.clock(one.column.column) for one in seen if one.moves} & set(clocks))
     mapped = {*(one.column.column for one in seen), *(one.name for one in clocks.values())}
     unused = tuple(name for name in source.names if name not in mapped)
@@ -149,35 +120,36 @@ def opened(path: Path, asked: Asked) -> Opened:
     if not wanted or not clocks:
         said = (*findings.refused, *findings)
         return Opened(source.format, shown, seen, unused, findings=said)
-    rate = asked.resample_hz
-    if rate is None and len(used) > 1:
-        rate = min(max(one.rate for one in shown), _FASTEST)
-    reading = _Reading(path, asked._replace(resample_hz=rate), wanted, time)
+    if options.rate is None and len(used) > 1:
+        options = options._replace(rate=min(max(one.rate for one in shown), _FASTEST))
+    reading = _Reading(path, options, replace(map_, channels=wanted, time=time))
     reading.guessed = {one.name for one in seen if one.guessed}
     records = reading.records()
-    if reading.time != time:
-        clocks = _clocks(source, reading.time, Findings()) or clocks
+    if reading.map.time != time:
+        clocks = _clocks(source, reading.map.time, Findings()) or clocks
     shown = tuple(clocks[clock] for clock in used if clock in clocks)
     sampled = [(one, clocks.get(source.clock(one.column.column))) for one in seen]
     seen = tuple(
         replace(one, rate=clock.rate, clock=clock.name) if clock is not None else one
         for one, clock in sampled
     )
-    seen = tuple(replace(one, column=reading.channels.get(one.name, one.column)) for one in seen)
-    found, options = (*findings.refused, *reading.said), (*timed, *reading.options, *tail)
-    return Opened(source.format, shown, seen, unused, records, found, options)
+    seen = tuple(
+        replace(one, column=reading.map.channels.get(one.name, one.column)) for one in seen
+    )
+    found, taken = (*findings.refused, *reading.said), (*timed, *reading.taken, *tail)
+    return Opened(source.format, shown, seen, unused, records, found, taken)
 
 
 def _time_option(time: Clock) -> Option:
     return Option("time", f"{time.column}:{time.unit}")
 
 
-def _ours(path: Path, asked: Asked) -> Opened:
+def _ours(path: Path, options: Options) -> Opened:
     """Read a helisim record, which says itself what it holds."""
-    reading = _Reading(path, asked, None, None)
+    reading = _Reading(path, options, None)
     records = reading.records()
     if not records:
-        return Opened(OURS, findings=tuple(reading.said), options=tuple(reading.options))
+        return Opened(OURS, findings=tuple(reading.said), options=tuple(reading.taken))
     record = max(records, key=lambda one: one.duration)
     clock = SeenClock.of("time", record.time)
     kinds = ("IN1", "IN2", "OUT")
@@ -194,8 +166,8 @@ def _ours(path: Path, asked: Asked) -> Opened:
         if one.kind in kinds
     )
     unused = tuple(one.name for one in record.channels if one.kind not in kinds)
-    said, options = tuple(reading.said), tuple(reading.options)
-    return Opened(OURS, (clock,), seen, unused, records, said, options)
+    said, taken = tuple(reading.said), tuple(reading.taken)
+    return Opened(OURS, (clock,), seen, unused, records, said, taken)
 
 
 def _clocks(source: Source, time: Clock | None, findings: Findings) -> dict[str, SeenClock]:
@@ -242,38 +214,23 @@ class _Reading:
 
     Attributes:
         said: what was refused, and what the last reading noted.
-        options: that were taken.
-        channels: that are read, as far as they can be.
-        time: the clock that they are read by.
+        taken: options that were taken.
+        map: of the channels that are read, as far as they can be.
         guessed: channels whose unit was guessed.
     """
 
-    def __init__(
-        self, path: Path, asked: Asked, channels: dict[str, Column] | None, time: Clock | None
-    ) -> None:
+    def __init__(self, path: Path, options: Options, map_: Map | None) -> None:
         self.said: list[LogFinding] = []
-        self.options: list[Option] = []
-        self.channels, self.time = channels or {}, time
-        self.guessed: set[str] = set()
-        self._path, self._asked, self._ours = path, asked, channels is None
+        self.taken: list[Option] = []
+        self.map, self.guessed = map_ or Map(), set[str]()
+        self._path, self._options, self._ours = path, options, map_ is None
 
     def records(self) -> tuple[FlightRecord, ...]:
         """Return the records, none if the log can't be read."""
         mended = () if self._ours else ("repair", "resample")
         for _ in range(_ATTEMPTS):
-            asked, channels = self._asked, None
-            if not self._ours:
-                channels = replace(asked.map, channels=self.channels, time=self.time)
             try:
-                log = read_log(
-                    self._path,
-                    channels=channels,
-                    resample_hz=asked.resample_hz,
-                    repair=asked.repair,
-                    max_gap=asked.max_gap,
-                    start=asked.start,
-                    stop=asked.stop,
-                )
+                log = read_as(self._path, None if self._ours else self.map, None, self._options)
                 log.check_uniform()
             except LogError as error:
                 known = {finding.text for finding in self.said}
@@ -297,26 +254,25 @@ class _Reading:
 
     def _take(self, finding: LogFinding) -> bool:
         """Take what a refusal says mends it; return whether there is such a thing."""
-        taken = []
+        before, channels = len(self.taken), self.map.channels
         for option in finding.remedy:
-            name, value, asked = option.name, option.value, self._asked
-            if name == "repair" and value in REPAIRS and value not in asked.repair:
-                self._asked = asked._replace(repair=(*asked.repair, value))
-            elif name == "resample" and asked.resample_hz is None:
-                self._asked = asked._replace(resample_hz=float(value))
-            elif name == "max_gap" and asked.max_gap is None:
-                self._asked = asked._replace(max_gap=float(value))
+            name, value, options = option.name, option.value, self._options
+            if name == "repair" and value in REPAIRS and value not in options.repairs:
+                self._options = options._replace(repairs=options.repairs | {value})
+            elif name == "resample" and options.rate is None:
+                self._options = options._replace(rate=float(value))
+            elif name == "max_gap" and options.max_gap is None:
+                self._options = options._replace(max_gap=float(value))
             elif name == "time" and value:
                 column, _, unit = value.rpartition(":")
-                self.time = Clock(column, unit)
+                self.map = replace(self.map, time=Clock(column, unit))
             else:
                 continue
-            taken.append(option)
-        self.options += taken
-        kept = {k: c for k, c in self.channels.items() if repr(c.column) not in finding.text}
-        if finding.remedy or not 0 < len(kept) < len(self.channels):
-            return bool(taken)
-        self.channels = kept
+            self.taken.append(option)
+        kept = {k: c for k, c in channels.items() if repr(c.column) not in finding.text}
+        if finding.remedy or not 0 < len(kept) < len(channels):
+            return len(self.taken) > before
+        self.map = replace(self.map, channels=kept)
         return True
 
     def _take_unit(self, finding: LogFinding) -> bool:
@@ -324,9 +280,9 @@ class _Reading:
         if finding.kind != "unit" or not finding.option or finding.option.name != "channel":
             return False
         name, found = named_column(finding.option.value)
-        column = self.channels.get(name)
+        column = self.map.channels.get(name)
         if column is None or name not in self.guessed or column.unit == found.unit:
             return False
         self.said.append(replace(finding, text=f"{finding.text}: taken so"))
-        self.channels[name] = replace(column, unit=found.unit)
+        self.map = self.map.with_channels({name: replace(column, unit=found.unit)})
         return True

@@ -203,13 +203,7 @@ def sweeps(
 
 
 def _setup(log: DataFlash, start: float, rows: Array) -> Mapping[str, float]:
-    """Return what SIDS says of the sweep that began, or what follows where the logger dropped it.
-
-    Args:
-        log: by ArduPilot.
-        start: of the sweep, s since the autopilot was switched on.
-        rows: its SIDD, (n_time, 3) of `_FIELDS`.
-    """
+    """Return what SIDS says of the sweep that began, or what follows where that is lost."""
     if "SIDS" in log and set(_SETUP) <= set((table := log.table("SIDS")).columns):
         for k in np.flatnonzero(np.abs(table.time - start) < _DELAY).tolist():
             row = {name: float(table[name][k]) for name in _SETUP}
@@ -234,16 +228,7 @@ def _sweep(
     ended: Sequence[tuple[float, str]],
     first: float,
 ) -> FlownSweep:
-    """Return a sweep.
-
-    Args:
-        start: s, in the autopilot's time, as are all others.
-        row: of SIDS, by field.
-        time: (n_time,) of its SIDD, s.
-        frequency: (n_time,) Hz.
-        ended: when the autopilot said or did what ends a sweep, s, and what.
-        first: stamp of the log, s.
-    """
+    """Return a sweep."""
     logged, length, fade = float(time[-1]), row["TR"], row["TFout"]
     planned = start + _DELAY + length
     stop, why = next(((at, why) for at, why in ended if at > start), (math.inf, ""))

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from helisim.ident import (
 from helisim.ident.frf import ClosedLoopWarning, frequency_response
 from helisim.logs.dataflash import DataFlash, open_dataflash
 from helisim.logs.mapping import Column, Map
-from helisim.logs.read import from_source
+from helisim.logs.read import from_source, reading_options
 from helisim.logs.report import Findings, Log
 from helisim.logs.resample import PASSBAND
 from helisim.logs.source import file_digest
@@ -177,22 +177,6 @@ class InferredFit:
         )
 
 
-class Sampling(NamedTuple):
-    """How the sweeps of logs become records.
-
-    Attributes:
-        rate: of the records, Hz.
-        max_gap: the longest time without a message that is interpolated, s.
-        repairs: besides those that a logger that drops messages needs.
-        shortest: parts are left out that last less, s.
-    """
-
-    rate: float
-    max_gap: float
-    repairs: frozenset[str]
-    shortest: float
-
-
 @dataclass(frozen=True)
 class InferredLog:
     """A log with SystemID's messages, and what they say.
@@ -255,7 +239,7 @@ class Inferred:
     """
 
     logs: tuple[InferredLog, ...]
-    sampling: Sampling
+    sampling: Options
     fits: tuple[InferredFit, ...] = ()
     diagnostics: tuple[str, ...] = ()
 
@@ -372,18 +356,16 @@ class Inferred:
     def _read(
         self, path: Path, channels: Sequence[TakenChannel], used: Sequence[FlownSweep]
     ) -> Iterator[Log]:
-        digest, sampling = file_digest(path), self.sampling
+        digest = file_digest(path)
         log = open_dataflash(path, digest)
         source, travel = log.source, tail_servo(log.parameters())
         if travel is not None:
             numbers = source.numbers
             source = source.with_column(_SENT, "RATE", lambda: sent_yaw(numbers(_YAW), travel), "1")
-        repairs = _REPAIRS | sampling.repairs
         for sweep in used:
             columns = {one.name: one.column for one in channels}
             columns[_INJECTED] = Column("SIDD.Targ", sweep.sid_axis.unit, meaning="injected")
-            limits = (sweep.start, sweep.stop)
-            options = Options(sampling.rate, repairs, sampling.max_gap, sampling.shortest, limits)
+            options = self.sampling._replace(limits=(sweep.start, sweep.stop))
             part = from_source(source, Map(columns), digest, options, {}, Findings())
             yield replace(part, records=tuple(self._named(one, sweep) for one in part.records))
 
@@ -494,8 +476,9 @@ def infer(
     slowest = min(one.rate for log in found for one in log.channels if one.rate > 0.0)
     rate = resample_hz or float(f"{slowest / max(1, math.floor(slowest / needed)):.6g}")
     gap = _MAX_GAP if max_gap is None else max_gap
+    asked = (repair,) if isinstance(repair, str) else repair
     shortest = min_duration or _SHORTEST * max(one.stop - one.start for one in used)
-    made = Inferred(found, Sampling(rate, gap, frozenset(repair), shortest))
+    made = Inferred(found, reading_options(rate, {*_REPAIRS, *asked}, gap, shortest))
     fits: list[InferredFit] = []
     for structure, inputs, outputs, reason in _HELI if _all_helicopters(found) else _OTHERS:
         taken = {name for fit in fits for name in fit.inputs}
@@ -534,16 +517,7 @@ def _inferred(path: Path, given: Mapping[str, Column], limits: Band) -> Inferred
 def _chosen_channels(
     log: DataFlash, given: Mapping[str, Column], spans: _Spans
 ) -> tuple[TakenChannel, ...]:
-    """Return all channels that a log can give, beside those that its sweeps are.
-
-    Args:
-        log: by ArduPilot, with SystemID's messages.
-        given: channel -> column, as far as the user says it.
-        spans: of its sweeps, s since the autopilot was switched on.
-
-    Raises:
-        LogError: it lacks what the mixer was commanded.
-    """
+    """Return all channels that a log can give, beside those that its sweeps are."""
     columns = [column for _, column, *_ in _CANDIDATES] + [one.column for one in given.values()]
     rates = {}
     for message in dict.fromkeys(["SIDD", *(column.partition(".")[0] for column in columns)]):
