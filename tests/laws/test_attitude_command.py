@@ -60,16 +60,34 @@ def test_replace_changes_what_is_tuned():
         ({"kind": "attitude"}, "unknown kind of law 'attitude'; available: attitude_command"),
         ({"version": 2}, "version 2: this helisim reads version = 1"),
         ({"roll": {}}, "unknown name in the law 'roll'.*called by its servo command: lat"),
-        ({"ped": None}, r"a law of kind attitude_command lacks \[ped\]"),
-        ({"lat": {"stick": 1.0}}, r"\[lat\] lacks frequency, k_angle, k_rate"),
-        ({"lat": {"k_rte": 1.0}}, r"unknown name in \[lat\] 'k_rte'.*did you mean k_rate"),
-        ({"lat": {**LAT, "k_rate": "x"}}, r"\[lat\] k_rate must be a number, got 'x'"),
-        ({"lat": {**LAT, "frequency": -1.0}}, r"\[lat\] frequency must be above 0, got -1.0"),
-        ({"lat": {**LAT, "stick": 10**400}}, r"\[lat\] stick must be a number within 1e\+09"),
-        ({"lat": {**LAT, "ff_delay": -0.1}}, r"\[lat\] ff_delay must be 0 or more, got -0.1"),
-        ({"lat": {**LAT, "filters": [{"kind": ["lead"]}]}}, "unknown kind of filter"),
-        ({"lat": {**LAT, "filters": [{"kind": "led"}]}}, r"\[lat\] unknown kind of filter 'led'"),
-        ({"lat": {**LAT, "filters": [{"kind": "lead", "zero": 1.0}]}}, "needs zero, pole"),
+        ({"ped": None}, "attitude_command needs ped"),
+        ({"lat": {"stick": 1.0}}, "lat needs frequency and k_angle and k_rate"),
+        (
+            {"lat": {"k_rte": 1.0}},
+            ".lat 'k_rte'.*did you mean k_rate",
+        ),
+        ({"lat": {**LAT, "k_rate": "x"}}, "lat.k_rate must be a number .*, got 'x'"),
+        (
+            {"lat": {**LAT, "frequency": -1.0}},
+            r"frequency must be a number 1e-09 or more .*, got -1\.0",
+        ),
+        (
+            {"lat": {**LAT, "stick": 10**400}},
+            r"stick must be a finite number .* at most 1e\+09",
+        ),
+        (
+            {"lat": {**LAT, "ff_delay": -0.1}},
+            r"ff_delay must be a number 0 or more .*, got -0\.1",
+        ),
+        (
+            {"lat": {**LAT, "filters": [{"kind": ["lead"]}]}},
+            r"filters\[0\] \['lead'\]; available",
+        ),
+        (
+            {"lat": {**LAT, "filters": [{"kind": "led"}]}},
+            r"filters\[0\] 'led'; available: lead, lo",
+        ),
+        ({"lat": {**LAT, "filters": [{"kind": "lead", "zero": 1.0}]}}, r"filters\[0\] needs pole"),
     ],
 )
 def test_what_is_no_law_says_what_is_wrong(change, message):

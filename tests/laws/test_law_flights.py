@@ -49,7 +49,7 @@ def test_a_file_is_linearised(folder, capsys):
     [
         ("", "law.toml: a law says its kind, such as"),
         ("kind =", "law.toml: not TOML"),
-        ('kind = "attitude_command"\nversion = 1', "lacks [lat], [lon], [ped]"),
+        ('kind = "attitude_command"\nversion = 1', "needs lat and lon and ped"),
         ('kind = "pid"\nversion = 1', "unknown kind of law 'pid'; available: attitude_command"),
     ],
 )

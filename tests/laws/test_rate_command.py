@@ -51,5 +51,5 @@ def test_what_it_can_t_have_is_said(jr700):
     data = hs.RateCommand.of(jr700).to_dict()
     with pytest.raises(InputError, match="anti_windup must be true or false, got 1"):
         law_of({**data, "anti_windup": 1})
-    with pytest.raises(InputError, match=r"\[ped\] k_i must be above 0, got 0"):
+    with pytest.raises(InputError, match=r"ped\.k_i must be a number 1e-09 or more .*, got 0"):
         law_of({**data, "ped": {**data["ped"], "k_i": 0.0}})

@@ -86,13 +86,13 @@ def test_restart_moves_no_servo(jr700):
     [
         ({"inputs": ("p", "phi", "psi", "LAT", "airspeed")}, "'airspeed'.*available"),
         ({"inputs": ("p", "p", "psi", "LAT", "COL")}, "twice"),
-        ({"inputs": "p"}, "names of what is seen"),
+        ({"inputs": "p"}, "inputs must be a list of names, got 'p'"),
         ({"inputs": ("p", "phi")}, r"b must be 5 by 2, got \(5, 5\)"),
-        ({"a": np.full((5, 5), np.nan)}, "a holds numbers that are not finite"),
-        ({"c": [["x"]]}, "c must be rows of numbers"),
+        ({"a": np.full((5, 5), np.nan)}, "a must hold numbers, each finite"),
+        ({"c": [["x"]]}, "c must be an array of numbers"),
         ({"a": 3.0}, "a must be a square matrix"),
         ({"period": 0.0}, "period must be a number above 0"),
-        ({"limits": (0.5, 0.5)}, "limits must be four numbers"),
+        ({"limits": (0.5, 0.5)}, "limits must be a list of 4 numbers above 0"),
     ],
 )
 def test_what_is_no_law_says_why(changes, message):
@@ -105,7 +105,7 @@ def test_file_that_lacks_a_matrix_or_has_parameters_says_so():
     """Missing and unknown names are listed."""
     data = random_law().to_dict()
     del data["c"]
-    with pytest.raises(InputError, match="lacks c"):
+    with pytest.raises(InputError, match="needs c"):
         law_of(data)
     with pytest.raises(UnknownNameError, match="'gain'"):
         law_of({**random_law().to_dict(), "gain": 1.0})

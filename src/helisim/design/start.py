@@ -15,8 +15,7 @@ from helisim.base.errors import InputError
 from helisim.base.linear import Linear, Response
 from helisim.base.value import FrozenMap
 from helisim.design.laws.attitude_command import AttitudeAxis, AttitudeCommand, YawAxis
-from helisim.design.laws.filters import Lead
-from helisim.design.laws.law import Law
+from helisim.design.laws.law import Law, Lead
 from helisim.handling.chart import Limit
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.criteria import (

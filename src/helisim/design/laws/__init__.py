@@ -12,25 +12,30 @@ if TYPE_CHECKING:
         HeaveAxis,
         YawAxis,
     )
-    from helisim.design.laws.filters import Filter, Lead, Lowpass, Notch
-    from helisim.design.laws.law import Law, law_of, read_law, register
-    from helisim.design.laws.probe import probed
+    from helisim.design.laws.law import (
+        Filter,
+        Law,
+        Lead,
+        Lowpass,
+        Notch,
+        TabledLaw,
+        law_of,
+        probed,
+        read_law,
+        register,
+    )
     from helisim.design.laws.rate_command import CollectiveAxis, RateAxis, RateCommand, YawRateAxis
     from helisim.design.laws.state_space import StateSpaceLaw
-    from helisim.design.laws.tables import TabledLaw
 
-_HOMES = {
-    "attitude_command": ("AttitudeAxis", "AttitudeCommand", "HeaveAxis", "YawAxis"),
-    "filters": ("Filter", "Lead", "Lowpass", "Notch"),
-    "law": ("Law", "law_of", "read_law", "register"),
-    "probe": ("probed",),
-    "rate_command": ("CollectiveAxis", "RateAxis", "RateCommand", "YawRateAxis"),
-    "state_space": ("StateSpaceLaw",),
-    "tables": ("TabledLaw",),
-}
-"""Module -> what it has; loaded on first use, as reading a file needs no simulator."""
 _LINEAR = {"LinearLaw": "Linear", "SampledLaw": "LinearSystem"}
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+_ATTITUDE = ("AttitudeAxis", "AttitudeCommand", "HeaveAxis", "YawAxis")
+_RATE = ("CollectiveAxis", "RateAxis", "RateCommand", "YawRateAxis")
+_HOME_OF = {
+    **dict.fromkeys(_ATTITUDE, "attitude_command"),
+    **dict.fromkeys(_RATE, "rate_command"),
+    "StateSpaceLaw": "state_space",
+}
+"""Name -> module that has it; loaded on first use, as reading a file needs no simulator."""
 
 __all__ = [
     "AttitudeAxis",
@@ -60,6 +65,6 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name in _LINEAR:
         return getattr(import_module("helisim.base.linear"), _LINEAR[name])
-    if name not in _HOME_OF:
+    if name not in __all__:
         raise AttributeError(f"module 'helisim.design.laws' has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_HOME_OF.get(name, 'law')}"), name)

@@ -8,28 +8,35 @@ Journal of the American Helicopter Society 66, 2021, 032002).
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
+from helisim.base.linear import LinearSystem, Response
+from helisim.base.settings import setting
+from helisim.base.value import Value
 from helisim.design.laws import attitude_kernel as kernel
 from helisim.design.laws.attitude_kernel import ATTITUDE, GENERAL, HEAVE
-from helisim.design.laws.filters import Filter
-from helisim.design.laws.law import register
-from helisim.design.laws.tables import TabledLaw
+from helisim.design.laws.law import (
+    LIMIT,
+    Filter,
+    TabledLaw,
+    not_negative,
+    number,
+    positive,
+    probed,
+    register,
+)
+from helisim.records.channels import IN1
 from helisim.vehicle.swashplate import as_it_is
 
 if TYPE_CHECKING:
-    from helisim.design.laws.attitude_linear import AttitudeLinear
     from helisim.vehicle import Controller, Vehicle
 
-LIMIT = 0.5
-"""Of a command where nothing is said, unitised: the shipped gyro's."""
 _PLATE = slice(GENERAL.plate, GENERAL.plate + 21)
 
 
@@ -55,20 +62,20 @@ class AttitudeAxis:
         filters: of the feedback, but for the integral.
     """
 
-    stick: float
-    frequency: float
-    k_angle: float
-    k_rate: float
-    k_integral: float = 0.0
-    damping: float = 1.0
-    most: float = 0.8
-    k_angle_cross: float = 0.0
-    k_rate_cross: float = 0.0
-    ff_acceleration: float = 0.0
-    ff_rate: float = 0.0
-    ff_delay: float = 0.0
-    limit: float = LIMIT
-    filters: tuple[Filter, ...] = ()
+    stick: float = number()
+    frequency: float = positive()
+    k_angle: float = number()
+    k_rate: float = number()
+    k_integral: float = number(0.0)
+    damping: float = positive(1.0)
+    most: float = positive(0.8)
+    k_angle_cross: float = number(0.0)
+    k_rate_cross: float = number(0.0)
+    ff_acceleration: float = number(0.0)
+    ff_rate: float = number(0.0)
+    ff_delay: float = not_negative(0.0)
+    limit: float = positive(LIMIT)
+    filters: tuple[Filter, ...] = setting((), unsaid=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,17 +96,17 @@ class YawAxis:
         filters: of the feedback, but for the integral.
     """
 
-    stick: float
-    frequency: float
-    k_angle: float
-    k_rate: float
-    k_integral: float = 0.0
-    most: float = 10.0
-    ff_acceleration: float = 0.0
-    ff_rate: float = 0.0
-    ff_delay: float = 0.0
-    limit: float = LIMIT
-    filters: tuple[Filter, ...] = ()
+    stick: float = number()
+    frequency: float = positive()
+    k_angle: float = number()
+    k_rate: float = number()
+    k_integral: float = number(0.0)
+    most: float = positive(10.0)
+    ff_acceleration: float = number(0.0)
+    ff_rate: float = number(0.0)
+    ff_delay: float = not_negative(0.0)
+    limit: float = positive(LIMIT)
+    filters: tuple[Filter, ...] = setting((), unsaid=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,13 +121,17 @@ class HeaveAxis:
         limit: of the command, unitised.
     """
 
-    stick: float = 1.0
-    k_velocity: float = 0.0
-    washout: float = 2.0
-    to_ped: float = 0.0
-    limit: float = LIMIT
+    stick: float = number(1.0)
+    k_velocity: float = number(0.0)
+    washout: float = positive(2.0)
+    to_ped: float = number(0.0)
+    limit: float = positive(LIMIT)
 
 
+_SEEN = ("p", "q", "r", "phi", "theta", "psi")
+_STICKS = ("COL", "LON", "LAT", "PED")
+_SENSED = {"lat": ("phi", "p"), "lon": ("theta", "q"), "ped": ("psi", "r")}
+_OTHER = {"lat": "lon", "lon": "lat"}
 _MOST = 1000
 _BLOCKS = {"lon": kernel.LON, "lat": kernel.LAT, "ped": kernel.PED}
 
@@ -143,18 +154,13 @@ class AttitudeCommand(TabledLaw):
     """
 
     kind: ClassVar[str] = "attitude_command"
-    tables: ClassVar[Mapping[str, type]] = MappingProxyType(
-        {"lat": AttitudeAxis, "lon": AttitudeAxis, "ped": YawAxis, "col": HeaveAxis}
-    )
-    positive: ClassVar[tuple[str, ...]] = ("most", "frequency", "damping", "limit", "washout")
-    not_negative: ClassVar[tuple[str, ...]] = ("ff_delay", "delay")
     not_tuned: ClassVar[tuple[str, ...]] = ("most", "limit", "ff_delay", "delay")
     lat: AttitudeAxis
     lon: AttitudeAxis
     ped: YawAxis
     col: HeaveAxis = field(default_factory=HeaveAxis)
-    phase: float = 0.0
-    delay: float = 0.0
+    phase: float = number(0.0)
+    delay: float = not_negative(0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -167,8 +173,6 @@ class AttitudeCommand(TabledLaw):
 
     def linear(self, period: float) -> "AttitudeLinear":
         """Return what it does about a trim, at ticks that are a period (s) apart."""
-        from helisim.design.laws.attitude_linear import AttitudeLinear
-
         return AttitudeLinear(self, period)
 
     def on(self, vehicle: "Vehicle") -> "Controller":
@@ -268,3 +272,89 @@ def _fill(block: NDArray[np.float64], axis: AttitudeAxis | YawAxis, period: floa
     for k, one in enumerate(axis.filters):
         first = ATTITUDE.first_filter + 5 * k
         block[first : first + 5] = one.coefficients(period)
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeLinear(Value):
+    """An attitude command law at its ticks, linear: its responses in closed form.
+
+    Attributes:
+        law: whose limits are not reached.
+        period: s.
+    """
+
+    law: AttitudeCommand
+    period: float
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """What it sees, by the names of `Seen`."""
+        return (*_SEEN, *(("az",) if self.law.col.k_velocity else ()), *_STICKS)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Its commands: col, lon, lat, ped."""
+        return IN1
+
+    def response(self, frequency: NDArray[np.float64]) -> Response:
+        """Return the response, (n_out, n_in, n_freq), at frequencies, (n_freq,) rad/s."""
+        z = np.exp(1j * np.asarray(frequency, dtype=np.float64) * self.period)
+        law, place = self.law, {name: k for k, name in enumerate(self.inputs)}
+        rows = {name: np.zeros((len(place), z.size), dtype=np.complex128) for name in IN1}
+        for name in _SENSED:
+            for signal, value in _axis(law, name, z, self.period).items():
+                rows[name][place[signal]] += value
+        cosine, sine = np.cos(law.phase), np.sin(law.phase)
+        lat, lon = rows["lat"], rows["lon"]
+        rows["lat"], rows["lon"] = cosine * lat + sine * lon, -sine * lat + cosine * lon
+        rows["ped"][place["COL"]] += law.col.to_ped
+        rows["col"][place["COL"]] += law.col.stick
+        if law.col.k_velocity:
+            share = -np.expm1(-self.period / law.col.washout)
+            slow = share / (z - 1.0 + share)
+            rows["col"][place["az"]] += law.col.k_velocity * law.col.washout * slow * (1.0 - slow)
+        return np.stack([rows[name] for name in IN1]) * z ** -round(law.delay / self.period)
+
+    @cached_property
+    def sampled(self) -> LinearSystem:
+        """The compiled law's matrices, without states that nothing moves, such as trims."""
+        settings, states = self.law.numbers(self.period)
+        return probed(kernel.COMPILED, settings, states, self.period, self.inputs)
+
+
+def _axis(law: AttitudeCommand, name: str, z: Response, period: float) -> dict[str, Response]:
+    """Return an axis's command, before it is mixed, over what it sees, (n_freq,) each."""
+    axis: AttitudeAxis | YawAxis = getattr(law, name)
+    angle, rate = _SENSED[name]
+    through = np.ones_like(z)
+    for one in axis.filters:
+        b0, b1, b2, a1, a2 = one.coefficients(period)
+        through = through * (b0 + (b1 + b2 / z) / z) / (1.0 + (a1 + a2 / z) / z)
+    integral = axis.k_integral * 0.5 * period * (z + 1.0) / (z - 1.0)
+    back_angle, back_rate = through * axis.k_angle + integral, through * axis.k_rate
+    modelled, late = _model(axis, z, period)
+    given = {
+        angle: -back_angle,
+        rate: -back_rate,
+        name.upper(): late * (back_angle * modelled[0] + back_rate * modelled[1])
+        + (z - 1.0) / period * (axis.ff_rate * modelled[0] + axis.ff_acceleration * modelled[1]),
+    }
+    if isinstance(axis, AttitudeAxis) and (axis.k_angle_cross or axis.k_rate_cross):
+        other = _OTHER[name]
+        crossed, crossed_late = _model(getattr(law, other), z, period)
+        over_angle, over_rate = through * axis.k_angle_cross, through * axis.k_rate_cross
+        other_angle, other_rate = _SENSED[other]
+        given |= {other_angle: -over_angle, other_rate: -over_rate}
+        given[other.upper()] = crossed_late * (over_angle * crossed[0] + over_rate * crossed[1])
+    return given
+
+
+def _model(
+    axis: AttitudeAxis | YawAxis, z: Response, period: float
+) -> tuple[tuple[Response, Response], Response]:
+    """Return a command model's angle and rate over its stick, and how it waits."""
+    ((aa, ab), (ba, bb)), (a, b) = command_model(axis, period)
+    ahead = (z - aa) * (z - bb) - ab * ba
+    angle = axis.stick * ((z - bb) * a + ab * b) / ahead
+    rate = axis.stick * ((z - aa) * b + ba * a) / ahead
+    return (angle, rate), z ** -round(axis.ff_delay / period)

@@ -5,20 +5,19 @@ flies as that does, to the last bit.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.linear import LinearSystem
-from helisim.design.laws.law import register
-from helisim.design.laws.probe import probed
-from helisim.design.laws.rate_kernel import COMPILED, SETTINGS, TRIMMED, Trimmed
-from helisim.design.laws.tables import TabledLaw
+from helisim.design.laws.law import TabledLaw, not_negative, number, positive, probed, register
+from helisim.physics.gyro import CYCLIC, YAW, gyro_law, rotate
+from helisim.physics.kernel import kernel, known
+from helisim.physics.laws import KnownLaw
 from helisim.physics.layout import NEVER, PARAM, SWASH_STATES, TAIL_STATES
+from helisim.physics.servo import unmix
 from helisim.records.channels import IN2, RATES
 from helisim.vehicle.force_laws import write_gyro_filters
 from helisim.vehicle.motion import addresses
@@ -29,6 +28,46 @@ if TYPE_CHECKING:
     from helisim.vehicle import Controller, Vehicle
 
 _STATES = SWASH_STATES + TAIL_STATES
+
+
+@known
+class Trimmed(NamedTuple):
+    """Behind the gyro's settings: servos in the trim, and the integrals that command it."""
+
+    front: float
+    left: float
+    right: float
+    tail: float
+    p_integral: float
+    q_integral: float
+    r_integral: float
+
+
+TRIMMED = len(PARAM)
+"""Where it stands in the settings."""
+SETTINGS = TRIMMED + len(Trimmed._fields)
+_AT = Trimmed(*range(TRIMMED, SETTINGS))
+
+
+@kernel()
+def rate_start(seen, state, settings):
+    """Begin with integrals that command where the servos stand; in the trim, to the last bit."""
+    trimmed = seen.front == settings[_AT.front] and seen.left == settings[_AT.left]
+    trimmed = trimmed and seen.right == settings[_AT.right] and seen.tail == settings[_AT.tail]
+    if trimmed:
+        state[CYCLIC.p_integral] = settings[_AT.p_integral]
+        state[CYCLIC.q_integral] = settings[_AT.q_integral]
+        state[SWASH_STATES + YAW.r_integral] = settings[_AT.r_integral]
+        return
+    _, lon, lat = unmix(settings, seen.front, seen.left, seen.right, PARAM.mix_front_col)
+    cosine, sine = settings[PARAM.gyro_phase_cosine], settings[PARAM.gyro_phase_sine]
+    lat, lon = rotate(cosine, -sine, lat, lon)
+    state[CYCLIC.p_integral] = lat / settings[PARAM.gyro_ki_lat]
+    state[CYCLIC.q_integral] = lon / settings[PARAM.gyro_ki_lon]
+    state[SWASH_STATES + YAW.r_integral] = seen.tail / settings[PARAM.gyro_k_i]
+
+
+COMPILED = KnownLaw(gyro_law, rate_start)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,11 +82,11 @@ class RateAxis:
         k_d: command over the rate's derivative, s^2/rad.
     """
 
-    stick: float
-    k_p: float
-    k_i: float
-    k_d: float = 0.0
-    stick_cross: float = 0.0
+    stick: float = number()
+    k_p: float = number()
+    k_i: float = positive()
+    k_d: float = number(0.0)
+    stick_cross: float = number(0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,13 +103,13 @@ class YawRateAxis:
         heading_lock: 1 integrates the error, which keeps the heading; 0 doesn't.
     """
 
-    k_p: float
-    k_i: float
-    k_delta: float
-    k_a: float
-    lead: float = 0.0
-    lead_filter: float = 0.0025
-    heading_lock: float = 1.0
+    k_p: float = number()
+    k_i: float = positive()
+    k_delta: float = number()
+    k_a: float = number()
+    lead: float = not_negative(0.0)
+    lead_filter: float = positive(0.0025)
+    heading_lock: float = not_negative(1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +120,7 @@ class CollectiveAxis:
         stick: collective of a whole stick, unitised.
     """
 
-    stick: float = 1.0
+    stick: float = number(1.0)
 
 
 @register
@@ -105,21 +144,15 @@ class RateCommand(TabledLaw):
     """
 
     kind: ClassVar[str] = "rate_command"
-    tables: ClassVar[Mapping[str, type]] = MappingProxyType(
-        {"lat": RateAxis, "lon": RateAxis, "ped": YawRateAxis, "col": CollectiveAxis}
-    )
-    positive: ClassVar[tuple[str, ...]] = ("k_i", "lead_filter", "filter", "derivative_filter")
-    not_negative: ClassVar[tuple[str, ...]] = ("lead", "heading_lock", "attitude_lock")
     not_tuned: ClassVar[tuple[str, ...]] = ("heading_lock", "attitude_lock")
-    flags: ClassVar[tuple[str, ...]] = ("anti_windup",)
     lat: RateAxis
     lon: RateAxis
     ped: YawRateAxis
     col: CollectiveAxis = field(default_factory=CollectiveAxis)
-    phase: float = 0.0
-    filter: float = 0.004
-    derivative_filter: float = 0.006
-    attitude_lock: float = 1.0
+    phase: float = number(0.0)
+    filter: float = positive(0.004)
+    derivative_filter: float = positive(0.006)
+    attitude_lock: float = not_negative(1.0)
     anti_windup: bool = True
 
     @classmethod

@@ -7,19 +7,24 @@ sees what the servos got (K. Astrom and R. Murray, Feedback Systems, 2nd edition
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.linear import LinearSystem
+from helisim.base.settings import check, from_plain, setting, to_plain
 from helisim.base.value import FrozenMap, Value
-from helisim.design.laws.law import Law, check_names, register
-from helisim.design.laws.state_space_kernel import COMPILED, state_space_settings
+from helisim.design.laws.law import LIMIT, Law, named, register
 from helisim.physics.gyro import Seen
+from helisim.physics.kernel import kernel, known
+from helisim.physics.laws import KnownLaw
+from helisim.physics.pilot import wrap_to_pi
+from helisim.physics.servo import mix, unmix
 from helisim.records.channels import ACCELERATIONS, IN1
 
 if TYPE_CHECKING:
@@ -28,11 +33,8 @@ if TYPE_CHECKING:
 Matrix = NDArray[np.float64]
 KNOWN = tuple(name for name in Seen._fields if name != "time")
 """What a law may see."""
-LIMIT = 0.5
-"""Of a command where nothing is said, unitised: the shipped gyro's."""
 _MATRICES = ("a", "b", "c", "d", "windup", "start")
 _MOST = 400
-_FIELDS = ("name", "period", "inputs", "limits", *_MATRICES, "provenance")
 
 
 @register
@@ -60,37 +62,36 @@ class StateSpaceLaw(Law, Value):
     """
 
     kind: ClassVar[str] = "state_space"
-    period: float
-    inputs: tuple[str, ...]
+    period: float = setting(above=0.0)
+    inputs: tuple[str, ...] = setting(choices=KNOWN)
     a: Matrix
     b: Matrix
     c: Matrix
     d: Matrix
     windup: Matrix = field(default_factory=lambda: np.zeros((0, 4)))
     start: Matrix = field(default_factory=lambda: np.zeros((0, 4)))
-    limits: tuple[float, ...] = (LIMIT,) * 4
+    limits: tuple[float, float, float, float] = setting((LIMIT,) * 4, above=0.0)
     name: str = "state_space"
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        inputs = _names(self.inputs)
-        object.__setattr__(self, "inputs", inputs)
-        object.__setattr__(self, "period", _positive("period", self.period))
-        object.__setattr__(self, "limits", _limits(self.limits))
-        if not isinstance(self.name, str) or not isinstance(self.provenance, Mapping):
-            raise InputError("name must be a text, and provenance a table")
+        check(self, self.kind)
         object.__setattr__(self, "provenance", _frozen(self.provenance))
-        n = _states(self.a)
-        shapes = {
-            "a": (n, n),
-            "b": (n, len(inputs)),
-            "c": (len(IN1), n),
-            "d": (len(IN1), len(inputs)),
-            "windup": (n, len(IN1)),
-            "start": (n, len(IN1)),
-        }
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, _matrix(name, getattr(self, name), shape))
+        inputs, n = self.inputs, len(self.a) if self.a.ndim else _MOST + 1
+        if not inputs or len(set(inputs)) < len(inputs):
+            names = ", ".join(inputs) or "none"
+            raise InputError(f"inputs must be names of what is seen, none twice; got {names}")
+        if n > _MOST:
+            raise InputError(f"a must be a square matrix of up to {_MOST} rows, got {n}")
+        shapes = [(n, n), (n, len(inputs)), (4, n), (4, len(inputs)), (n, 4), (n, 4)]
+        for name, shape in zip(_MATRICES, shapes):
+            matrix = getattr(self, name)
+            if matrix.size == 0 and (name in ("windup", "start") or 0 in shape):
+                matrix = np.zeros(shape)
+                matrix.flags.writeable = False
+                object.__setattr__(self, name, matrix)
+            if matrix.shape != shape:
+                raise InputError(f"{name} must be {shape[0]} by {shape[1]}, got {matrix.shape}")
 
     def __repr__(self) -> str:
         seen = ", ".join(self.inputs)
@@ -108,25 +109,16 @@ class StateSpaceLaw(Law, Value):
         Raises:
             InputError: something is missing, unknown or of the wrong kind.
         """
-        check_names("the law", content, _FIELDS)
-        missing = [name for name in ("period", "inputs", "a", "b", "c", "d") if name not in content]
-        if missing:
-            raise InputError(f"a {cls.kind} law lacks {', '.join(missing)}")
-        return cls(**content)
+        named(cls, content)
+        return from_plain(cls, content, cls.kind)
 
     def content(self) -> dict[str, Any]:
         """Return what stands in its file, kind and version left out."""
-        plain: dict[str, Any] = {
-            "name": self.name,
-            "period": self.period,
-            "inputs": list(self.inputs),
-            "limits": list(self.limits),
-        }
-        plain |= {name: getattr(self, name).tolist() for name in ("a", "b", "c", "d")}
-        for name in ("windup", "start"):
-            if np.any(getattr(self, name)):
-                plain[name] = getattr(self, name).tolist()
-        return {**plain, **({"provenance": _plain(self.provenance)} if self.provenance else {})}
+        plain = to_plain(self)
+        names = ["name", "period", "inputs", "limits", "a", "b", "c", "d"]
+        names += [name for name in ("windup", "start") if np.any(getattr(self, name))]
+        names += ["provenance"] if self.provenance else []
+        return {name: plain[name] for name in names}
 
     def parameters(self) -> dict[str, float]:
         """Return none: its matrices belong together, and `lqg` makes them of its own numbers."""
@@ -135,14 +127,13 @@ class StateSpaceLaw(Law, Value):
     def replace(self, changes: Mapping[str, float]) -> Self:
         """Return itself. Raises UnknownNameError: it has no parameters."""
         for name in changes:
-            raise UnknownNameError("parameter of the law", name, self.parameters())
+            raise UnknownNameError("parameter of the law", name, ())
         return self
 
     def linear(self, period: float) -> LinearSystem:
         """Return what it does about a trim. Raises InputError at ticks that aren't its own."""
         self._check_period(period)
-        matrices = self.a, self.b, self.c, self.d
-        return LinearSystem(*matrices, self.period, self.inputs, IN1)
+        return LinearSystem(self.a, self.b, self.c, self.d, self.period, self.inputs, IN1)
 
     def _check_period(self, period: float) -> None:
         if not math.isclose(period, self.period, rel_tol=1e-9):
@@ -177,11 +168,7 @@ class StateSpaceLaw(Law, Value):
             plate.numbers,
         )
         return Controller(
-            COMPILED,
-            states=self.order,
-            settings=settings,
-            name=self.name,
-            written=self,
+            COMPILED, states=self.order, settings=settings, name=self.name, written=self
         )
 
 
@@ -192,58 +179,116 @@ def _frozen(data: Any) -> Any:
     return tuple(map(_frozen, data)) if isinstance(data, list | tuple) else data
 
 
-def _plain(data: Any) -> Any:
-    """Return what `_frozen` made as plain data."""
-    if isinstance(data, Mapping):
-        return {key: _plain(item) for key, item in data.items()}
-    return list(map(_plain, data)) if isinstance(data, tuple) else data
+_COMMANDS = 4
+_PLATE = 21
 
 
-def _names(given: Any) -> tuple[str, ...]:
-    if isinstance(given, str) or not all(isinstance(name, str) for name in given) or not given:
-        raise InputError(f"inputs must be names of what is seen, got {given!r:.80}")
-    for name in given:
-        if name not in KNOWN:
-            raise UnknownNameError("input of the law", name, KNOWN)
-    if len(set(given)) < len(given):
-        raise InputError(f"inputs name something twice: {', '.join(given)}")
-    return tuple(given)
+@known
+class Layout(NamedTuple):
+    """Where the numbers stand in the settings before the matrices: counts, trim, limits, plate."""
+
+    states: int
+    inputs: int
+    trim: int
+    limit: int
+    plate: int
+    rest: int
 
 
-def _positive(name: str, value: Any) -> float:
-    real = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (real and math.isfinite(value) and value > 0.0):
-        raise InputError(f"{name} must be a number above 0, got {value!r:.60}")
-    return float(value)
+LAYOUT = Layout(0, 1, 2, 2 + _COMMANDS, 2 + 2 * _COMMANDS, 2 + 2 * _COMMANDS + _PLATE)
+_HEADING = 6
+"""Place of psi in `Seen`."""
 
 
-def _limits(given: Any) -> tuple[float, ...]:
-    if not isinstance(given, list | tuple) or len(given) != len(IN1):
-        raise InputError(f"limits must be four numbers, of {', '.join(IN1)}; got {given!r:.60}")
-    return tuple(_positive("a limit", one) for one in given)
+def state_space_settings(
+    matrices: Sequence[NDArray[np.float64]],
+    places: Sequence[int],
+    steady: Sequence[float],
+    trim: Sequence[float],
+    limits: Sequence[float],
+    plate: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the settings of the compiled law, (n_settings,).
+
+    Args:
+        matrices: a, b, c, d, windup and start.
+        places: of the inputs in `Seen`, (n_in,).
+        steady: the inputs in the trim, (n_in,).
+        trim: col, lon, lat, ped.
+        limits: of these four.
+        plate: numbers of the swashplate, (21,).
+    """
+    counts = [len(matrices[0]), len(places)]
+    return np.concatenate(
+        [counts, trim, limits, plate, places, steady, *(one.ravel() for one in matrices)],
+        dtype=np.float64,
+    )
 
 
-def _states(a: Any) -> int:
-    try:
-        count = len(a)
-    except TypeError:
-        count = -1
-    if not 0 <= count <= _MOST:
-        raise InputError(f"a must be a square matrix of up to {_MOST} rows, got {a!r:.60}")
-    return count
+@kernel()
+def sensed(seen, settings, k):
+    """Return the k-th input, from the trim's."""
+    count = int(settings[LAYOUT.inputs])
+    place = int(settings[LAYOUT.rest + k])
+    off = seen[place] - settings[LAYOUT.rest + count + k]
+    return wrap_to_pi(off) if place == _HEADING else off
 
 
-def _matrix(name: str, given: Any, shape: tuple[int, int]) -> Matrix:
-    """Return a matrix read-only, one of no entries as zeros. Raises InputError."""
-    try:
-        matrix = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be rows of numbers, got {given!r:.60}") from None
-    if matrix.size == 0 and (name in ("windup", "start") or 0 in shape):
-        matrix = np.zeros(shape)
-    if matrix.shape != shape:
-        raise InputError(f"{name} must be {shape[0]} by {shape[1]}, got {matrix.shape}")
-    if not np.all(np.isfinite(matrix)):
-        raise InputError(f"{name} holds numbers that are not finite")
-    matrix.flags.writeable = False
-    return matrix
+@kernel()
+def row_times(settings, first, count, values):
+    """Return the sum of a matrix's row, which begins somewhere in the settings, times values."""
+    total = 0.0
+    for k in range(count):
+        total += settings[first + k] * values[k]
+    return total
+
+
+@register_jitable(error_model="numpy")  # no `kernel`: it keeps arrays of its own
+def state_space_law(seen, state, settings):
+    """Return the commands of the front, left, right and tail servo."""
+    n, count = int(settings[LAYOUT.states]), int(settings[LAYOUT.inputs])
+    inputs, before = np.empty(count), np.empty(n)
+    for k in range(count):
+        inputs[k] = sensed(seen, settings, k)
+    for k in range(n):
+        before[k] = state[k]
+    a = LAYOUT.rest + 2 * count
+    b = a + n * n
+    c = b + n * count
+    d = c + 4 * n
+    windup = d + 4 * count
+    given, over = np.empty(4), np.empty(4)
+    for k in range(4):
+        command = settings[LAYOUT.trim + k]
+        command += row_times(settings, c + k * n, n, before)
+        command += row_times(settings, d + k * count, count, inputs)
+        limit = settings[LAYOUT.limit + k]
+        given[k] = min(limit, max(-limit, command))
+        over[k] = given[k] - command
+    for k in range(n):
+        moved = row_times(settings, a + k * n, n, before)
+        moved += row_times(settings, b + k * count, count, inputs)
+        state[k] = moved + row_times(settings, windup + 4 * k, 4, over)
+    front, left, right = mix(settings, given[0], given[1], given[2], LAYOUT.plate)
+    return front, left, right, given[3]
+
+
+@register_jitable(error_model="numpy")
+def start_state(seen, state, settings):
+    """Begin with the state that commands what stands, as far as the law has states for it."""
+    n, count = int(settings[LAYOUT.states]), int(settings[LAYOUT.inputs])
+    inputs, missing = np.empty(count), np.empty(4)
+    for k in range(count):
+        inputs[k] = sensed(seen, settings, k)
+    d = LAYOUT.rest + 2 * count + n * n + n * count + 4 * n
+    start = d + 4 * count + 4 * n
+    col, lon, lat = unmix(settings, seen.front, seen.left, seen.right, LAYOUT.plate)
+    missing[0], missing[1], missing[2], missing[3] = col, lon, lat, seen.tail
+    for k in range(4):
+        missing[k] -= settings[LAYOUT.trim + k]
+        missing[k] -= row_times(settings, d + k * count, count, inputs)
+    for k in range(n):
+        state[k] = row_times(settings, start + 4 * k, 4, missing)
+
+
+COMPILED = KnownLaw(state_space_law, start_state)
