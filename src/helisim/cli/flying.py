@@ -285,7 +285,7 @@ def _fly_by_hand(o: Options) -> int:
         raise InputError("--map and --order exclude each other: give one of them")
     from helisim.base.files import check_destination
     from helisim.hand import KEY_FEEL, JoystickMap, StickFeel
-    from helisim.hand.assist import check_assist
+    from helisim.hand.flight import check_assist
     from helisim.hand.sticks import check_mode
     from helisim.hand.window import fly_by_hand
     from helisim.show.viewer import check_display

@@ -1,6 +1,6 @@
 """Flying by hand: sticks, devices, assistance, and a flight that they move while it goes on."""
 
-from helisim.hand.assist import ASSISTS as ASSISTS
+from helisim.hand.flight import ASSISTS as ASSISTS
 from helisim.hand.flight import HandFlight as HandFlight
 from helisim.hand.sticks import KEY_FEEL as KEY_FEEL
 from helisim.hand.sticks import MODES as MODES

@@ -1,33 +1,290 @@
-"""A flight whose sticks are moved while it goes on, by a hand or by whoever plays one."""
+"""A flight whose sticks are moved while it goes on: its assistance, its recordings."""
 
+import math
 import weakref
+from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import asdict
-from typing import Any
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal, get_args
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helisim.base.errors import InputError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.settings import to_plain
-from helisim.hand.assist import Assistance, AssistName, check_assist
-from helisim.hand.recording import Recording
 from helisim.hand.sticks import Deflection, StickFeel
 from helisim.physics.laws import Failure
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
+from helisim.records.provenance import made_by
 from helisim.records.record import FlightRecord
 from helisim.sim.flight import begin, generator, steps
 from helisim.sim.ground import FLIPS, Ground
-from helisim.sim.limits import Contact, broken
+from helisim.sim.limits import Contact, FlightEnvelope, broken
 from helisim.sim.plan import Pilot, hover_height
+from helisim.sim.recorder import Recorder
+from helisim.sim.trajectory import Trajectory, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import Motion, addresses, read_motion, root_body
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import collective_stick
+from helisim.vehicle.trim import Trim, collective_stick
+
+AssistName = Literal["hover", "level", "none"]
+ASSISTS: tuple[AssistName, ...] = get_args(AssistName)
+
+_TILT = 0.45
+"""rad, that a full deflection commands where attitude is commanded."""
+_SPEED, _CLIMB = 6.0, 2.0
+"""m/s, that a full deflection commands where velocity is commanded; a climb of 2 m/s is below
+what the landing gear stands."""
+_HURRY = 3.0
+"""m/s^2, at which the commanded velocity changes: a tilt of 0.3 rad."""
+_STILL, _STILL_CLIMB, _STILL_TURN = 0.4, 0.2, 0.15
+"""m/s and rad/s, below which a helicopter whose stick is in the middle is held where it is."""
+_MIDDLE = 0.05
+"""Deflection of a collective that is in the middle: a throttle stick has no spring."""
+_ATTITUDE, _VELOCITY, _POSITION = 3.0, 1.0, 0.35
+"""rad/s, at which the loops of attitude, velocity and position cross over, each well inside the
+next."""
+_HEAVE, _HEIGHT, _HEADING = 4.0, 1.0, 1.5
+"""rad/s, of the loops of vertical speed, height and heading."""
+
+
+def check_assist(name: str) -> AssistName:
+    """Return the name of an assistance. Raises UnknownNameError."""
+    for known in ASSISTS:
+        if name == known:
+            return known
+    raise UnknownNameError("assist", name, ASSISTS)
+
+
+@dataclass(frozen=True)
+class _Gains:
+    """What the compiled pilot flies with: sticks per rad or per m/s, and 1/s."""
+
+    attitude: float
+    velocity: float
+    position: float
+    heave: float
+    height: float
+    heading: float
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, par: NDArray[np.float64]) -> "_Gains":
+        gravity = float(np.linalg.norm(vehicle.model.opt.gravity))
+        roll_rate, yaw_rate = (
+            abs(par[PARAM.gyro_p_per_lat]),
+            abs(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a]),
+        )
+        return cls(
+            attitude=_ATTITUDE / roll_rate,
+            velocity=_VELOCITY / gravity,
+            position=_POSITION,
+            heave=_HEAVE / abs(vehicle.derivatives["Z_col"]),
+            height=_HEIGHT,
+            heading=_HEADING / yaw_rate,
+        )
+
+
+class Assistance:
+    """Tells the compiled pilot, through a vehicle's parameters (n_param,), what the sticks ask for.
+
+    hover: the sticks command velocities, a climb and a turn; let go, it stays where it is.
+    level: the cyclic stick commands roll and pitch angle; collective and pedals are direct.
+    none: all four sticks go to the gyro as they are.
+    """
+
+    def __init__(self, vehicle: Vehicle, par: NDArray[np.float64]) -> None:
+        """Take gains and trim from a vehicle whose pilot is in its parameters."""
+        self.trim: Trim = vehicle.trim
+        self.gains = _Gains.of(vehicle, par)
+        self.collective = float(par[PARAM.pilot_col])
+        self.begin()
+
+    def begin(self) -> None:
+        """Start anew, from however the helicopter moves."""
+        self.velocity = np.zeros(2)
+        self.holds_place = self.holds_height = self.holds_heading = False
+
+    def ask(
+        self,
+        par: NDArray[np.float64],
+        name: AssistName,
+        felt: Deflection,
+        now: Motion,
+        seconds: float,
+    ) -> None:
+        """Write what the pilot is to do until it is asked again.
+
+        Args:
+            par: parameters of the vehicle, (n_param,), written.
+            name: of the assistance.
+            felt: where the sticks are, behind rates and expo.
+            now: how the helicopter moves.
+            seconds: since the last time.
+        """
+        sticks = 0.5 * np.array(felt)
+        par[PARAM.pilot_col : PARAM.pilot_ped + 1] = sticks
+        par[PARAM.pilot_k_attitude : PARAM.pilot_k_heading + 1] = 0.0
+        if name == "none":
+            return
+        par[PARAM.pilot_k_attitude] = self.gains.attitude
+        par[PARAM.pilot_lon] = par[PARAM.pilot_lat] = 0.0
+        par[PARAM.pilot_theta], par[PARAM.pilot_phi] = self.trim.theta, self.trim.phi
+        if name == "level":
+            par[PARAM.pilot_theta] += _TILT * felt.lon
+            par[PARAM.pilot_phi] += _TILT * felt.lat
+            return
+        self._hold_place(par, felt, now, seconds)
+        self._hold_height(par, felt, now)
+        self._hold_heading(par, felt, now)
+
+    def _hold_place(
+        self, par: NDArray[np.float64], felt: Deflection, now: Motion, seconds: float
+    ) -> None:
+        gains = self.gains
+        par[PARAM.pilot_k_velocity], par[PARAM.pilot_k_position] = gains.velocity, gains.position
+        wanted = _SPEED * np.array([-felt.lon, felt.lat])
+        most = _HURRY * seconds
+        self.velocity = self.velocity + np.clip(wanted - self.velocity, -most, most)
+        moves = self.velocity.any()
+        if not moves and (self.holds_place or math.hypot(now.u, now.v) < _STILL):
+            if not self.holds_place:
+                par[PARAM.pilot_north], par[PARAM.pilot_east] = now.north, now.east
+            self.holds_place = True
+            return
+        self.holds_place = False
+        ahead, right = self.velocity / gains.position  # so far away that it flies there as fast
+        cosine, sine = math.cos(now.psi), math.sin(now.psi)
+        par[PARAM.pilot_north] = now.north + cosine * ahead - sine * right
+        par[PARAM.pilot_east] = now.east + sine * ahead + cosine * right
+
+    def _hold_height(self, par: NDArray[np.float64], felt: Deflection, now: Motion) -> None:
+        gains = self.gains
+        par[PARAM.pilot_col] = self.collective
+        par[PARAM.pilot_k_heave], par[PARAM.pilot_k_height] = gains.heave, gains.height
+        climb = 0.0 if abs(felt.col) < _MIDDLE else _CLIMB * felt.col
+        if climb == 0.0 and (self.holds_height or abs(now.w) < _STILL_CLIMB):
+            if not self.holds_height:
+                par[PARAM.pilot_down] = now.down
+            self.holds_height = True
+            return
+        self.holds_height = False
+        par[PARAM.pilot_down] = now.down - climb / gains.height
+
+    def _hold_heading(self, par: NDArray[np.float64], felt: Deflection, now: Motion) -> None:
+        if felt.ped == 0.0 and (self.holds_heading or abs(now.r) < _STILL_TURN):
+            if not self.holds_heading:
+                par[PARAM.pilot_psi] = now.psi
+            self.holds_heading = True
+            par[PARAM.pilot_k_heading] = self.gains.heading
+            return
+        self.holds_heading = False
+
+
+_SHORTEST = 0.1
+"""s, of a recording that makes a record: ten samples."""
+_ENVELOPE = FlightEnvelope(saturation=None)
+"""A hand may be at a stop for as long as it likes: sticks and servos are in the record."""
+
+
+class Recording:
+    """Sensor data of each step, and what was switched meanwhile."""
+
+    def __init__(self, since: float) -> None:
+        self._since = since
+        self._rows: list[NDArray[np.float64]] = []
+        self._switched: list[tuple[float, str, Any]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._rows)
+
+    def add(self, data: mujoco.MjData) -> None:
+        """Keep the sensor data of a step that was just made."""
+        self._rows.append(data.sensordata.copy())
+
+    def note(self, time: float, what: str, value: Any) -> None:
+        """Keep that something was switched at a time of the flight, s."""
+        self._switched.append((time, what, value))
+
+    def seconds(self, model: mujoco.MjModel) -> float:
+        """Return how long it is, s."""
+        return len(self._rows) * float(model.opt.timestep)
+
+    def record(
+        self,
+        vehicle: Vehicle,
+        *,
+        ground: Ground,
+        crashed: str,
+        failed: Failure | None = None,
+        rng: np.random.Generator,
+        flown: Mapping[str, Any],
+    ) -> FlightRecord:
+        """Return the record, its time from 0.
+
+        Args:
+            vehicle: that flew.
+            ground: below the flight.
+            crashed: why the flight ended; "" if it goes on.
+            failed: how the controller failed that ended it; None if it didn't.
+            rng: of the sensors' noise.
+            flown: for the provenance: how it was flown.
+
+        Raises:
+            InputError: it is too short.
+        """
+        trajectory = self._trajectory(vehicle)
+        start = float(trajectory.time[0])
+        ended = _ended(vehicle, replace(trajectory, ground=ground), crashed, failed)
+        if ended is not None:
+            ended["at"] -= start
+        trajectory = replace(trajectory, time=trajectory.time - start)
+        recorder = Recorder.of(vehicle)
+        switched = [
+            [max(0.0, round(at - start, 6)), what, value] for at, what, value in self._switched
+        ]
+        provenance = made_by(
+            "flown by hand in the simulation",
+            **vehicle.provenance,
+            by_hand={**flown, "switched": switched, "from_s": start},
+            recorder=recorder.to_dict(),
+        )
+        if ended is not None:
+            provenance["ended"] = ended
+        return recorder.record(trajectory, rng, provenance)
+
+    def _trajectory(self, vehicle: Vehicle) -> Trajectory:
+        rows = np.array(self._rows)
+        count = sound_samples(vehicle.model, rows)[0] if len(rows) else 0
+        seconds = count * float(vehicle.model.opt.timestep)
+        if seconds < _SHORTEST:
+            raise InputError(f"a recording of {seconds:g} s is no record: fly {_SHORTEST:g} s")
+        return read_trajectory(vehicle, rows[:count])
+
+
+def _ended(
+    vehicle: Vehicle, trajectory: Trajectory, crashed: str, failed: Failure | None
+) -> dict[str, Any] | None:
+    """Return when and why a trajectory is no longer what the model is valid for, None if it is.
+
+    Skids on the ground hold what no stick asks for, so a landing is such an end too.
+    """
+    ends = [] if (left := _ENVELOPE.end(vehicle, trajectory)) is None else [left]
+    touches = trajectory.touching
+    if touches.any():
+        ends.append((int(np.argmax(touches)), "the helicopter touched the ground"))
+    if ends:
+        first, why = min(ends)
+        return {"at": float(trajectory.time[first]), "why": why}
+    if not crashed:
+        return None
+    end = {"at": float(trajectory.time[-1]), "why": crashed}
+    return end if failed is None else {**end, "traceback": failed.traceback}
+
 
 _ASKS = 0.02
 """s between two looks of the pilot at the sticks, as of a radio link: 50 Hz."""

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import DisplayError, InputError, StorageError
 from helisim.base.files import check_destination
-from helisim.hand.assist import ASSISTS
-from helisim.hand.flight import HandFlight
+from helisim.hand.flight import ASSISTS, HandFlight
 from helisim.hand.sticks import (
     FINE_KEY,
     KEY_FEEL,
