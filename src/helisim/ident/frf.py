@@ -6,7 +6,6 @@ import math
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +106,15 @@ def frequency_response(
     signals = tuple(dict.fromkeys((*driving, *measured)))
     _check_motion(flights, driving, "input")
     _check_motion(flights, measured, "output")
-    name = _estimator_name(estimator, windows)
+    name = estimator or ("local" if windows is None else "windows")
+    if name not in ESTIMATORS:
+        raise InputError(f"estimator is {name!r}, expected one of: {', '.join(ESTIMATORS)}")
+    if name != "windows" and windows is not None:
+        raise InputError(
+            f"window lengths were given to the {name!r} estimator, which has no windows; "
+            "leave them out, or ask for estimator='windows'",
+            remedy="estimator=windows",
+        )
     durations = [len(flight) * flight.sample_time for flight in flights]
     lengths = window_lengths(durations, band, windows)
     count = max(32, math.ceil(POINTS_PER_DECADE * math.log10(band[1] / band[0])) + 1)
@@ -221,19 +228,6 @@ def _coherent(
                 yield f"{message}, expected at most {CROSS_CONTROL_LIMIT}; {advice}"
 
 
-def _estimator_name(estimator: str | None, windows: float | Sequence[float] | None) -> str:
-    name = estimator or ("local" if windows is None else "windows")
-    if name not in ESTIMATORS:
-        raise InputError(f"estimator is {name!r}, expected one of: {', '.join(ESTIMATORS)}")
-    if name != "windows" and windows is not None:
-        raise InputError(
-            f"window lengths were given to the {name!r} estimator, which has no windows; "
-            "leave them out, or ask for estimator='windows'",
-            remedy="estimator=windows",
-        )
-    return name
-
-
 def _check_names(
     flights: tuple[FlightRecord, ...],
     inputs: tuple[str, ...],
@@ -340,27 +334,6 @@ def _channel_faults(flight: FlightRecord, channel: Channel) -> Iterator[str]:
         )
 
 
-# Which records a fit has seen, so that a verification can refuse them. A record is known by a
-# digest of its numbers, and a part of one by its flight and its time: a simulated flight by what
-# its provenance says was flown, a log by the digest of its file. So a record that was cut,
-# resampled or repaired by helisim is known still. One that has no provenance, or was cut by
-# another program, is known only whole.
-
-
-class FlightSpan(NamedTuple):
-    """The part of a flight that a record holds.
-
-    Attributes:
-        flight: digest of what says which flight it is.
-        start: time of the first sample, s.
-        stop: time of the last sample, s.
-    """
-
-    flight: str
-    start: float
-    stop: float
-
-
 def record_digest(record: FlightRecord) -> str:
     """Return a short digest of a record's time and values."""
     digest = hashlib.blake2b(record.time.tobytes(), digest_size=12)
@@ -368,8 +341,12 @@ def record_digest(record: FlightRecord) -> str:
     return digest.hexdigest()
 
 
-def flight_span(record: FlightRecord) -> FlightSpan | None:
-    """Return which part of which flight a record is; None where its provenance does not say."""
+def flight_span(record: FlightRecord) -> tuple[str, float, float] | None:
+    """Return which part of which flight a record is: digest, first and last time in s.
+
+    A simulated flight is known by what its provenance says was flown, a log by the digest of its
+    file, also cut, resampled or repaired. None where the provenance says neither.
+    """
     flown = {key: x for key, x in record.provenance.items() if key not in _NOT_THE_FLIGHT}
     log = record.provenance.get("log")
     if not flown and isinstance(log, Mapping):
@@ -380,22 +357,17 @@ def flight_span(record: FlightRecord) -> FlightSpan | None:
         return None
     text = json.dumps(flown, sort_keys=True).encode()
     flight = hashlib.blake2b(text, digest_size=12).hexdigest()
-    return FlightSpan(flight, float(record.time[0]), float(record.time[-1]))
+    return flight, float(record.time[0]), float(record.time[-1])
 
 
 def share_seen(record: FlightRecord, spans: Sequence[tuple[str, float, float]]) -> float:
-    """Return the share of a record's time that is in the given parts of flights, 0 to 1.
-
-    Args:
-        record: to look for.
-        spans: of one fit, each a `FlightSpan`; where two overlap, that time counts once.
-    """
+    """Return the share of a record's time that is in parts of flights, 0 to 1; overlaps once."""
     own = flight_span(record)
     if own is None:
         return 0.0
-    seen, reached = 0.0, own.start
-    for flight, start, stop in sorted(spans):
-        if flight == own.flight:
-            seen += max(min(stop, own.stop) - max(start, reached), 0.0)
-            reached = max(reached, min(stop, own.stop))
-    return seen / (own.stop - own.start)
+    flight, first, last = own
+    seen, reached = 0.0, first
+    for _, start, stop in sorted(span for span in spans if span[0] == flight):
+        seen += max(min(stop, last) - max(start, reached), 0.0)
+        reached = max(reached, min(stop, last))
+    return seen / (last - first)

@@ -85,7 +85,7 @@ def _scaled(one: FittedParameter, unit: str, factor: float) -> FittedParameter:
     )
 
 
-Known = dict[str, dict[str, Fraction]]
+Known = dict[str, Mapping[str, int | Fraction]]
 """Parameter, state or row -> powers of its unit's parts."""
 
 
@@ -107,7 +107,8 @@ def dimensions(structure: Structure, signals: Mapping[str, str]) -> dict[str, Po
         for term in terms:
             unknown = [name for name in term if name not in known]
             if len(unknown) == 1:
-                known[unknown[0]] = _left(term, unknown[0], known)
+                powers = _sum(term, known).items()
+                known[unknown[0]] = {part: -one / term[unknown[0]] for part, one in powers}
                 solved = True
     wrong = {
         name
@@ -126,24 +127,17 @@ def dimensions(structure: Structure, signals: Mapping[str, str]) -> dict[str, Po
 
 def _signals(structure: Structure, units: Mapping[str, str]) -> Known:
     """Return what is known to begin with: signals, and states of channels' names."""
-    known: Known = {}
+    known: Known = {"second": {"s": 1}}
     for name in (*structure.inputs, *structure.outputs):
         powers = signal_powers(name, units.get(name, ""), is_input=name in structure.inputs)
         if powers is not None:
-            known[f"signal {name}"] = _exact(powers)
+            known[f"signal {name}"] = powers
     for name in structure.states:
-        state = known.get(f"signal {name}")
-        if state is None and name in CHANNELS:
-            standard = signal_powers(name, "", is_input=False)
-            state = None if standard is None else _exact(standard)
+        standard = signal_powers(name, "", is_input=False) if name in CHANNELS else None
+        state = known.get(f"signal {name}", standard)
         if state is not None:
             known[f"state {name}"] = state
-    known["second"] = {"s": Fraction(1)}
     return known
-
-
-def _exact(powers: Powers) -> dict[str, Fraction]:
-    return {part: Fraction(power) for part, power in powers.items()}
 
 
 def _terms(structure: Structure) -> Iterator[dict[str, Fraction]]:
@@ -182,11 +176,6 @@ def _sum(term: Mapping[str, Fraction], known: Known) -> dict[str, Fraction]:
         for part, power in known.get(name, {}).items():
             total[part] = total.get(part, Fraction(0)) + times * power
     return total
-
-
-def _left(term: Mapping[str, Fraction], name: str, known: Known) -> dict[str, Fraction]:
-    """Return the powers that a term leaves to its one unknown name."""
-    return {part: -power / term[name] for part, power in _sum(term, known).items()}
 
 
 def _monomials(node: ast.expr) -> Iterator[dict[str, Fraction]]:

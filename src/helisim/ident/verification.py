@@ -132,11 +132,7 @@ class Trace(Value):
 
     @property
     def error(self) -> NDArray[np.float64]:
-        """The residual, enlarged by what estimating a state for each start takes from it.
-
-        As many numbers as are estimated, so many samples are met by any model: of N numbers'
-        squares N - n_estimated are left in the mean.
-        """
+        """The residual, enlarged as N / (N - n_estimated): so many any model meets."""
         size = self.residual.size
         return self.residual * np.sqrt(size / max(size - self.estimated, 1))
 
@@ -177,12 +173,9 @@ class VerifiedOutput:
     """How well one output was predicted.
 
     Attributes:
-        name: of the output.
-        unit: of `j_rms`.
-        j_rms: root mean square error.
-        tic: Theil's inequality coefficient, 0 perfect, 1 useless.
-        counted: False of an output that moved too little beside its noise to tell of a model:
-            it isn't in the overall coefficient.
+        name, unit: of the output.
+        j_rms, tic: root mean square error; Theil's inequality coefficient.
+        counted: False of one that moved too little beside its noise to tell of a model.
     """
 
     name: str
@@ -198,9 +191,8 @@ class VerifiedRecord:
 
     Attributes:
         duration_s: of the flight, s.
-        j_rms: output -> root mean square error, in its unit.
-        tic: output -> Theil's inequality coefficient.
-        bias: output -> constant that was added to the prediction, in its unit.
+        j_rms, tic: by output, root mean square error and Theil's inequality coefficient.
+        bias: by output, the constant that was added to the prediction.
     """
 
     duration_s: float
@@ -214,15 +206,7 @@ class VerifiedRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationFigures:
-    """The figures of a verification, without its time histories.
-
-    Attributes:
-        j_rms: root mean square error over all outputs, each in its unit.
-        tic: Theil's inequality coefficient over all outputs.
-        outputs: one an output.
-        records: one a flight.
-        approach: how the flights were predicted; None in results that did not say it.
-    """
+    """The figures of a `Verification`, without its time histories."""
 
     j_rms: float
     tic: float
