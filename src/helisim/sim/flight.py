@@ -39,8 +39,7 @@ Command = tuple[int, Callable[[mujoco.MjData], object]]
 """Every how many steps it is asked, and what is: a function of the data, before the step. It moves
 sticks, servos or parameters, and ends the flight where it returns True."""
 
-_APART = 5.0
-"""m/s between the speeds at which a trim is looked for, each near the last."""
+_APART = 5.0  # m/s between the speeds at which a trim is looked for, each near the last
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 

@@ -21,10 +21,8 @@ from helisim.vehicle import Vehicle
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 
-_HEAVIER = 1e6
-"""Mass of a deck over that of who lands on it: what the landing does to its motion."""
-_SETTLING = 2.0
-"""s, in which a vehicle comes to rest on its landing gear."""
+_HEAVIER = 1e6  # Mass of a deck over that of who lands on it: what the landing does to its motion
+_SETTLING = 2.0  # s, in which a vehicle comes to rest on its landing gear
 _AXES = {
     "surge": (1.0, 0.0, 0.0),
     "sway": (0.0, -1.0, 0.0),

@@ -22,14 +22,12 @@ from helisim.vehicle.motion import root_body
 
 HARDEST_LANDING = 2.5
 """m/s, of sinking, that landing gear stands: a drop from 13 inches (14 CFR 27.725)."""
-_JUST = 0.2
-"""s after which a helicopter that has left the ground is in the air."""
+_JUST = 0.2  # s after which a helicopter that has left the ground is in the air
 _STOP = 0.5 - 1e-9
 """Of a stick, and of what the gyro commands, unitised; the mixing may leave it a rounding short."""
 _FULL_RATE = 0.999
 """Share of a servo's rate limit that counts as all of it: over a step it is a mean."""
-_FASTEST = 10.0
-"""m/s, at which a rim nears the ground: until then it isn't looked for again."""
+_FASTEST = 10.0  # m/s, at which a rim nears the ground: until then it isn't looked for again
 
 Flags = NDArray[np.bool_]
 

@@ -35,14 +35,10 @@ from helisim.sim.excitation import (
     unit,
 )
 
-_ROUNDING = 1e-9
-"""s: an edge comes so much early, for the times of the steps are added up."""
-_FADE = 1.0
-"""s, over which a pilot's sweep grows and dies."""
-_DIGITS = 9
-"""Of a part's own time, s: its edges come at the step at which they would alone."""
-_MOST = 1 << 28
-"""Bytes of samples that are unpacked: three days at 500 Hz on one axis."""
+_ROUNDING = 1e-9  # s: an edge comes so much early, for the times of the steps are added up
+_FADE = 1.0  # s, over which a pilot's sweep grows and dies
+_DIGITS = 9  # Of a part's own time, s: its edges come at the step at which they would alone
+_MOST = 1 << 28  # Bytes of samples that are unpacked: three days at 500 Hz on one axis
 _CHANNELS = {
     "sticks": dict(zip(PLACES["sticks"], IN2)),
     "servos": dict(zip(PLACES["servos"], (*IN1, *SERVOS))),
@@ -82,30 +78,34 @@ class Timed(Excitation, ABC, listed=False):
                 words = of.get(unit(self.at, axis), unit(self.at, axis))
                 raise InputError(f"amplitude must be in (0, {most:g}] {words}, got {one}")
 
-    def _check_longest(self, name: str, share: float, why: str) -> None:
-        """Raise InputError unless a setting is above 0 s and fits behind the trimmed stretch."""
-        longest = (self.duration - self.trim_time) * share
-        if not 0.0 < getattr(self, name) <= longest:
-            raise InputError(
-                f"{name} of {type(self).__name__} must be above 0 and at most {longest:g} s "
-                f"({why} the trimmed stretch leaves), got {getattr(self, name)}"
-            )
-
 
 class _Steps(Timed, listed=False):
-    """Base of inputs of steps."""
+    """Base of inputs of steps.
 
-    levels: ClassVar[tuple[float, ...]]
-    """Before the first edge, and from each on, in amplitudes."""
+    Each names the setting that says how long a step lasts, and its edges: when they come behind the
+    trimmed stretch, in that setting, and the level from there on, in amplitudes.
+    """
 
-    @abstractmethod
-    def _edges(self) -> tuple[float, ...]:
-        """Return when each level begins after the trimmed stretch, s."""
+    lasts: ClassVar[str] = "trim_time"
+    edges: ClassVar[tuple[tuple[float, float], ...]]
+    early: ClassVar[float] = _ROUNDING
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        longest = self.duration - self.trim_time
+        longest /= max(share for share, _ in self.edges) or np.inf
+        if not 0.0 < getattr(self, self.lasts) <= longest and self.lasts != "trim_time":
+            raise InputError(
+                f"{self.lasts} of {type(self).__name__} must be above 0 and at most {longest:g} s, "
+                f"for it has to fit behind the trimmed stretch, got {getattr(self, self.lasts)}"
+            )
 
     def wave(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what is added, (n_time,), at the times in s, (n_time,)."""
-        edges = self.trim_time + np.array(self._edges())
-        levels = np.array(self.levels) * complete(self, self.amplitude) + 0.0
+        unit, begin = getattr(self, self.lasts), self.trim_time
+        edges = begin + np.array([unit * share - self.early for share, _ in self.edges])
+        levels = np.array([0.0, *(level for _, level in self.edges)])
+        levels = levels * complete(self, self.amplitude) + 0.0
         return levels[np.searchsorted(edges, time, side="right")]
 
 
@@ -127,10 +127,7 @@ class Step(_Steps):
     trim_time: float = 2.0
 
     after: ClassVar[bool] = False
-    levels: ClassVar[tuple[float, ...]] = (0.0, 1.0)
-
-    def _edges(self) -> tuple[float, ...]:
-        return (-_ROUNDING,)
+    edges: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 1.0),)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,8 +137,7 @@ class Pulse(_Steps):
     Attributes:
         axis: one, as for every `Excitation`.
         duration: s, of the whole flight.
-        amplitude: unitised, of sensors rad/s, negative the other way; of sticks the vehicle's
-            own for that axis if None.
+        amplitude: as for a `Step`.
         width: s.
         trim_time: s of trimmed flight before.
         at: "sticks", "servos", "actuators" or "sensors".
@@ -153,14 +149,8 @@ class Pulse(_Steps):
     trim_time: float = 2.0
 
     after: ClassVar[bool] = False
-    levels: ClassVar[tuple[float, ...]] = (0.0, 1.0, 0.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._check_longest("width", 1.0, "what")
-
-    def _edges(self) -> tuple[float, ...]:
-        return -_ROUNDING, self.width - _ROUNDING
+    lasts: ClassVar[str] = "width"
+    edges: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 1.0), (1.0, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,14 +171,8 @@ class Doublet(_Steps):
     width: float = 1.0
     trim_time: float = 2.0
 
-    levels: ClassVar[tuple[float, ...]] = (0.0, 1.0, -1.0, 0.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._check_longest("width", 1.0, "what")
-
-    def _edges(self) -> tuple[float, ...]:
-        return -_ROUNDING, 0.5 * self.width - _ROUNDING, self.width - _ROUNDING
+    lasts: ClassVar[str] = "width"
+    edges: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 1.0), (0.5, -1.0), (1.0, 0.0))
 
     def _write_closed_form(self, par: NDArray[np.float64]) -> None:
         _write(par, self, DOUBLET, self.width)
@@ -215,14 +199,11 @@ class ThreeTwoOneOne(_Steps):
     unit: float = 0.3
     trim_time: float = 2.0
 
-    levels: ClassVar[tuple[float, ...]] = (0.0, 1.0, -1.0, 1.0, -1.0, 0.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._check_longest("unit", 1.0 / 7.0, "a seventh of what")
-
-    def _edges(self) -> tuple[float, ...]:
-        return tuple(self.unit * count for count in (0.0, 3.0, 5.0, 6.0, 7.0))
+    lasts: ClassVar[str] = "unit"
+    edges: ClassVar[tuple[tuple[float, float], ...]] = tuple(
+        zip((0.0, 3.0, 5.0, 6.0, 7.0), (1.0, -1.0, 1.0, -1.0, 0.0))
+    )
+    early: ClassVar[float] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

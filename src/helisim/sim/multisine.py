@@ -25,16 +25,11 @@ from helisim.records.channels import AXES
 from helisim.sim.excitation import PLACES, complete, own_setting
 from helisim.sim.manoeuvres import Timed
 
-_CLIPPINGS = 600
-"""Turns of clipping: twice as many lower the peak by less than a percent more."""
-_LEVELS = (0.8, 0.98)
-"""Where each turn clips, of the peak, from the first to the last."""
-_OVERSAMPLED = 16
-"""Samples a period of the highest harmonic, where peaks are looked for."""
-_NEWTON_STEPS = 3
-"""From between two samples to where a signal crosses zero: each squares the error."""
-_DIGITS = 6
-"""Of phases, rad, so that another FFT's rounding leaves the same signal."""
+_CLIPPINGS = 600  # Turns of clipping: twice as many lower the peak by less than a percent more
+_LEVELS = (0.8, 0.98)  # Where each turn clips, of the peak, from the first to the last
+_OVERSAMPLED = 16  # Samples a period of the highest harmonic, where peaks are looked for
+_NEWTON_STEPS = 3  # From between two samples to where a signal crosses zero: each squares the error
+_DIGITS = 6  # Of phases, rad, so that another FFT's rounding leaves the same signal
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -65,10 +65,8 @@ from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
 from helisim.vehicle.trim import collective_stick
 
-_AIR = 0.9
-"""m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m."""
-_LONGEST_WORD = 60
-"""Characters of a setting in words: packed samples have thousands."""
+_AIR = 0.9  # m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m
+_LONGEST_WORD = 60  # Characters of a setting in words: packed samples have thousands
 
 
 def hover_height(model: mujoco.MjModel) -> float:

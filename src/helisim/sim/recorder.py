@@ -84,8 +84,7 @@ _NOISE = {
 _RESOLUTION = {**dict.fromkeys(SERVOS, 0.0005), **dict.fromkeys(IN2, 0.0005)}
 """Half a microsecond of a pulse whose travel is a millisecond."""
 
-_LAST = 1.0
-"""s, before the end of a flight, that are kept as they truly were."""
+_LAST = 1.0  # s, before the end of a flight, that are kept as they truly were
 
 
 @dataclass(frozen=True, kw_only=True)

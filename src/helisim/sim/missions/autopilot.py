@@ -30,23 +30,17 @@ _CATCH_UP, _CATCH_UP_VERTICALLY = 4.0, 2.0
 """m/s, of the most with which a lost position is made up for."""
 _TILT, _TURN = 0.5, 1.5
 """rad, that is asked for at most; rad/s, that is asked for at most in roll and pitch."""
-_YAW_SHARE = 0.8
-"""Of the yaw rate of a full pedal, that is asked for at most."""
-_END = 0.5
-"""Where a stick stops, unitised."""
+_YAW_SHARE = 0.8  # Of the yaw rate of a full pedal, that is asked for at most
+_END = 0.5  # Where a stick stops, unitised
 _SETTLES, _MIXING = 8, 0.5
 """Rounds in which the induced velocity is found; share of the hover's induced velocity below which
 no flow through the disc falls: a vortex ring."""
-_TOUCH_DOWN, _LAST_METRE = 0.5, 1.0
-"""m/s, of sinking through the last metre of a landing."""
-_FLYING_SPEED = 0.98
-"""Of the nominal rotor speed, from which on collective is raised."""
+_TOUCH_DOWN, _LAST_METRE = 0.5, 1.0  # m/s, of sinking through the last metre of a landing
+_FLYING_SPEED = 0.98  # Of the nominal rotor speed, from which on collective is raised
 _RAISE_COLLECTIVE, _NEARLY, _LIFT_OFF = 0.5, 0.1, 0.15
 """1/s, unitised, at which collective goes up on the ground; how near to the hover's, slower."""
-_CLEAR = 0.03
-"""m, of clearance, at which the ground is left."""
-_LOWER_COLLECTIVE = 1.0
-"""1/s, unitised, at which collective goes down on the ground."""
+_CLEAR = 0.03  # m, of clearance, at which the ground is left
+_LOWER_COLLECTIVE = 1.0  # 1/s, unitised, at which collective goes down on the ground
 
 
 class Sight(NamedTuple):

@@ -43,12 +43,9 @@ from helisim.vehicle.trim import Trim
 
 MISSIONS: dict[str, type["Mission"]] = {}
 """Every mission by the name of its class; a subclass of `Mission` joins on its definition."""
-_TICK = 0.02
-"""s between two looks of the pilot, as of a radio link: 50 Hz."""
-_LOST = 1.4
-"""rad, of roll or pitch, beyond which a script is not asked any more."""
-_AIRBORNE = 0.05
-"""m, of clearance from which on a helicopter has been in the air."""
+_TICK = 0.02  # s between two looks of the pilot, as of a radio link: 50 Hz
+_LOST = 1.4  # rad, of roll or pitch, beyond which a script is not asked any more
+_AIRBORNE = 0.05  # m, of clearance from which on a helicopter has been in the air
 
 
 class Start(NamedTuple):

@@ -12,23 +12,18 @@ from helisim.sim.missions.mission import Mission, Start
 
 _LOWEST = -0.44
 """Collective stick, unitised, that a pilot who governs the rotor's speed doesn't go below."""
-_WINDMILL = -0.42
-"""Collective stick, unitised, about which the rotor's speed is kept."""
+_WINDMILL = -0.42  # Collective stick, unitised, about which the rotor's speed is kept
 _SPEED_GAIN = 1.6
 """Collective stick, unitised, for a rotor that turns faster by the whole of its speed."""
 _SLOWING, _BRAKING = 5.5, 7.0
 """m/s^2, at which collective takes the descent away at the end, and speed is, at most."""
-_RUN, _SINK = 0.5, 0.4
-"""m/s, over the ground and downwards, with which it is to touch down."""
-_LAST = 0.1
-"""m, of clearance below which no height is left to slow down in."""
-_SHORTEST = 0.6
-"""s, in which speed is taken away at least."""
+_RUN, _SINK = 0.5, 0.4  # m/s, over the ground and downwards, with which it is to touch down
+_LAST = 0.1  # m, of clearance below which no height is left to slow down in
+_SHORTEST = 0.6  # s, in which speed is taken away at least
 _LEVEL, _LEVELLED, _LEVELLING = 1.0, 0.03, 0.35
 """m, of clearance below which the helicopter is level within so many rad, so that its tail doesn't
 strike; rad of tilt for each metre above."""
-_TILT = 0.55
-"""rad, that is asked for at most."""
+_TILT = 0.55  # rad, that is asked for at most
 
 
 @dataclass(frozen=True, kw_only=True)

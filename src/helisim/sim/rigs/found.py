@@ -16,10 +16,8 @@ from helisim.records.record import FlightRecord
 
 _Complex = NDArray[np.complexfloating[Any, Any]]
 
-_LONGEST_DELAY = 0.1
-"""s, searched on both sides: beyond any gyro's latency and any recorder's."""
-_TYPICAL = (0.01, 0.01, 0.003)
-"""s: the scales of delay, lead and its filter in the search."""
+_LONGEST_DELAY = 0.1  # s, searched on both sides: beyond any gyro's latency and any recorder's
+_TYPICAL = (0.01, 0.01, 0.003)  # s: the scales of delay, lead and its filter in the search
 REST = 10.0
 """s at the end of a hanging, in which the attitude is averaged."""
 _BLOCK = 0.25
@@ -27,8 +25,7 @@ _BLOCK = 0.25
 _STANDARD_ERROR = 1e-3
 """rad: greatest standard error of the mean attitude. At two points a foot from the centre of
 gravity it is worth 0.6 mm."""
-_DRIFT = 4e-3
-"""rad between the halves of the rest: two standard errors of each, added."""
+_DRIFT = 4e-3  # rad between the halves of the rest: two standard errors of each, added
 
 
 @dataclass(frozen=True, kw_only=True)

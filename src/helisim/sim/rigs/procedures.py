@@ -38,8 +38,16 @@ from helisim.vehicle.motion import root_body
 _STEP_BAND = (2.0, 60.0)
 """rad/s. A step has content everywhere; below, the resolution of the slow ramp's record tells,
 above, the servos' and the sticks' records alias."""
-_SERVO_RANGE = 0.5
-"""Unitised: the gyro commands the tail servo no further."""
+_PARTS = ("jump", "slope")
+_NO_GAIN = "slope over jump: no other gain is in it"
+_NOT_GIVEN = "which the bench does not give"
+_DELAY = "pedal stick to tail servo command"
+_PROPORTIONAL = "ped / r, proportional part"
+_ONCE_MORE = "the bench's ratio once more, from another test"
+_GAIN = "from the gain, which grows with frequency"
+_LESS = "from the gain, which grows less the higher the frequency"
+_LATE = "by how much the rate is recorded late, beside the servo command it causes"
+_SERVO_RANGE = 0.5  # Unitised: the gyro commands the tail servo no further
 
 
 @dataclass(frozen=True)
@@ -120,26 +128,15 @@ def run_rigs(
         recorder: the vehicle's own if None.
         on_progress: called with a rig's name after each test.
     """
-    tests: dict[str, RigTest] = {}
-    for test in (
-        # k_delta is read off the gyro, as on a real bench
-        lambda: bench_test(
-            vehicle, k_delta=vehicle.parameters["gyro.k_delta"], seed=seed, recorder=recorder
-        ),
-        lambda: turntable_test(
-            vehicle,
-            k_p=tests["bench"]["k_p"],
-            k_i=tests["bench"]["k_I"],
-            seed=seed,
-            recorder=recorder,
-        ),
-        lambda: suspension_test(vehicle, seed=seed, recorder=recorder),
-    ):
-        found = test()
-        tests[found.rig] = found
-        if on_progress is not None:
-            on_progress(found.rig)
-    return tuple(tests.values())
+    on_progress, given = on_progress or (lambda _: None), {"seed": seed, "recorder": recorder}
+    setting = vehicle.parameters["gyro.k_delta"]  # read off the gyro, as on a real bench
+    bench = bench_test(vehicle, k_delta=setting, **given)
+    on_progress(bench.rig)
+    table = turntable_test(vehicle, k_p=bench["k_p"], k_i=bench["k_I"], **given)
+    on_progress(table.rig)
+    suspension = suspension_test(vehicle, **given)
+    on_progress(suspension.rig)
+    return bench, table, suspension
 
 
 def bench_test(
@@ -174,56 +171,21 @@ def bench_test(
     true = vehicle.parameters
     k_p, k_i, own = true["gyro.k_p"], true["gyro.k_i"], true["gyro.k_delta"]
     over = f"over k_delta = {k_delta:g}"
-    table = (
-        ("k_delta", "1", k_delta, None, None, "not measured: as the gyro shows its setting"),
-        (
-            "k_p k_delta",
-            "1",
-            p,
-            k_p * own,
-            p_error,
-            "jump of the tail servo's command over the pedal step",
-        ),
-        (
-            "k_I k_delta",
-            "1/s",
-            i,
-            k_i * own,
-            i_error,
-            "slope of the tail servo's command over the pedal step",
-        ),
-        (
-            "k_I / k_p",
-            "1/s",
-            found.ratio,
-            k_i / k_p,
-            None,
-            "slope over jump: no other gain is in it",
-        ),
-        (
-            "k_p",
-            "1",
-            p / k_delta,
-            k_p,
-            p_error / k_delta,
-            f"jump {over}, which the bench does not give",
-        ),
-        ("k_I", "1/s", i / k_delta, k_i, i_error / k_delta, f"slope {over}"),
-        (
-            "delay",
-            "s",
-            found.delay,
-            true["gyro.ped_latency"],
-            found.delay_error,
-            "pedal stick to tail servo command",
-        ),
+    jump, slope = (f"{one} of the tail servo's command over the pedal step" for one in _PARTS)
+    findings = (
+        Finding("k_delta", "1", k_delta, how="not measured: as the gyro shows its setting"),
+        Finding("k_p k_delta", "1", p, k_p * own, p_error, jump),
+        Finding("k_I k_delta", "1/s", i, k_i * own, i_error, slope),
+        Finding("k_I / k_p", "1/s", found.ratio, k_i / k_p, how=_NO_GAIN),
+        Finding("k_p", "1", p / k_delta, k_p, p_error / k_delta, f"jump {over}, {_NOT_GIVEN}"),
+        Finding("k_I", "1/s", i / k_delta, k_i, i_error / k_delta, f"slope {over}"),
+        Finding("delay", "s", found.delay, true["gyro.ped_latency"], found.delay_error, _DELAY),
     )
     rest = record.select(("p", "q", "r"))
     note = (
         f"rates while the pedals stepped: {np.max(np.abs(rest.mean(axis=0))):.1e} rad/s mean, "
         f"{np.max(rest.std(axis=0)):.1e} rad/s rms, the sensors' noise"
     )
-    findings = tuple(Finding(*row) for row in table)
     return RigTest(rig="bench", findings=findings, notes=(note,))
 
 
@@ -264,59 +226,27 @@ def turntable_test(
     true = vehicle.parameters
     period, k_a = true["gyro.period"], true["gyro.k_a"]
     lead_filter = held_lag(true["gyro.lead_filter"], period) - 0.5 * period
-    table = (
-        ("k_p k_a", "s", -p, true["gyro.k_p"] * k_a, p_error, "ped / r, proportional part"),
-        ("k_I k_a", "1", -i, true["gyro.k_i"] * k_a, i_error, "ped / r, integral part"),
-        (
-            "k_I / k_p",
-            "1/s",
-            found.ratio,
-            true["gyro.k_i"] / true["gyro.k_p"],
-            None,
-            "the bench's ratio once more, from another test",
-        ),
-        (
-            "k_a",
-            "s",
-            -i / k_i.value,
-            k_a,
-            _ratio_error(i, i_error, k_i),
-            f"integral part over the bench's k_I = {k_i.value:.5g}",
-        ),
-        (
+    ratio, latency = true["gyro.k_i"] / true["gyro.k_p"], true["gyro.latency"]
+    by_i, by_p = _ratio_error(i, i_error, k_i), _ratio_error(p, p_error, k_p)
+    over = "part over the bench's"
+    findings = (
+        Finding("k_p k_a", "s", -p, true["gyro.k_p"] * k_a, p_error, _PROPORTIONAL),
+        Finding("k_I k_a", "1", -i, true["gyro.k_i"] * k_a, i_error, "ped / r, integral part"),
+        Finding("k_I / k_p", "1/s", found.ratio, ratio, how=_ONCE_MORE),
+        Finding("k_a", "s", -i / k_i.value, k_a, by_i, f"integral {over} k_I = {k_i.value:.5g}"),
+        Finding(
             "k_a by k_p",
             "s",
             -p / k_p.value,
             k_a,
-            _ratio_error(p, p_error, k_p),
-            f"proportional part over the bench's k_p = {k_p.value:.5g}",
+            by_p,
+            f"proportional {over} k_p = {k_p.value:.5g}",
         ),
-        (
-            "lead",
-            "s",
-            found.lead,
-            true["gyro.lead"],
-            found.lead_error,
-            "from the gain, which grows with frequency",
-        ),
-        (
-            "lead_filter",
-            "s",
-            found.lead_filter,
-            lead_filter,
-            found.lead_filter_error,
-            "from the gain, which grows less the higher the frequency",
-        ),
-        (
-            "tau_r",
-            "s",
-            -found.delay,
-            recorder.late("r") - true["gyro.latency"],
-            found.delay_error,
-            "by how much the rate is recorded late, beside the servo command it causes",
-        ),
+        Finding("lead", "s", found.lead, true["gyro.lead"], found.lead_error, _GAIN),
+        Finding("lead_filter", "s", found.lead_filter, lead_filter, found.lead_filter_error, _LESS),
+        Finding("tau_r", "s", -found.delay, recorder.late("r") - latency, found.delay_error, _LATE),
     )
-    return RigTest(rig="turntable", findings=tuple(Finding(*row) for row in table))
+    return RigTest(rig="turntable", findings=findings)
 
 
 def _ratio_error(part: float, error: float, over: Finding) -> float:
