@@ -139,30 +139,23 @@ class Excitation:
     def wave(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what is added to the one axis, (n_time,): unitised, of sensors rad/s or rad.
 
-        Args:
-            time: (n_time,) s from the start of the flight, one for each step of the simulation.
+        The times, (n_time,) s from the start of the flight, are those of the simulation's steps.
         """
         raise NotImplementedError
 
     def sticks(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what is added to each axis of its place, (n_time, n_axis); by default `wave`.
 
-        At the sticks these are COL, LON, LAT, PED, unitised, each between -0.5 and 0.5, the
-        whole travel. Elsewhere they are those of `PLACES`; of servos and actuators the first
-        four are enough, of sensors the three rates.
-
-        Args:
-            time: (n_time,) s from the start of the flight, one for each step of the simulation.
+        At the sticks these are COL, LON, LAT, PED, unitised, -0.5 to 0.5; elsewhere the axes of
+        `PLACES`, of which of servos and actuators the first four are enough, of sensors the rates.
+        The times, (n_time,) s from the start of the flight, are those of the simulation's steps.
         """
         return self.on_axis(self.wave(time))
 
     def added(self, time: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """Return what is added at the times in s, (n_time,), by place: (n_time, n_axis).
 
-        The columns are the axes of `PLACES`.
-
-        Raises:
-            InputError: `sticks` gives another shape, or a value that isn't finite or in range.
+        Raises InputError: `sticks` gives another shape, or a value that isn't finite or in range.
         """
         given, kind = np.asarray(self.sticks(time.copy())), type(self).__name__
         axes = PLACES[self.at]
@@ -219,8 +212,7 @@ class Excitation:
 def register(cls: type, kinds: dict[str, Any], what: str) -> None:
     """Put a class among its kinds by its name, unless that begins with _.
 
-    Raises:
-        InputError: another module has one of that name.
+    Raises InputError: another module has one of that name.
     """
     other = kinds.get(cls.__name__, cls)
     if other.__module__ != cls.__module__:
@@ -240,11 +232,7 @@ def split_axes(axis: str) -> tuple[str, ...]:
 def own_setting(
     excitation: Excitation, own: Mapping[str, float], axis: str, name: str
 ) -> float | tuple[float, float]:
-    """Return what a vehicle's own sweep of an axis has for a setting that is left open.
-
-    Raises:
-        InputError: it has none there.
-    """
+    """Return what a vehicle's own sweep of an axis has for an open setting. Raises InputError."""
     axis = _OWN_AXIS.get(axis, axis)
     if axis not in AXES or (name == "amplitude" and excitation.at != "sticks"):
         raise InputError(
@@ -325,13 +313,7 @@ def check_axis(excitation: Excitation) -> None:
 
 
 def check_times(duration: Any, trim_time: Any, *, after: bool = True) -> None:
-    """Raise InputError unless a duration and the trimmed stretch in it can be.
-
-    Args:
-        duration: s.
-        trim_time: s, before the manoeuvre.
-        after: whether as long a stretch has to be trimmed behind it too.
-    """
+    """Raise InputError unless a duration, s, and the trimmed stretch before (and `after`) fit."""
     numbers = is_number(duration) and is_number(trim_time)
     if not (numbers and math.isfinite(duration + trim_time) and trim_time >= 0.0):
         raise InputError(

@@ -95,14 +95,15 @@ def roll(
         model: of the flight.
         start: (n_state,) full physics state.
         count: of the steps.
-        added: (n_step, n_injection) what a manoeuvre adds; None for nothing.
-        control: (n_step, n_control) of a model whose controls no force law writes; None for none.
+        added: (n_step, n_injection) of a manoeuvre; None for none.
+        control: (n_step, n_control) where no force law writes controls; None for none.
         state: (1, n_step, n_state) memory for the states, which are not read.
     """
     inputs, spec = control, mujoco.mjtState.mjSTATE_CTRL
     if control is None:
         spec = mujoco.mjtState.mjSTATE_USERDATA
-        inputs = None if added is None else np.pad(added, _room(model, added))
+        rest = 0 if added is None else model.nuserdata - added.shape[1]
+        inputs = None if added is None else np.pad(added, ((0, 0), (0, rest)))
     with installed():
         _, sensordata = rollout.rollout(
             model,
@@ -114,11 +115,6 @@ def roll(
             state=state,
         )
     return sensordata[0]
-
-
-def _room(model: mujoco.MjModel, added: NDArray[np.float64]) -> tuple[tuple[int, int], ...]:
-    """Return what makes all the user data of a model of what is added at each step."""
-    return (0, 0), (0, model.nuserdata - added.shape[1])
 
 
 def simulate(
@@ -217,14 +213,8 @@ def fly_from(
 ) -> Trajectory:
     """Return one flight of a plan, cut where it leaves the envelope or its states break.
 
-    Args:
-        vehicle: that flies.
-        plan: of the flight.
-        model: that is prepared for it.
-        start: (n_state,) full physics state.
-        trim: in which it begins.
-        added: (n_step, n_injection) `injection` of the plan's excitation.
-        state: memory as for `roll`.
+    The model is `prepare`d for it; start, (n_state,), is its full physics state, added the
+    (n_step, n_injection) of the excitation, and state (1, n_step, n_state) memory as for `roll`.
 
     Raises:
         DivergedError: not one sample is within the envelope.
@@ -308,11 +298,7 @@ def _state(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
 
 
 def _powered(vehicle: Vehicle, plan: FlightPlan) -> Vehicle:
-    """Return a vehicle whose rotor a motor turns, where a mission needs one.
-
-    Raises:
-        ModelError: the vehicle has none.
-    """
+    """Return a vehicle whose rotor a motor turns, where a mission needs one. Raises ModelError."""
     if plan.mission is None or not plan.mission.engine:
         return vehicle
     why = f"in the mission {plan.mission.name} a motor turns the rotor of {vehicle.name}"
@@ -341,17 +327,10 @@ def prepare(
     number: int,
     model: mujoco.MjModel | None = None,
 ) -> mujoco.MjModel:
-    """Return a copy of the vehicle's model that flies one flight of a plan.
+    """Return a copy of a trimmed vehicle's model that flies one flight of a plan.
 
     What no compiled formula adds comes in `mjData.userdata`: before each step, the row of the
-    excitation's `injection`.
-
-    Args:
-        vehicle: trimmed for the weather's steady wind.
-        plan: of the flight.
-        seed: of pilot and turbulence.
-        number: of the flight.
-        model: to copy in place of the vehicle's own: of the same vehicle on the ground.
+    excitation's `injection`. A `model` of the same vehicle on a ground may be copied instead.
     """
     plan = as_plan(plan)
     copied: mujoco.MjModel = copy.copy(model or vehicle.model)
@@ -371,11 +350,7 @@ def prepare(
 
 
 def start_trim(vehicle: Vehicle, mission: Mission | None) -> Trim:
-    """Return the steady flight in which flights begin: the hover, or what a mission starts from.
-
-    Raises:
-        TrimError: the vehicle can't fly as fast.
-    """
+    """Return the steady flight in which a mission, or a hover, begins. Raises TrimError."""
     trim, speed = vehicle.trim, 0.0 if mission is None else mission.start.speed
     for k in range(math.ceil(speed / _APART)):
         trim = find_trim(
@@ -413,16 +388,7 @@ def begin(
 ) -> None:
     """Put a vehicle where a flight begins: in its trim or parked, in air as rough as ever.
 
-    Args:
-        vehicle: that flies.
-        model: of the flight.
-        data: of the flight.
-        weather: that is flown through.
-        ground: below; None for none.
-        trim: in which it begins; the vehicle's if None.
-        height: m above the ground, of its origin; the weather's if None.
-        seed: of the air.
-        number: of the flight.
+    The trim is the vehicle's if None; the height of its origin above the ground, m, the weather's.
     """
     place(model, data, trim or vehicle.trim, height=weather.height if height is None else height)
     if ground is not None:

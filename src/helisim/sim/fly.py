@@ -131,15 +131,8 @@ def fly_all(
 ) -> Iterator[Any]:
     """Yield each flight, those that were terminated early too, with their last second.
 
-    The other arguments and errors are those of `fly_each`.
-
-    Args:
-        vehicle: that flies.
-        plan: of the flights.
-        numbers: of the flights.
-        then: what is yielded of each flight's number and flight, made in the thread that flew it.
-        seed: as for `fly`.
-        jobs: as for `fly`.
+    What is yielded is what `then` makes of number and flight, in the thread that flew it. The
+    other arguments and errors are those of `fly_each`.
 
     Raises:
         DivergedError: a flight was terminated before there was a record of it.
@@ -256,11 +249,7 @@ def fly_to(
 def write_flight(flight: Flight, path: Path) -> Path | None:
     """Write a flight, and its last second, if there is one, into a folder beside it.
 
-    Returns:
-        The path of the last second.
-
-    Raises:
-        StorageError: a file can't be written.
+    Returns the path of the last second. Raises StorageError.
     """
     beside = None
     if flight.last_second is not None:  # first: a record that says that it ended has it

@@ -121,11 +121,7 @@ class Deck:
     def pose(self, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return where the middle of the deck is and how it is turned, north-east-down.
 
-        Args:
-            time: (n_time,) s.
-
-        Returns:
-            (n_time, 3) m, and (n_time, 3, 3) from the deck's axes.
+        At times (n_time,), s: (n_time, 3) m, and (n_time, 3, 3) from the deck's axes.
         """
         at = dict.fromkeys(_AXES, np.zeros_like(time))
         at |= {name: swing.at(time) for name, swing in self.swings.items()}
@@ -217,11 +213,7 @@ class Ground:
 
     @classmethod
     def of_record(cls, record: FlightRecord) -> "Ground | None":
-        """Return the ground that a record was flown over by its provenance; None for none.
-
-        Raises:
-            InputError: what it has is no ground.
-        """
+        """Return the ground that a record was flown over, None for none. Raises InputError."""
         kept = record.provenance
         said = kept.get("ground", dict(kept.get("by_hand", {})).get("ground"))
         return None if said is None else from_plain(cls, said, "ground")
@@ -234,9 +226,7 @@ class Ground:
     def put_into(self, spec: mujoco.MjSpec, vehicle: mujoco.MjModel) -> None:
         """Add the ground to a specification: what `assemble` takes as `around`.
 
-        Args:
-            spec: of a vehicle, with a scene or without; the scene's own ground is laid so.
-            vehicle: compiled of it.
+        The scene's own ground, if there is one, is laid so; the model is compiled of the vehicle.
         """
         drawn = list(spec.worldbody.geoms)
         for geom in spec.geoms if self.friction is not None else ():
@@ -268,14 +258,9 @@ class Ground:
         return Vehicle(vehicle.folder, vehicle.parameters, model, vehicle.trim, vehicle.controller)
 
     def begin(self, vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Set a deck where it is, and as fast as it is, when a flight begins.
+        """Set a deck where it is, and as fast as it is, when a flight begins in the hover.
 
         And where the flight starts parked, the vehicle on its landing gear at flat pitch.
-
-        Args:
-            vehicle: that flies.
-            model: of it on this ground.
-            data: with the vehicle in its hover.
 
         Raises:
             InputError: the rotor is to start slow, and no motor turns it.
@@ -323,14 +308,10 @@ class Ground:
     def heights(
         self, time: NDArray[np.float64], points: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return how high points are above what is below them, along its normal, m.
+        """Return how high points are above what is below them, along its normal, m, (n_time, n).
 
-        Args:
-            time: (n_time,) s.
-            points: (n_time, n, 3) north, east, down, m.
-
-        Returns:
-            (n_time, n); beside a deck, above what is around it.
+        At times (n_time,), s, of points (n_time, n, 3), north, east, down, m. Beside a deck that is
+        what is around it.
         """
         if self.deck is None:
             leaning = math.sin(self.slope)
@@ -388,9 +369,7 @@ class Outline(NamedTuple):
     ) -> NDArray[np.float64]:
         """Return how high the lowest point of gear and discs is above height 0, m, (n_time,).
 
-        Args:
-            positions: (n_time, 3) north, east, down of the IMU, m.
-            attitudes: (n_time, 3) phi, theta, psi, rad.
+        Positions of the IMU are (n_time, 3), north, east, down, m; attitudes (n_time, 3), rad.
         """
         phi, theta = attitudes[:, 0], attitudes[:, 1]
         level = np.cos(theta)
@@ -404,9 +383,9 @@ class Outline(NamedTuple):
     def closer_than(
         self, least: float, positions: NDArray[np.float64], attitudes: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Return where the clearance is less than some metres, (n_time,).
+        """Return where the `clearance` is less than some metres, (n_time,), of (n_time, 3) each.
 
-        Arguments are those of `clearance`. High above the ground no attitude is looked at.
+        High above the ground no attitude is looked at.
         """
         low = -positions[:, 2] < least + self.reach
         if low.any():

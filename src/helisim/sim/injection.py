@@ -23,17 +23,10 @@ _FIRST = {
 
 
 def injection(excitation: Excitation, vehicle: Vehicle) -> NDArray[np.float64] | None:
-    """Return what an excitation adds at each step of a flight, (n_step, n_injection).
+    """Return what an excitation adds at each step of a flight, (n_step, n_injection), read-only.
 
     The columns are those of `INJECTION`. What servos, actuators and sensors get is held between
-    the gyro's ticks, as the commands are.
-
-    Args:
-        excitation: with nothing left open.
-        vehicle: that flies.
-
-    Returns:
-        Read-only values; None for what the force laws compute themselves.
+    the gyro's ticks, as the commands are. None: the force laws compute it themselves.
 
     Raises:
         InputError: the class returns something else than such values.

@@ -149,13 +149,7 @@ class Limits:
     def __init__(
         self, envelope: FlightEnvelope, vehicle: Vehicle, *, of_origin: bool = False
     ) -> None:
-        """Take the limits of a vehicle.
-
-        Args:
-            envelope: of them.
-            vehicle: that flies.
-            of_origin: whether positions are of the vehicle's origin, not of its IMU.
-        """
+        """Take the limits of a vehicle, of positions of its IMU or, `of_origin`, of its origin."""
         own, shape = vehicle.parameters, outline(vehicle)
         self.shape = shape.moved(np.array(vehicle.imu_offset)) if of_origin else shape
         self._envelope, self._induced = envelope, hover_induced_velocity(vehicle)
@@ -231,7 +225,7 @@ class Contact:
     def clearance(
         self, time: float, position: NDArray[np.float64], turn: NDArray[np.float64]
     ) -> float:
-        """Return the height of the lowest point of the landing gear, m; see `found`."""
+        """Return how high the landing gear is, m; position (3,), turn (3, 3): see `found`."""
         gear = self._heights(time, position, turn, self._gear) - self._radii
         return float(gear.min(initial=np.inf))
 
@@ -289,10 +283,7 @@ def point_heights(
 ) -> NDArray[np.float64]:
     """Return how high points of the vehicle are above what is below, (n_time, n_point), m.
 
-    Args:
-        ground: below the flight.
-        trajectory: of the flight.
-        points: (n_point, 3) from the vehicle's IMU, m, body axes.
+    Points are (n_point, 3) from the vehicle's IMU, m, body axes.
     """
     turned = np.einsum("tij,nj->tni", trajectory.earth.as_matrix(), points)
     return ground.heights(trajectory.time, trajectory.positions[:, None] + turned)

@@ -487,9 +487,9 @@ class History(Excitation):
             time: (n_time,) s from the start of the flight, rising from 0.
             values: (n_time,), or (n_time, n_axis) with a column for each of `axis`; unitised, of
                 sensors rad/s.
-            axis: one, or several joined as "lat+ped".
-            at: "sticks", "servos", "actuators" or "sensors".
-            method: "linear", "hold" or "cubic".
+            axis: one, or several joined as "lat+ped"; the rest is as for the class.
+            at: where it is added.
+            method: of resampling.
             duration: s, of the flight; that of the array if 0.
             source: where it comes from, for people.
 
@@ -673,13 +673,7 @@ def _check_samples(
 def _read_columns(
     path: Path, axis: str | None, at: str
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-    """Return a file's times, (n_time,) s from the first, and the columns of axes, (n_time,) SI.
-
-    Raises:
-        StorageError: the file can't be read.
-        RecordError: a time is missing.
-        InputError: a column is missing, isn't known, or has another unit.
-    """
+    """Return a file's times, (n_time,) s from the first, and the columns of axes, (n_time,) SI."""
     if at not in PLACES:
         raise UnknownNameError("place for a manoeuvre", at, PLACES)
     source, known = open_source(path), _CHANNELS[at]

@@ -91,8 +91,7 @@ class Multisine(Timed):
     def on(self, own: Mapping[str, float]) -> "Multisine":
         """Return it with what is left open filled in by a vehicle's own parameters.
 
-        Raises:
-            InputError: it is faster than the gyro, or its period isn't a whole number of ticks.
+        Raises InputError: it is faster than the gyro, or its period isn't a whole number of ticks.
         """
         ticks = self.period / own["gyro.period"]
         if abs(ticks - round(ticks)) > TICK_TOLERANCE * ticks:
@@ -182,13 +181,9 @@ class Design:
 
 @lru_cache(maxsize=64)
 def design(numbers: tuple[int, ...], slope: float, phases: str, corner: float = 0.0) -> Design:
-    """Return the multisine of these harmonics.
+    """Return the multisine of these harmonics, rising: oscillations a period.
 
-    Args:
-        numbers: of the harmonics, rising.
-        slope: power goes as frequency to the minus `slope`.
-        phases: "low_peak" or "schroeder".
-        corner: oscillations a period, below which the power is flat.
+    Power goes as frequency to the minus `slope`; it is flat below the corner, in the same unit.
     """
     k = np.array(numbers)
     height = np.hypot(k, corner) ** (-0.5 * slope)

@@ -70,11 +70,7 @@ _LONGEST_WORD = 60  # Characters of a setting in words: packed samples have thou
 
 
 def hover_height(model: mujoco.MjModel) -> float:
-    """Return how high a helicopter hovers to be seen with its pad, m; half its extent hangs below.
-
-    Args:
-        model: with every part to be seen.
-    """
+    """Return how high a helicopter hovers to be seen, m; half its extent hangs below."""
     return _AIR + 0.5 * model.stat.extent
 
 
@@ -189,10 +185,7 @@ class FlightPlan(Displayed):
         return replace(self, excitation=complete, recorder=recorder)
 
     def to_dict(self, *, toml: bool = False) -> dict[str, Any]:
-        """Return the plan as JSON data, of which `from_dict` makes an equal plan.
-
-        Args:
-            toml: whether as data of a TOML file, which knows no null.
+        """Return the plan as data of JSON or TOML, of which `from_dict` makes an equal plan.
 
         Raises:
             InputError: the manoeuvre is a function, which `on` samples first.

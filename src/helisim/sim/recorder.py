@@ -39,7 +39,6 @@ from helisim.records.channels import (
     SERVO_POSITIONS,
     SERVOS,
     VELOCITIES,
-    Channel,
     channel,
 )
 from helisim.records.record import FlightRecord
@@ -155,13 +154,7 @@ class Recorder:
     def record(
         self, trajectory: Trajectory, rng: np.random.Generator, provenance: Mapping[str, Any]
     ) -> FlightRecord:
-        """Return what this computer writes of a flight.
-
-        Args:
-            trajectory: the flight at the simulation's own rate.
-            rng: of the sensor noise.
-            provenance: kept with the record.
-        """
+        """Return what this computer writes of a flight, with noise of `rng`; provenance is kept."""
         flight = trajectory.at_ticks()  # so that a record doesn't depend on the time step
         sampling = _Sampling(self, flight, rng)
         columns = sampling.inputs() | sampling.motion()
@@ -301,22 +294,17 @@ def last_second(trajectory: Trajectory, provenance: Mapping[str, Any]) -> Flight
     """Return the last second of a flight at the simulation's rate, true to the last digit.
 
     It has the channels of a recorder with `rotor=True`, without IN1. Velocities, forces and
-    positions are the IMU's.
-
-    Args:
-        trajectory: of a flight that has at least two samples.
-        provenance: kept with the record.
+    positions are the IMU's. The flight has at least two samples.
     """
     trajectory = trajectory.since(trajectory.time[-1] - _LAST)
     groups = {**_MEASURED, **_TRUE}
     if trajectory.rotor_speed is None:
         del groups[ROTOR_SPEED]
     values = np.column_stack([columns(trajectory) for columns in groups.values()])
-    channels = tuple(_of_imu(CHANNELS[name]) for names in groups for name in names)
-    return FlightRecord(trajectory.time, values, channels, provenance)
-
-
-def _of_imu(one: Channel) -> Channel:
-    if one.name not in (*VELOCITIES, *ACCELERATIONS, *POSITIONS):
-        return one
-    return replace(one, meaning=one.meaning.replace("the centre of gravity", "the IMU"))
+    channels = [CHANNELS[name] for names in groups for name in names]
+    at_imu = (*VELOCITIES, *ACCELERATIONS, *POSITIONS)
+    for k, one in enumerate(channels):
+        if one.name in at_imu:
+            meaning = one.meaning.replace("the centre of gravity", "the IMU")
+            channels[k] = replace(one, meaning=meaning)
+    return FlightRecord(trajectory.time, values, tuple(channels), provenance)

@@ -156,12 +156,7 @@ class Trajectory:
         return Rotation.from_euler("ZYX", self.attitudes[:, ::-1])
 
     def injected(self, added: NDArray[np.float64] | None, places: Collection[str]) -> "Trajectory":
-        """Return it with what a manoeuvre added in it.
-
-        Args:
-            added: (n_step, n_injection) of the whole flight, or None.
-            places: where the manoeuvre adds something.
-        """
+        """Return it with what a manoeuvre added at places in it, (n_step, n_injection) or None."""
         shown = {
             name: added[: self.time.size, first : first + count]
             for name, (place, first, count) in _INJECTED.items()
@@ -197,11 +192,9 @@ class Trajectory:
 
 
 def read_trajectory(vehicle: Vehicle, sensordata: NDArray[np.float64]) -> Trajectory:
-    """Sort the sensor data of one flight into a `Trajectory`.
+    """Sort the sensor data of one flight, (n_step, nsensordata), into a `Trajectory`.
 
-    Args:
-        vehicle: that flew.
-        sensordata: (n_step, nsensordata), as mj_step leaves it: of the time before the step.
+    They are as mj_step leaves them: of the time before the step.
 
     Raises:
         DivergedError: a number is not finite, or the simulation stopped.
@@ -264,12 +257,7 @@ def _halfway(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def sound_samples(model: mujoco.MjModel, sensordata: NDArray[np.float64]) -> tuple[int, str]:
-    """Return how many samples there are before the simulation breaks, and how it does.
-
-    Args:
-        model: that flew.
-        sensordata: (n_step, nsensordata).
-    """
+    """Return how many sound samples, (n_step, nsensordata), there are, and how they end."""
     time = sensordata[:, model.sensor("clock").adr[0]]
     finite = np.isfinite(sensordata).all(axis=1)
     if not finite.all():

@@ -135,13 +135,7 @@ class Moved(NamedTuple):
 class Ramp:
     """A change of speed along half a cosine, so that neither attitude nor collective has to jump.
 
-    Attributes:
-        start: speed before, m/s or rad/s.
-        end: speed after.
-        acceleration: the most there is on the way, above 0.
-
-    Raises:
-        InputError: it can't be flown so.
+    From `start` to `end`, m/s or rad/s, with at most an acceleration, above 0.
     """
 
     start: float
@@ -177,13 +171,8 @@ class Ramp:
 class Glide:
     """A way from rest to rest: faster, on, slower.
 
-    Attributes:
-        distance: m, or an angle in rad; 0 or more.
-        speed: the most there is on the way, above 0; a short way is flown slower.
-        acceleration: the most there is on the way, above 0.
-
-    Raises:
-        InputError: it can't be flown so.
+    A distance, m or rad, with at most a speed and an acceleration, above 0; a short way is flown
+    slower.
     """
 
     distance: float
@@ -226,25 +215,10 @@ class Lift:
 
     It needs no precision, as he sees what comes of it; but between a hover and a descent on the
     wind the same thrust takes a whole travel of the stick less.
-
-    Attributes:
-        weight: N.
-        mass: kg.
-        tip_speed: m/s, nominal.
-        area: of the disc times the density of the air, kg/m.
-        blades: lift slope times solidity, over 2.
-        travel: blade pitch of a unit of collective stick, rad.
-        offset: collective stick, unitised, by which the hover is off what these say.
     """
 
     def __init__(self, vehicle: Vehicle, model: mujoco.MjModel, rotor: int) -> None:
-        """Take the rotor of a vehicle, right in a hover.
-
-        Args:
-            vehicle: that flies.
-            model: of the flight.
-            rotor: its rotor's actuator.
-        """
+        """Take a vehicle's rotor, an actuator in the model of a flight; right in a hover."""
         par = model.actuator_user[rotor]
         self.mass = float(model.body_subtreemass[root_body(model)])
         radius = float(par[PARAM.main_radius])
@@ -261,11 +235,8 @@ class Lift:
     def collective(self, push: float, speed: float, through: float, across: float) -> float:
         """Return where the collective stick makes a thrust, unitised.
 
-        Args:
-            push: m/s^2, beside the weight.
-            speed: of the rotor, over the nominal one.
-            through: velocity of the air up through the disc, m/s.
-            across: in the disc's plane, m/s.
+        The thrust pushes, m/s^2, beside the weight; the rotor's speed is over the nominal one; the
+        air's velocity is up through the disc and across in its plane, m/s.
         """
         thrust = self.weight + self.mass * push
         tip, least, induced = speed * self.tip_speed, _MIXING * self.induced, self.induced
@@ -287,14 +258,7 @@ class OuterLoop:
     """
 
     def __init__(self, vehicle: Vehicle, model: mujoco.MjModel, trim: Trim, rotor: int) -> None:
-        """Take what a vehicle's gyro and its collective command.
-
-        Args:
-            vehicle: that flies.
-            model: of the flight.
-            trim: in which it begins.
-            rotor: its rotor's actuator.
-        """
+        """Take what a vehicle's gyro and its collective command, about a trim."""
         par = model.actuator_user[rotor]
         rates = [
             [par[PARAM.gyro_p_per_lat], par[PARAM.gyro_p_per_lon]],
@@ -310,13 +274,7 @@ class OuterLoop:
         self._north = self._east = self._down = 0.0
 
     def sticks(self, seen: Sight, wanted: Wanted, seconds: float) -> tuple[float, ...]:
-        """Return COL, LON, LAT, PED, unitised.
-
-        Args:
-            seen: now.
-            wanted: now.
-            seconds: for which the sticks are held.
-        """
+        """Return COL, LON, LAT, PED, unitised, that are held for some seconds."""
         col = self._col(seen, wanted, seconds) if wanted.collective is None else wanted.collective
         if not wanted.cyclic:
             return _limited(col, _END), 0.0, 0.0, 0.0
@@ -425,9 +383,7 @@ class Autopilot:
     def carrying_collective(self, push: float, *, slowest: float = 0.5) -> float:
         """Return where the collective stick makes the rotor carry the helicopter now, unitised.
 
-        Args:
-            push: m/s^2, along the rotor's shaft, beside its weight.
-            slowest: rotor speed over the nominal one, below which pitch is not raised for it.
+        It pushes, m/s^2, beside the weight; for a rotor below the slowest speed pitch isn't raised.
         """
         now = self.seen.motion
         return self.loop.rotor.collective(
@@ -466,14 +422,7 @@ class Autopilot:
     def go(
         self, north: float, east: float, *, speed: float = 4.0, acceleration: float = 1.5
     ) -> Iterator[None]:
-        """Fly from rest straight to a place and stop there.
-
-        Args:
-            north: m.
-            east: m.
-            speed: m/s on the way.
-            acceleration: m/s^2 at most.
-        """
+        """Fly from rest straight to a place, m, and stop there; speed, m/s, and m/s^2 at most."""
         start = (self.wanted.north, self.wanted.east)
         far = (north - start[0], east - start[1])
         distance = math.hypot(*far)

@@ -149,16 +149,7 @@ class ScriptedPilot:
         trim: Trim,
         ground: Ground | None = None,
     ) -> None:
-        """Take the sticks.
-
-        Args:
-            mission: to be flown.
-            vehicle: that flies.
-            model: of the flight, with pilot and weather; its sticks are written.
-            data: as the flight begins.
-            trim: in which it begins.
-            ground: below; None for the plane at height 0, at which the flight ends.
-        """
+        """Take the sticks of a model with pilot and weather; data are as the flight begins."""
         self.failure: Failure | None = None
         self.touched = False
         self.every = max(1, round(_TICK / model.opt.timestep))
@@ -185,7 +176,8 @@ class ScriptedPilot:
         """Ask the script, and move sticks and rotor; return whether the flight ends."""
         seen, pilot = self._seen(data), self._pilot
         self.touched = False
-        if not (math.isfinite(seen.motion.down) and _tilt(seen.motion) < _LOST):
+        tilt = max(abs(seen.motion.phi), abs(seen.motion.theta))
+        if not (math.isfinite(seen.motion.down) and tilt < _LOST):
             return True  # the envelope says why
         pilot.seen = seen
         self._finished = next(self._ticks, True)
@@ -243,10 +235,6 @@ class ScriptedPilot:
         else:
             rotor = float(data.ctrl[self._where.control + ROTOR])
         return Sight(float(data.time), motion, *over_ground, clearance, self.touched, rotor)
-
-
-def _tilt(motion: Motion) -> float:
-    return max(abs(motion.phi), abs(motion.theta))
 
 
 @dataclass(frozen=True)

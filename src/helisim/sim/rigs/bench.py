@@ -125,15 +125,7 @@ def _check_sweep(band: tuple[float, float], duration: float, rest: float) -> Non
 
 
 def hold(vehicle: Vehicle, rig: str) -> Vehicle:
-    """Return the vehicle in a rig: same parameters, a model that the rig holds.
-
-    Args:
-        vehicle: to hold.
-        rig: "bench", "turntable" or "suspension".
-
-    Raises:
-        UnknownNameError: no such rig.
-    """
+    """Return the vehicle in a rig, "bench", "turntable" or "suspension"; else raise an error."""
     timestep = float(vehicle.model.opt.timestep)
     model = assemble(vehicle.folder, vehicle.parameters, timestep=timestep, rig=rig)
     return replace(vehicle, model=model)
@@ -181,14 +173,7 @@ def hang(
     seed: int = 0,
     recorder: Recorder | None = None,
 ) -> FlightRecord:
-    """Hang a helicopter from one point of the suspension and let it swing to rest.
-
-    Args:
-        held: by the suspension.
-        point: one of `suspension_points`.
-        duration: s.
-        seed: of the sensors.
-        recorder: the vehicle's own if None.
+    """Hang a helicopter by one of `suspension_points`, to swing to rest for a duration, s.
 
     Raises:
         UnknownNameError: no such point.

@@ -120,13 +120,7 @@ def run_rigs(
 
     No signal tells the gyro's four yaw gains apart beyond one common factor: the unit in which
     the gyro counts its rate error. The convention is that k_delta has the value which the gyro
-    shows as its setting; bench and turntable then give the other three.
-
-    Args:
-        vehicle: to test.
-        seed: of the sensors.
-        recorder: the vehicle's own if None.
-        on_progress: called with a rig's name after each test.
+    shows as its setting. The seed is of the sensors; `on_progress` is called with each rig's name.
     """
     on_progress, given = on_progress or (lambda _: None), {"seed": seed, "recorder": recorder}
     setting = vehicle.parameters["gyro.k_delta"]  # read off the gyro, as on a real bench
@@ -152,13 +146,6 @@ def bench_test(
     The gyro answers the step with a jump of k_p k_delta and a ramp of k_I k_delta: the bench
     sees the two products and their ratio. The gain of the stick, k_delta, must come from
     elsewhere: from the gyro's settings.
-
-    Args:
-        vehicle: to test.
-        k_delta: gain of the pedal stick, 1.
-        steps: the default `PedalSteps` if None.
-        seed: of the sensors.
-        recorder: the vehicle's own if None.
 
     Raises:
         RecordError: the tail servo ran into its limit.
@@ -202,15 +189,7 @@ def turntable_test(
 
     Identifies H2 = ped / r = -(k_p + k_I/s) k_a (eq. (3) of the paper) and the gyro's lead on
     the rate with its filter, as a continuous lead answers like the gyro's sampled one. The noise
-    is in the recorded rate, so the fit predicts the rate.
-
-    Args:
-        vehicle: to test.
-        k_p: from the bench; k_a has its error too.
-        k_i: from the bench, 1/s.
-        sweep: the default `TableSweep` if None.
-        seed: of the sensors.
-        recorder: the vehicle's own if None.
+    is in the recorded rate, so the fit predicts the rate; k_p and k_I are the bench's, with errors.
 
     Raises:
         RecordError: the tail servo ran into its limit.
