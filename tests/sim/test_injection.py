@@ -29,7 +29,7 @@ from helisim.sim import (
     simulate,
     write_plan,
 )
-from helisim.sim.injection import injection
+from helisim.sim.excitation import injection
 from helisim.vehicle import load
 
 STEADY = {"pilot": Pilot(remnant=0.0), "envelope": FlightEnvelope.off()}

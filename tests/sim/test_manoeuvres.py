@@ -18,7 +18,7 @@ from helisim.sim import (
     ThreeTwoOneOne,
     Together,
 )
-from helisim.sim.injection import step_times
+from helisim.sim.excitation import step_times
 from helisim.sim.multisine import design, schroeder_phases
 
 TIME = step_times(20.0, 0.002)

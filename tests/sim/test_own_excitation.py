@@ -25,9 +25,8 @@ from helisim.sim import (
     simulate,
     write_plan,
 )
-from helisim.sim.excitation import EXCITATIONS
+from helisim.sim.excitation import EXCITATIONS, _injection, step_times
 from helisim.sim.flight import prepare
-from helisim.sim.injection import _injection, step_times
 from helisim.sim.manoeuvres import ThreeTwoOneOne
 from helisim.vehicle import load
 from helisim.vehicle.folder import model_folder

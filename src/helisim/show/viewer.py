@@ -22,9 +22,8 @@ from helisim.physics.layout import PARAM, STATE
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.sim import Ground, Pilot
-from helisim.sim.excitation import Excitation, check_excitation
+from helisim.sim.excitation import Excitation, check_excitation, injection
 from helisim.sim.flight import steps
-from helisim.sim.injection import injection
 from helisim.sim.limits import broken
 from helisim.sim.plan import hover_height
 from helisim.vehicle import Vehicle

@@ -22,9 +22,9 @@ from helisim.base.errors import DivergedError, InputError
 from helisim.physics.drive import MOTOR
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
+from helisim.sim.excitation import injection
 from helisim.sim.faults import write_faults
 from helisim.sim.ground import Ground
-from helisim.sim.injection import injection
 from helisim.sim.missions.mission import Mission, ScriptedPilot
 from helisim.sim.plan import FlightPlan, Flyable, as_plan
 from helisim.sim.trajectory import End, Trajectory, read_trajectory, sound_samples

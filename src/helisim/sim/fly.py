@@ -12,9 +12,9 @@ from helisim.base.value import FrozenMap
 from helisim.records.provenance import difference, made_by, plain
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
+from helisim.sim.excitation import injection_digest
 from helisim.sim.faults import RecorderFault
 from helisim.sim.flight import flight_numbers, generator, simulated
-from helisim.sim.injection import injection_digest
 from helisim.sim.missions.mission import Reached
 from helisim.sim.plan import Flyable, as_plan
 from helisim.sim.recorder import Recorder, last_second

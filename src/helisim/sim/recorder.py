@@ -109,9 +109,9 @@ class Recorder:
     antialias_hz: float = setting(40.0, unit="Hz", above=0.0)
     lever_arm_corrected: bool = True
     rotor: bool = False
-    latency: Mapping[str, float] | None = setting(factory=dict, unit="s", low=0.0)
-    noise: Mapping[str, float] = setting(factory=lambda: dict(_NOISE), low=0.0)
-    resolution: Mapping[str, float] = setting(factory=lambda: dict(_RESOLUTION), low=0.0)
+    latency: Mapping[str, float] | None = setting(factory=dict, unit="s", low=0.0, high=1e3)
+    noise: Mapping[str, float] = setting(factory=lambda: dict(_NOISE), low=0.0, high=1e6)
+    resolution: Mapping[str, float] = setting(factory=lambda: dict(_RESOLUTION), low=0.0, high=1e6)
     lever_arm: tuple[float, float, float] | None = setting(None, unit="m", unsaid=True)
 
     def __post_init__(self) -> None:

@@ -71,7 +71,7 @@ class Mission:
         InputError: on its definition, a class has the name of a mission from elsewhere.
     """
 
-    duration: float = setting(unit="s", low=1.0)
+    duration: float = setting(unit="s", low=1.0, high=1e6)
 
     kinds: ClassVar[Mapping[str, type["Mission"]]] = MISSIONS
     start: ClassVar[Start] = Start()
