@@ -16,7 +16,7 @@ import numpy as np
 import helisim as hs
 from helisim.ident.frf import CrossControlWarning
 from helisim.sim import Recorder
-from helisim.study.identification import identify_model
+from helisim.study.comparison import identify_model
 from helisim.study.models import HEAVE, ROLLPITCH_IN1, YAW_BASE
 from helisim.study.truth import true_values
 

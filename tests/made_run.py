@@ -13,17 +13,14 @@ from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from helisim.sim.rigs import Finding, RigTest
 from helisim.study.comparison import ComparisonTable, ParameterRow
-from helisim.study.identified import IdentifiedModel, write_models
-from helisim.study.paper import jr700
-from helisim.study.paper.eq8 import Coefficient, OverallCheck
-from helisim.study.paper.gyro_effect import Change, GyroEffect, Statement
-from helisim.study.results import Exclusion, Results
+from helisim.study.paper import Change, Coefficient, GyroEffect, OverallCheck, Statement, published
+from helisim.study.results import Exclusion, IdentifiedModel, Results, write_models
 
 MODELS = {
     "heave": (ident.structures.heave, {"Z_w": -0.9403, "Z_col": -41.8503, "tau_col": 0.008}),
     "rollpitch_in1": (
         ident.structures.rollpitch,
-        {value.name: value.value for value in jr700.ROLLPITCH_IN1},
+        {value.name: value.value for value in published("jr700")["rollpitch_in1"]},
     ),
 }
 
@@ -132,10 +129,10 @@ def write_run(folder: Path) -> Results:
     items = [make_model("heave"), make_model("rollpitch_in1", verified=True)]
     tables = []
     for item in items:
-        published = jr700.table(item.name)
+        printed = published("jr700")[item.name]
         rows = []
         for name, one in item.fit.parameters.items():
-            paper = published.get(name)
+            paper = printed.get(name)
             rows.append(
                 ParameterRow(
                     name=name,

@@ -27,7 +27,7 @@ from helisim.logs.read import reading_options
 from helisim.look.sweeps import FlownSweep
 from helisim.look.systemid import Inferred, InferredFit, InferredLog, TakenChannel
 from helisim.sitl.parameters import Setting
-from helisim.study.run import Run
+from helisim.study.results import Run
 from made_run import make_flight, make_model, make_verification, write_run
 
 LONGEST = 400

@@ -74,10 +74,9 @@ def main(flights: int = 10) -> None:
         from helisim.physics import native
         from helisim.show.recording import write_recording
         from helisim.show.report import write_report
-        from helisim.study.flights import named_records
-        from helisim.study.identification import identify_model
+        from helisim.study.comparison import identify_model
+        from helisim.study.experiment import named_records, reproduce
         from helisim.study.models import MODELS
-        from helisim.study.reproduce import reproduce
         from helisim.vehicle import load as load_vehicle
 
         clock("imports")

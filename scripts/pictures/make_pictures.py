@@ -26,7 +26,7 @@ import helisim as hs
 from helisim.show.canvas import to_png
 from helisim.show.plots import draw_pair, pairs_of
 from helisim.show.recording import write_recording
-from helisim.study.run import Run, read_run
+from helisim.study.results import Run, read_run
 from helisim.vehicle.folder import model_folder, vehicle_names
 
 PICTURES = Path(__file__).parent

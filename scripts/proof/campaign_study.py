@@ -21,7 +21,7 @@ from helisim.sim import Recorder
 from helisim.study.campaign import read_dataset
 from helisim.study.campaign.summary import Summary, errors, render, summarise
 from helisim.study.models import MODELS
-from helisim.study.paper import jr700
+from helisim.study.paper import published
 from helisim.study.truth import exact_response
 from helisim.vehicle import load
 
@@ -204,8 +204,8 @@ def need(rows: Sequence[Row], key: tuple[str, str], limit: float) -> str:
 def bound(model: str, parameter: str) -> float:
     """Return the paper's bound on a parameter relative to its size, or what stands in for it."""
     (one,) = (item for item in MODELS if item.name == model)
-    published = jr700.table(model)[parameter]
-    return one.paper_tolerance(parameter, published.cr_percent).percent / 100.0
+    printed = published("jr700")[model][parameter]
+    return one.paper_tolerance(parameter, printed.cr_percent).percent / 100.0
 
 
 def main(path: str) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 import helisim as hs
 from helisim.base.errors import DivergedError, HelisimError
 from helisim.sim import parse_fault
-from helisim.study.identification import identify_model
+from helisim.study.comparison import identify_model
 from helisim.study.models import YAW_BASE
 
 FAULTS = (

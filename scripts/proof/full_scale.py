@@ -9,7 +9,7 @@ models/lynx has Padfield's configuration; nothing of it is fitted to a derivativ
 
 Each difference of more than 15 % must have an explanation, and explanations are tried: the model
 flies again with what is named switched, and the difference must shrink. Where the two prints
-differ from each other as much, neither is more than that. Sources: helisim/paper/lynx.py and
+differ from each other as much, neither is more than that. Sources: helisim/study/paper.toml and
 models/lynx/README.md.
 
     python scripts/proof/full_scale.py [--figure full_scale.png]
@@ -27,11 +27,13 @@ from scipy.optimize import brentq
 
 from helisim.show.canvas import to_figure
 from helisim.show.figure import Drawing, Mark, Panel
-from helisim.study.paper import lynx
+from helisim.study import paper
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.blade import lock_reduction
 from helisim.vehicle.calibrate import flapping_of
 
+LYNX = paper.published("lynx").full_scale
+assert LYNX is not None
 CLOSE = 0.15
 """Relative difference up to which a prediction counts as the print."""
 SMALL = 0.05
@@ -39,7 +41,7 @@ SMALL = 0.05
 PUSH = {
     **dict.fromkeys("uvw", 1.0),
     **dict.fromkeys("pqr", 0.1),
-    **dict.fromkeys(lynx.INPUTS, 0.01),
+    **dict.fromkeys(paper.INPUTS, 0.01),
 }
 """m/s, rad/s and rad whose effects on an axis are compared with each other."""
 HALF_A_DEGREE = np.radians(0.5)
@@ -119,8 +121,8 @@ def flights(changes: Changes = ()) -> tuple[Flight, ...]:
     """Return the model's level flights from 0 to 120 kn, with some parameters changed."""
     vehicle = load("lynx", parameters=dict(changes))
     found = []
-    for knots in lynx.THESIS_KNOTS:
-        vehicle = vehicle.trimmed(speed=knots * lynx.KNOT)  # each from the one before
+    for knots in LYNX.thesis_knots:
+        vehicle = vehicle.trimmed(speed=knots * paper.KNOT)  # each from the one before
         found.append(Flight(knots, angles(vehicle), vehicle.power, derivatives(vehicle)))
     return tuple(found)
 
@@ -159,7 +161,7 @@ def derivatives(vehicle: Vehicle) -> dict[str, float]:
     for name in DERIVATIVES:
         axis, _, cause = name.partition("_")
         control, unit = by_control.get(cause, (cause, 1.0))
-        found[name] = linear.derivative(lynx.RATE_OF[axis], control) / unit
+        found[name] = linear.derivative(paper.RATE_OF[axis], control) / unit
     return without_kinematics(found, vehicle.trim.speed, vehicle.trim.theta)
 
 
@@ -179,12 +181,12 @@ def rows(source: str, changes: Changes = ()) -> tuple[Row, ...]:
 
 def _padfield_rows(found: Sequence[Flight]) -> Iterator[Row]:
     for flight in found:
-        linear = lynx.PADFIELD.get(flight.knots)
+        linear = LYNX.padfield.get(flight.knots)
         if linear is None:
             continue
         theta = attitude(linear)["theta"]
         printed = {name: value_of(linear, name) for name in DERIVATIVES}
-        printed = without_kinematics(printed, flight.knots * lynx.KNOT, theta)
+        printed = without_kinematics(printed, flight.knots * paper.KNOT, theta)
         yield from _derivative_rows(PADFIELD, flight, printed)
         for name, angle in attitude(linear).items():
             yield Row(PADFIELD, name, flight.knots, angle, flight.angles[name], HALF_A_DEGREE)
@@ -192,10 +194,10 @@ def _padfield_rows(found: Sequence[Flight]) -> Iterator[Row]:
 
 def _thesis_rows(found: Sequence[Flight]) -> Iterator[Row]:
     for k, flight in enumerate(found):
-        printed = {name: curve[k] for name, curve in lynx.THESIS_DERIVATIVES.items()}
+        printed = {name: curve[k] for name, curve in LYNX.thesis_derivatives.items()}
         yield from _derivative_rows(THESIS, flight, printed)
         for name in ANGLES:
-            angle = lynx.THESIS_TRIMS[name][k]
+            angle = LYNX.thesis_trims[name][k]
             yield Row(THESIS, name, flight.knots, angle, flight.angles[name], HALF_A_DEGREE)
 
 
@@ -213,16 +215,16 @@ def _derivative_rows(source: str, flight: Flight, printed: Mapping[str, float]) 
         yield Row(source, name, flight.knots, value, flight.derivatives[name], small)
 
 
-def attitude(linear: lynx.LinearFlight) -> dict[str, float]:
+def attitude(linear: paper.LinearFlight) -> dict[str, float]:
     """Return the angles that a table's elements of gravity are of, rad."""
     theta = np.arctan2(-linear.derivative("w", "theta"), -linear.derivative("u", "theta"))
     return {"theta": float(theta), "phi": -float(np.arcsin(linear.derivative("theta", "r")))}
 
 
-def value_of(linear: lynx.LinearFlight, name: str) -> float:
+def value_of(linear: paper.LinearFlight, name: str) -> float:
     """Return a table's derivative by its name."""
     axis, _, cause = name.partition("_")
-    return linear.derivative(lynx.RATE_OF[axis], cause)
+    return linear.derivative(paper.RATE_OF[axis], cause)
 
 
 @dataclass(frozen=True)
@@ -274,7 +276,7 @@ def verdict(row: Row) -> str:
     other = _indexed(THESIS if row.source == PADFIELD else PADFIELD).get((row.name, row.knots))
     if other is not None and abs(row.found / other.printed - 1.0) <= CLOSE:
         return APART
-    if row.source == THESIS and row.knots > max(lynx.PADFIELD) and _parts_at_60(row.name):
+    if row.source == THESIS and row.knots > max(LYNX.padfield) and _parts_at_60(row.name):
         return LIKE_60
     return "?"
 
@@ -307,7 +309,7 @@ def skewed_wake(row: Row, flight: Flight) -> float:
     lock = own["air.density"] * own["main_rotor.lift_slope"] * own["main_rotor.chord"]
     lock *= own["main_rotor.radius"] ** 4 / inertia
     stiffness = 8.0 * spring / (inertia * own["main_rotor.speed"] ** 2) / lock
-    at = {"u": row.knots * lynx.KNOT / tip, "w": 0.0, "theta_0": flight.angles["theta_0"]}
+    at = {"u": row.knots * paper.KNOT / tip, "w": 0.0, "theta_0": flight.angles["theta_0"]}
     right, back = 0.0, 0.0  # of the disc, by what changes
     if cause == "v":
         far = at | {"u": max(at["u"], 1e-4)}
@@ -319,7 +321,7 @@ def skewed_wake(row: Row, flight: Flight) -> float:
         right = change if cause == "theta_0" else change / tip
     whole = 1.0 + stiffness**2
     right, back = (right - stiffness * back) / whole, (back + stiffness * right) / whole
-    weight = MASS * lynx.GRAVITY
+    weight = MASS * paper.GRAVITY
     moment = own["main_rotor.hub_stiffness"] - weight * own["main_rotor.hub_z"]
     ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
     roll = moment * izz / (ixx * izz - ixz**2)
@@ -327,8 +329,8 @@ def skewed_wake(row: Row, flight: Flight) -> float:
         "L": roll * right,
         "N": roll * right * ixz / izz,
         "M": moment / own["airframe.iyy"] * back,
-        "X": -lynx.GRAVITY * back,
-        "Y": lynx.GRAVITY * right,
+        "X": -paper.GRAVITY * back,
+        "Y": paper.GRAVITY * right,
     }[axis]
 
 
@@ -360,7 +362,7 @@ def answering_inflow() -> Changes:
     solidity /= np.pi * own["main_rotor.radius"]
     tip = own["main_rotor.speed"] * own["main_rotor.radius"]
     disc = np.pi * own["main_rotor.radius"] ** 2
-    inflow = np.sqrt(MASS * lynx.GRAVITY / (2.0 * own["air.density"] * disc)) / tip
+    inflow = np.sqrt(MASS * paper.GRAVITY / (2.0 * own["air.density"] * disc)) / tip
     name = "flapping.lock_reduction"
     given = {**own, name: lock_reduction(own["main_rotor.lift_slope"], solidity, inflow)}
     return (*flapping_of(given).to_parameters().items(), (name, given[name]))
@@ -371,7 +373,7 @@ def tail_of(own: Mapping[str, float], knots: int) -> tuple[float, float]:
     tip = own["tail_rotor.speed"] * own["tail_rotor.radius"]
     solidity = own["tail_rotor.blades"] * own["tail_rotor.chord"]
     slope = own["tail_rotor.lift_slope"] * solidity / (np.pi * own["tail_rotor.radius"])
-    return slope, knots * lynx.KNOT / tip
+    return slope, knots * paper.KNOT / tip
 
 
 def more_tail_inflow(row: Row, flight: Flight) -> float:
@@ -380,7 +382,7 @@ def more_tail_inflow(row: Row, flight: Flight) -> float:
     A thrust of a sigma / 2 (theta / 3 - lambda / 2) makes an inflow that takes back part of it.
     """
     slope, advance = tail_of(load("lynx").parameters, row.knots)
-    thrust = lynx.THESIS_TRIMS["CT_T"][lynx.THESIS_KNOTS.index(row.knots)]
+    thrust = LYNX.thesis_trims["CT_T"][LYNX.thesis_knots.index(row.knots)]
     induced = brentq(lambda one: 2.0 * one * np.hypot(advance, one) - thrust, 0.0, 1.0)
     speed = np.hypot(advance, induced)
     taken = 0.25 * slope / (2.0 * (speed + induced**2 / speed))
@@ -390,7 +392,7 @@ def more_tail_inflow(row: Row, flight: Flight) -> float:
 def printed_tail_thrust(row: Row, flight: Flight) -> float:
     """Return how much more pitch the tail needs for the thrust that the thesis prints."""
     slope, advance = tail_of(load("lynx").parameters, row.knots)
-    thrust = lynx.THESIS_TRIMS["CT_T"][lynx.THESIS_KNOTS.index(row.knots)]
+    thrust = LYNX.thesis_trims["CT_T"][LYNX.thesis_knots.index(row.knots)]
     induced = brentq(lambda one: 2.0 * one * np.hypot(advance, one) - thrust, 0.0, 1.0)
     through = 0.5 * FACTOR * induced
     pitch = 3.0 * (2.0 * thrust / slope + through) / (1.0 + 1.5 * advance**2)
@@ -401,7 +403,7 @@ def stabilising_fuselage(row: Row, flight: Flight) -> float:
     """Return what the fuselage's yawing moment adds to N_v with the thesis's sign."""
     own = load("lynx").parameters
     ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
-    moment = own["air.density"] * own["airframe.yaw_volume"] * row.knots * lynx.KNOT
+    moment = own["air.density"] * own["airframe.yaw_volume"] * row.knots * paper.KNOT
     return moment * ixx / (ixx * izz - ixz**2)
 
 

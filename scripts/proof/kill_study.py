@@ -26,7 +26,7 @@ from helisim.base.files import read_json
 from helisim.records.storage import read_table
 from helisim.sim import Sweep, fly_to
 from helisim.study.campaign import campaign_from, run_campaign
-from helisim.study.reproduce import reproduce
+from helisim.study.experiment import reproduce
 from helisim.vehicle import load
 
 COMMANDS = ("fly", "campaign", "reproduce")

@@ -10,7 +10,7 @@ from command import fails
 from helisim.cli import main
 from helisim.design.laws import read_law
 from helisim.sim import Recorder
-from helisim.study.flights import fly_sweeps
+from helisim.study.experiment import fly_sweeps
 
 
 @pytest.fixture

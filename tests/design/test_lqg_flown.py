@@ -12,7 +12,7 @@ from helisim.design.lqg import lqg_model
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins
 from helisim.sim import Recorder
-from helisim.study.flights import fly_sweeps
+from helisim.study.experiment import fly_sweeps
 from helisim.vehicle.motion import addresses
 
 SERVO = ident.blocks.second_order("servo", omega=200.0, zeta=1.0)

@@ -37,9 +37,8 @@ with atheris.instrument_imports(include=[f"helisim.{part}" for part in READING])
     from helisim.records.channels import channel
     from helisim.records.record import FlightRecord
     from helisim.records.storage import read_record, write_record
-    from helisim.study.identified import read_models
     from helisim.study.replay import arguments_of
-    from helisim.study.run import read_run
+    from helisim.study.results import read_models, read_run
     from helisim.vehicle import read_parameters
     from helisim.vehicle.folder import model_folder
 

@@ -10,21 +10,21 @@ from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.ident import blocks, in_series, structures
 from helisim.ident.ardupilot import ArduPilotModel, numbers_of
 from helisim.ident.evaluate import delayed, response, state_space
-from helisim.study.paper import blade360
+from helisim.study.paper import published
 
 AS_IT_IS = dict.fromkeys(("col", "lon", "lat", "ped"), 1.0)
 SETTINGS = {"nominal_rpm": 2100.0, "coll_min": -2.0, "coll_max": 12.0, "coll_hover": 5.0}
 OMEGA = np.geomspace(0.3, 60.0, 50)
 
 
-def published(table) -> dict[str, float]:
+def values_of(table) -> dict[str, float]:
     return {one.name: one.value for one in table.values}
 
 
 BLADE = (
-    (structures.rollpitch, published(blade360.ROLLPITCH_IN1)),
-    (structures.yaw_base, published(blade360.YAW_BASE)),
-    (structures.heave, published(blade360.HEAVE)),
+    (structures.rollpitch, values_of(published("blade360")["rollpitch_in1"])),
+    (structures.yaw_base, values_of(published("blade360")["yaw_base"])),
+    (structures.heave, values_of(published("blade360")["heave"])),
 )
 
 
@@ -154,7 +154,7 @@ def with_servos():
     """Roll and pitch with speeds, flap-back and servos of 200 rad/s, as models for design are."""
     servo = blocks.second_order("swash", omega=200.0, zeta=0.7)
     structure = in_series(structures.rollpitch_speeds, inputs={"lat": servo, "lon": servo})
-    values = structure.starts | published(blade360.ROLLPITCH_IN1)
+    values = structure.starts | values_of(published("blade360")["rollpitch_in1"])
     return structure, values | {"A_u": 1.1e-3, "L_p": -0.3, "M_q": -0.2, "tau_lon": 0.041}
 
 

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from helisim.study.paper import jr700
-from helisim.study.paper.eq8 import check_overall, overall_from_parts
+from helisim.study.paper import check_overall, overall_from_parts, published
+from helisim.study.results import as_json
 
 TAU_PED = 0.0215  # s: with tau_r_base of 50.5 ms, tau_r_all of 72 ms
 
@@ -18,14 +18,14 @@ def printed(table):
     return {one.name: one.value for one in table}
 
 
-BASE = printed(jr700.YAW_BASE)
-GYRO = {**printed(jr700.YAW_GYRO), "tau_PED": TAU_PED}
+BASE = printed(published("jr700")["yaw_base"])
+GYRO = {**printed(published("jr700")["yaw_gyro"]), "tau_PED": TAU_PED}
 
 
 def test_table_2_gives_eq_8():
     """Wu and Chen, eq. (5) with Table 2 is eq. (8) as printed, to Table 2's rounding."""
     found = overall_from_parts(BASE, GYRO)
-    for name, value in printed(jr700.YAW_OVERALL).items():
+    for name, value in printed(published("jr700")["yaw_overall"]).items():
         assert found[name] == pytest.approx(value, rel=1e-4), name  # errata: 89 millionths
 
 
@@ -56,11 +56,13 @@ def test_a_gain_and_a_delay_show_where_they_are_largest():
 
 def test_it_is_plain_data():
     """Coefficients with their differences, band, and the two largest gaps with their places."""
-    direct = printed(jr700.YAW_OVERALL)
+    direct = printed(published("jr700")["yaw_overall"])
     data = json.loads(
-        json.dumps(check_overall(BASE, GYRO, direct, band_rad_s=BAND).to_dict(), allow_nan=False)
+        json.dumps(as_json(check_overall(BASE, GYRO, direct, band_rad_s=BAND)), allow_nan=False)
     )
-    assert [one["name"] for one in data["coefficients"]] == list(jr700.YAW_OVERALL.names)
+    assert [one["name"] for one in data["coefficients"]] == list(
+        published("jr700")["yaw_overall"].names
+    )
     assert data["coefficients"][0]["paper"] == 175.9690  # eq. (8)
     assert data["band_rad_s"] == [0.6, 25.0]
     assert {"gain_db", "gain_at_rad_s", "phase_deg", "phase_at_rad_s"} <= data.keys()

@@ -7,8 +7,8 @@ import pytest
 
 from helisim.cli import main
 from helisim.show.terminal import render_errata
-from helisim.study.paper import jr700
-from helisim.study.paper.errata import errata
+from helisim.study.errata import errata
+from helisim.study.paper import published
 
 
 @pytest.fixture(scope="module")
@@ -88,9 +88,11 @@ def is_newton(word):
 
 def test_errata_follow_the_tables(monkeypatch):
     """With other tables the same code computes other figures, and confirms nothing false."""
-    tables = {"ROLLPITCH_IN1": {"tau_lon": 0.0083}, "ROLLPITCH_IN2": {"tau_f": 0.06}}
-    for name, values in tables.items():
-        monkeypatch.setattr(jr700, name, changed(getattr(jr700, name), **values))
+    printed = {"rollpitch_in1": {"tau_lon": 0.0083}, "rollpitch_in2": {"tau_f": 0.06}}
+    paper = published("jr700")
+    tables = tuple(changed(table, **printed.get(table.name, {})) for table in paper.tables)
+    other = replace(paper, tables=tables)
+    monkeypatch.setattr("helisim.study.errata.published", lambda _: other)
     found = {erratum.title: erratum for erratum in errata()}
     assert not found["A delay that leads"].confirmed
     assert not found["The rotor's time constant falls"].confirmed

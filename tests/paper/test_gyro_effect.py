@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from helisim.study.paper import jr700
-from helisim.study.paper.gyro_effect import gyro_effect
+from helisim.study.paper import gyro_effect, published
+from helisim.study.results import as_json
 
 
 def identified(reference, scale=1.0, *, without=()):
@@ -16,8 +16,10 @@ def identified(reference, scale=1.0, *, without=()):
 @pytest.fixture
 def found():
     """IN1 as printed, IN2 a tenth larger than printed, where A_b is tied to B_a."""
-    before = identified(jr700.ROLLPITCH_IN1)
-    return gyro_effect(before, identified(jr700.ROLLPITCH_IN2, 1.1, without=("A_b",)))
+    before = identified(published("jr700")["rollpitch_in1"])
+    return gyro_effect(
+        before, identified(published("jr700")["rollpitch_in2"], 1.1, without=("A_b",))
+    )
 
 
 def test_ratios_are_of_the_papers_columns_and_of_the_identified_ones(found):
@@ -44,12 +46,12 @@ def test_each_statement_stands_beside_what_is_so(found):
     assert "B_lat 0.627, +4.6 % from 0.6" in ratio.identified
     assert "M_a -1.4 %" in everything.paper
     assert "M_a +8.5 %" in everything.identified  # 1.1 x 0.9864 - 1: a rise is said as one
-    assert len(found.statements) == len(jr700.TREND_CLAIMS)
+    assert len(found.statements) == len(published("jr700").claims)
 
 
 def test_it_is_plain_data(found):
     """The ratios stand in the JSON, not only what they are made of."""
-    data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    data = json.loads(json.dumps(as_json(found), allow_nan=False))
     assert data["changes"][0]["name"] == "tau_f"
     assert data["changes"][0]["paper_ratio"] == pytest.approx(0.0323 / 0.04456, rel=1e-12)
     assert data["statements"][0].keys() == {"said", "paper", "identified"}

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import UnknownNameError
-from helisim.study.paper import jr700
+from helisim.study.paper import published
 
 RPM = 2.0 * math.pi / 60.0
 
 
 def values(name: str) -> dict[str, float]:
-    return {item.name: item.value for item in jr700.table(name)}
+    return {item.name: item.value for item in published("jr700")[name]}
 
 
 def rollpitch_matrices(name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -43,7 +43,7 @@ def overall_coefficients(n_r, n_ped, k_p, k_i, k_delta, k_a) -> dict[str, float]
 @pytest.mark.parametrize("name", ["b1", "b0", "a1", "a0"])
 def test_the_overall_yaw_model_follows_from_table_2(name):
     """Eq. (8)'s coefficients are eq. (5) of Table 2, as closely as Table 2 is printed."""
-    base, gyro = jr700.YAW_BASE, jr700.YAW_GYRO
+    base, gyro = published("jr700")["yaw_base"], published("jr700")["yaw_gyro"]
     # half a unit in the last printed digit of N_r, N_ped, k_p, k_I, k_delta, k_a
     printed = [
         (base["N_r"].value, 0.5e-4),
@@ -58,15 +58,15 @@ def test_the_overall_yaw_model_follows_from_table_2(name):
         for signs in itertools.product((-1, 1), repeat=6)
     ]
     low, high = min(c[name] for c in corners), max(c[name] for c in corners)
-    assert low <= jr700.YAW_OVERALL[name].value <= high
+    assert low <= published("jr700")["yaw_overall"][name].value <= high
     # and the product of the printed values: 1e-4 is the largest difference, of a0
     nominal = overall_coefficients(*(value for value, _ in printed))[name]
-    assert jr700.YAW_OVERALL[name].value == pytest.approx(nominal, rel=1e-4)
+    assert published("jr700")["yaw_overall"][name].value == pytest.approx(nominal, rel=1e-4)
 
 
 def test_the_tail_speed_is_the_gear_ratio_inverted():
     """1700 rpm through a ratio of 4.72 gives 8023 rpm; the print divides instead."""
-    airframe = jr700.AIRFRAME
+    airframe = published("jr700")["airframe"]
     # design section 8, to its printed digits
     assert airframe["gear_ratio"].value == pytest.approx(4.72, abs=0.005)
     assert airframe["Omega_tr"].value / RPM == pytest.approx(8023.0, abs=0.5)
@@ -78,7 +78,7 @@ def test_the_tail_speed_is_the_gear_ratio_inverted():
 
 def test_the_misprints_of_table_1_stay_visible():
     """Both misprints are kept, are marked, and are never the value of the plain name."""
-    airframe = jr700.AIRFRAME
+    airframe = published("jr700")["airframe"]
     assert (airframe["l_f"].value, airframe["l_f_as_printed"].value) == (1.332, 1332.0)
     assert airframe["Omega_tr_as_printed"].value == 360.2
     for name in ("l_f", "Omega_tr"):
@@ -105,11 +105,11 @@ def heave_damping(lift_slope: float) -> float:
 
 def test_table_1_and_table_4_agree():
     """The heave damping of Table 4 is the one of Table 1's rotor, with an ordinary lift slope."""
-    published = jr700.HEAVE["Z_w"].value
+    printed = published("jr700")["heave"]["Z_w"].value
     # the usual slope 5.73 /rad leaves 3 %: uniform inflow and a constant slope claim no more
-    assert heave_damping(5.73) == pytest.approx(published, rel=0.03)
+    assert heave_damping(5.73) == pytest.approx(printed, rel=0.03)
     # design, section 3: 6.016 /rad is solved from Z_w, and is given to four digits
-    assert heave_damping(6.016) == pytest.approx(published, rel=2e-4)
+    assert heave_damping(6.016) == pytest.approx(printed, rel=2e-4)
 
 
 def test_table_1_can_hover():
@@ -157,7 +157,7 @@ def test_cramer_rao_is_at_least_twice_the_insensitivity(name):
 
     Of the paper's own rows B_a of IN2, for one, has 3.3: a slip of the transcription shows.
     """
-    for row in jr700.table(name):
+    for row in published("jr700")[name]:
         if row.cr_percent is not None:
             assert row.insensitivity_percent is not None
             assert row.cr_percent >= 2.0 * row.insensitivity_percent
@@ -167,7 +167,7 @@ def test_only_the_tied_derivative_lacks_its_bounds():
     """Where the paper prints "-" there is None, and nowhere else in Table 3."""
     missing = [
         (table.name, row.name)
-        for table in (jr700.ROLLPITCH_IN1, jr700.ROLLPITCH_IN2)
+        for table in (published("jr700")["rollpitch_in1"], published("jr700")["rollpitch_in2"])
         for row in table
         if row.cr_percent is None or row.insensitivity_percent is None
     ]
@@ -176,7 +176,7 @@ def test_only_the_tied_derivative_lacks_its_bounds():
 
 def test_tables_are_addressed_by_name():
     """Every table has the name that the results use; unknown names list those that exist."""
-    assert list(jr700.TABLES) == [
+    assert [table.name for table in published("jr700").tables] == [
         "airframe",
         "yaw_base",
         "yaw_gyro",
@@ -185,19 +185,19 @@ def test_tables_are_addressed_by_name():
         "rollpitch_in2",
         "heave",
     ]
-    assert "L_b" in jr700.ROLLPITCH_IN1
+    assert "L_b" in published("jr700")["rollpitch_in1"]
     with pytest.raises(UnknownNameError, match="available: airframe, yaw_base"):
-        jr700.table("yaw")
+        published("jr700")["yaw"]
     with pytest.raises(UnknownNameError, match="parameter of heave 'Z_q'; available: Z_col, Z_w"):
-        jr700.HEAVE["Z_q"]
+        published("jr700")["heave"]["Z_q"]
 
 
 def test_every_value_has_a_unit_and_a_source_and_can_not_change():
     """A number without its place in the paper is not in the tables."""
-    for table in jr700.TABLES.values():
+    for table in published("jr700").tables:
         assert len(set(table.names)) == len(table.values)
         for item in table:
             assert item.unit
             assert "Table" in item.source or "eq." in item.source
     with pytest.raises(FrozenInstanceError):
-        jr700.HEAVE["Z_w"].value = 0.0  # type: ignore[misc]
+        published("jr700")["heave"]["Z_w"].value = 0.0  # type: ignore[misc]

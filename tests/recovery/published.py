@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.ident import Structure
-from helisim.study.paper import blade360
+from helisim.study.paper import published
 
 FOOT = 0.3048
 """m (exact)."""
@@ -57,10 +57,10 @@ BLADE_360 = {
     **{
         value.name: value.value
         for name in ("rollpitch_in1", "yaw_base", "heave", "others")
-        for value in blade360.table(name)
+        for value in published("blade360")[name]
         if not value.name.startswith("tau_") or value.name == "tau_f"
     },
-    "tau": blade360.table("heave")["tau_col"].value,
+    "tau": published("blade360")["heave"]["tau_col"].value,
 }
 
 # ---------------------------------------------------------------------------------------------

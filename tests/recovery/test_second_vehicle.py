@@ -2,8 +2,9 @@
 
 import pytest
 
+from helisim.study.experiment import recover
+from helisim.study.models import base_models
 from helisim.study.paper import published
-from helisim.study.recover import base_models, recover
 from helisim.study.results import Results
 from helisim.vehicle import load
 

@@ -21,7 +21,7 @@ from helisim.ident.verification import ACCEPTABLE_TIC, theil
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 from helisim.show.plots import draw_verification
-from helisim.study.identified import IdentifiedModel
+from helisim.study.results import IdentifiedModel
 
 UNSTABLE = ("blade_360", "lynx", "hummingbird")
 

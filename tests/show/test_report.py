@@ -10,8 +10,8 @@ from browser import Browser, find
 
 from helisim.base.errors import InputError, StorageError
 from helisim.show.report import write_fit_report, write_report
-from helisim.study.paper import jr700
-from helisim.study.run import read_run
+from helisim.study.paper import published
+from helisim.study.results import read_run
 from made_run import make_flight, make_model, write_run
 
 PAIRS = ("w_col", "p_lat", "p_lon", "q_lat", "q_lon")
@@ -129,7 +129,7 @@ def test_every_tolerance_has_its_reason_in_the_page(folder):
 
 def test_the_papers_numbers_are_the_references(page):
     """Table 1 and the paper's own bounds are those of the reference."""
-    for value in jr700.AIRFRAME:
+    for value in published("jr700")["airframe"]:
         assert page.cells[f"paper.airframe.{value.name}"][0] == value.value
     assert page.cells["paper.rollpitch_in1.L_b.cr_percent"][0] == 13.9  # Table 3
 

@@ -21,7 +21,7 @@ from helisim.sim import (
     Swing,
     fly,
 )
-from helisim.study.run import read_run
+from helisim.study.results import read_run
 from made_run import make_flight, write_run
 
 STIFFNESS = 86.0

@@ -11,8 +11,7 @@ from helisim.show.tables import comparison
 from helisim.show.terminal import render_results, render_rigs, wants_color
 from helisim.sim.rigs import Finding, RigTest
 from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
-from helisim.study.paper.eq8 import Coefficient, OverallCheck
-from helisim.study.paper.gyro_effect import Change, GyroEffect, Statement
+from helisim.study.paper import Change, Coefficient, GyroEffect, OverallCheck, Statement
 from helisim.study.results import Exclusion, Results
 from made_run import make_verification
 

@@ -13,7 +13,7 @@ from helisim.design.exact import exact_loop
 from helisim.handling.criteria import StabilityMargins
 from helisim.handling.figures import rejection
 from helisim.handling.spec import read_specs
-from helisim.study.reproduce import reproduce
+from helisim.study.experiment import reproduce
 
 
 @pytest.fixture(scope="module")

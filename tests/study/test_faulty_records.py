@@ -18,7 +18,7 @@ from helisim.sim import (
     Sweep,
     fly,
 )
-from helisim.study.identification import identify_model
+from helisim.study.comparison import identify_model
 from helisim.study.models import YAW_BASE
 
 SWEEP = Sweep(axis="ped")

@@ -8,8 +8,8 @@ from helisim.base.errors import DivergedError
 from helisim.records.channels import AXES
 from helisim.records.storage import read_record
 from helisim.sim import Flight, Recorder, Sweep
-from helisim.study import flights
-from helisim.study.flights import fly_sweeps
+from helisim.study import experiment
+from helisim.study.experiment import fly_sweeps
 from helisim.study.results import Exclusion
 
 END = {"at": 12.5, "why": "the helicopter touched the ground", "state": [0.0]}
@@ -33,9 +33,9 @@ def over(monkeypatch):
 
             return flown(vehicle, plan, which, do, **options)
 
-        flown = flights.fly_all
-        monkeypatch.setattr(flights, "fly_all", marked)
-        monkeypatch.setattr(flights, "Sweep", lambda axis: Sweep(axis=axis, duration=35.0))
+        flown = experiment.flown
+        monkeypatch.setattr(experiment, "flown", marked)
+        monkeypatch.setattr(experiment, "Sweep", lambda axis: Sweep(axis=axis, duration=35.0))
 
     return choose
 

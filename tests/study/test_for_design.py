@@ -10,9 +10,8 @@ from helisim.design.exact import exact_loop
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import bandwidth, margins, rejection
 from helisim.sim import Recorder
-from helisim.study.flights import fly_sweeps
+from helisim.study.experiment import fly_sweeps, sweeps_of
 from helisim.study.for_design import identify_for_design, servos_of
-from helisim.study.swept import swept
 from helisim.vehicle import load
 from made_run import make_flight
 
@@ -167,7 +166,7 @@ def test_an_axis_without_sweeps_is_named_with_what_to_do():
 
 def test_records_that_do_not_say_what_they_sweep_are_refused():
     with pytest.raises(InputError, match="none of the records says which axis it sweeps"):
-        swept([make_flight()])
+        sweeps_of([make_flight()])
 
 
 def test_a_folder_without_records_is_refused(tmp_path):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import InputError, StorageError
-from helisim.study.identified import read_models, write_models
+from helisim.study.results import read_models, write_models
 from made_run import make_model
 
 

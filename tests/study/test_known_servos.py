@@ -5,8 +5,14 @@ import pytest
 
 from helisim.ident import identify
 from helisim.sim import Recorder
-from helisim.study.known import HEAVE_SERVO, KNOWN_MODELS, ROLLPITCH_SERVO, SERVOS, YAW_BASE_SERVO
-from helisim.study.models import MODELS
+from helisim.study.models import (
+    HEAVE_SERVO,
+    KNOWN_MODELS,
+    MODELS,
+    ROLLPITCH_SERVO,
+    SERVOS,
+    YAW_BASE_SERVO,
+)
 from helisim.study.truth import exact_response, true_values
 
 

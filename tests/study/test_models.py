@@ -10,17 +10,17 @@ from helisim.study.models import (
     YAW_GYRO,
     YAW_OVERALL,
 )
-from helisim.study.paper import jr700
+from helisim.study.paper import published
 
 
 def test_the_tolerance_against_the_paper_is_its_own_bound_where_it_gives_one():
     """Table 3 has Cramér-Rao bounds; Tables 2 and 4 have none, and are met to 3 %, N_r to 5 %."""
-    bound = jr700.ROLLPITCH_IN1["L_b"].cr_percent
+    bound = published("jr700")["rollpitch_in1"]["L_b"].cr_percent
     assert ROLLPITCH_IN1.paper_tolerance("L_b", bound).percent == 13.9  # Table 3
     for model, names in ((YAW_BASE, ("N_ped", "tau_r_base")), (HEAVE, ("Z_w", "Z_col"))):
         for name in names:
             assert model.paper_tolerance(name, None).percent == 3.0
-    for name in jr700.YAW_GYRO.names:
+    for name in published("jr700")["yaw_gyro"].names:
         assert YAW_GYRO.paper_tolerance(name, None).percent == 3.0
     assert YAW_OVERALL.paper_tolerance("tau_r_all", None).percent == 3.0
     assert YAW_BASE.paper_tolerance("N_r", None).percent == 5.0

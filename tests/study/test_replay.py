@@ -10,9 +10,8 @@ from helisim.base.errors import InputError, StorageError
 from helisim.cli import main
 from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
-from helisim.study.differences import changes, leaves
-from helisim.study.replay import arguments_of, compare_runs
-from helisim.study.reproduce import reproduce
+from helisim.study.experiment import reproduce
+from helisim.study.replay import arguments_of, changes, compare_runs, leaves
 from killing import kill_at
 
 
@@ -105,21 +104,6 @@ def test_other_versions_are_told_apart_from_other_numbers(run, copied):
     assert "versions.numpy is '1.0' there" in found.other_bytes["lat_01.parquet"]
     assert found.changed["numpy"] == ("1.0", np.__version__)
     assert f"numpy: 1.0 then, {np.__version__} now" in str(found)
-
-
-def test_a_run_of_an_earlier_version_is_compared_by_what_it_says(run, copied):
-    """Flights left out stood in sentences: no number differs by that, but by another sentence."""
-    path = copied / "results.json"
-    results = json.loads(path.read_text())
-    earlier = [one["message"] for one in results["excluded"]]
-    assert len(earlier) == 4  # two sweeps an axis were flown, one kept
-    path.write_text(json.dumps({**results, "excluded": earlier}))
-    found = compare_runs(copied, run)
-    assert found.same
-    assert "flights left out: written as sentences then, as values now" in str(found)
-    other = earlier[0].replace("is not among the best 1 ", "is not among the best 2 ")
-    path.write_text(json.dumps({**results, "excluded": [other, *earlier[1:]]}))
-    assert list(compare_runs(copied, run).other_numbers) == ["results.excluded[0]"]
 
 
 def test_the_same_difference_of_many_records_is_one_line(run, copied):

@@ -7,7 +7,7 @@ import pytest
 import helisim as hs
 from helisim.base.errors import InputError
 from helisim.study.models import MODELS
-from helisim.study.run import read_run
+from helisim.study.results import read_run
 
 TIGHT = {"N_r", "N_ped", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col", "tau_f"}
 TIGHT_PERCENT = 3.0  # below the paper's smallest printed bound on a derivative, 3.9 %

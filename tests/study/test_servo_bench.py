@@ -5,7 +5,7 @@ import pytest
 
 from helisim.base.errors import InputError
 from helisim.sim.rigs import StickSweep
-from helisim.study.servos import servo_test
+from helisim.study.experiment import servo_test
 from helisim.vehicle import load
 
 

@@ -8,7 +8,7 @@ import pytest
 from helisim.cli import main
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL
-from helisim.study.paper import jr700
+from helisim.study.paper import published
 from helisim.study.truth import true_values
 from helisim.study.tune import EXTRA_DELAYS, LOOPS, margin_table, margins
 from helisim.vehicle import load
@@ -53,8 +53,8 @@ def test_the_sticks_see_the_papers_vehicle(vehicle, model):
     for name in model.tolerances:
         # 3 %: one setting for the five numbers of eq. (8); the least bound that the paper
         # prints is 3.9 %
-        published = jr700.table(model.name)[name].value
-        assert found[name] == pytest.approx(published, rel=0.03), name
+        printed = published("jr700")[model.name][name].value
+        assert found[name] == pytest.approx(printed, rel=0.03), name
 
 
 def test_loops_are_stable_with_margin(table):

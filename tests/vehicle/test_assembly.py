@@ -20,13 +20,13 @@ from helisim.physics.layout import (
     TAIL_STATES,
 )
 from helisim.physics.native import installed
-from helisim.study.paper.jr700 import table
+from helisim.study.paper import published
 from helisim.vehicle import load
 from helisim.vehicle.assembly import assemble, check_interface, total_inertia
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
 
-AIRFRAME = table("airframe")
+AIRFRAME = published("jr700")["airframe"]
 
 
 def test_total_mass_is_the_papers(jr700):

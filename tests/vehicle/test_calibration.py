@@ -3,7 +3,7 @@
 import pytest
 
 from helisim.base.errors import InputError, ModelError
-from helisim.study.paper.jr700 import table
+from helisim.study.paper import published
 from helisim.vehicle import calibrate, read_parameters
 from helisim.vehicle.calibrate import DIRECT, SOLVED
 from helisim.vehicle.folder import model_folder
@@ -12,7 +12,7 @@ FOLDER = model_folder("jr700")
 TARGETS = {
     item.name: item.value
     for name in ("yaw_base", "rollpitch_in1", "heave")
-    for item in table(name)
+    for item in published("jr700")[name]
     if item.name in DIRECT + SOLVED
 }
 

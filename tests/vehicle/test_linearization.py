@@ -8,7 +8,7 @@ import pytest
 from helisim.base.errors import InputError
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
-from helisim.study.paper.jr700 import table
+from helisim.study.paper import published
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 from plates import H3_120
@@ -16,7 +16,7 @@ from plates import H3_120
 PAPER = {
     item.name: item.value
     for name in ("yaw_base", "rollpitch_in1", "heave")
-    for item in table(name)
+    for item in published("jr700")[name]
     if not item.name.startswith("tau_") or item.name == "tau_f"
 }
 

@@ -15,7 +15,7 @@ import heron
 from command import fails
 from helisim.cli import main
 from helisim.records.channels import IN1, SERVOS
-from helisim.study.recover import recover
+from helisim.study.experiment import recover
 from helisim.study.tune import margin_table
 from helisim.vehicle import read_parameters
 

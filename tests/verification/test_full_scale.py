@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import script
-from helisim.study.paper import lynx
+from helisim.study import paper
 
 proof = script.loaded("proof/full_scale")
 
@@ -66,4 +66,5 @@ def test_a_number_that_is_off_is_found():
 
 
 def test_prints_say_the_same_of_the_speeds_they_share():
-    assert set(lynx.PADFIELD) <= set(lynx.THESIS_KNOTS)
+    LYNX = paper.published("lynx").full_scale
+    assert set(LYNX.padfield) <= set(LYNX.thesis_knots)

@@ -483,7 +483,7 @@ def record(o: Options) -> int:
     from helisim.records.storage import read_record
     from helisim.show.recording import write_recording
     from helisim.show.scene import knows_rotor
-    from helisim.study.run import FLIGHTS, read_run
+    from helisim.study.results import FLIGHTS, read_run
     from helisim.vehicle import load
 
     run, paths = None, []

@@ -1,6 +1,7 @@
 """Commands about the experiment: reproduce it, recover derivatives, vary it, and its report."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 from helisim.base.errors import InputError
@@ -36,9 +37,8 @@ def reproduce(o: Options) -> int:
     """
     from helisim.show.report import write_report
     from helisim.show.terminal import render_results, wants_color
-    from helisim.study.flights import flights_in_all, named_records
+    from helisim.study.experiment import flights_in_all, named_records, reproduce
     from helisim.study.models import MODELS
-    from helisim.study.reproduce import reproduce
 
     if o.run_folder is not None:
         return _repeat(o)
@@ -74,7 +74,7 @@ def reproduce(o: Options) -> int:
 def _repeat(o: Options) -> int:
     """Repeat a run as it says that it was made, and compare. Return the exit status."""
     from helisim.show.report import write_report
-    from helisim.study.flights import flights_in_all
+    from helisim.study.experiment import flights_in_all
     from helisim.study.models import MODELS
     from helisim.study.replay import arguments_of, repeat
 
@@ -114,8 +114,7 @@ def recover(o: Options) -> int:
     example: helisim recover blade360 --flights 3
     """
     from helisim.show.terminal import render_results, wants_color
-    from helisim.study.flights import flights_in_all
-    from helisim.study.recover import recover
+    from helisim.study.experiment import flights_in_all, recover
 
     with Progress(flights_in_all(max(1, o.flights)) + 3, o.quiet) as advance:
         results = recover(
@@ -163,11 +162,11 @@ def errata(o: Options) -> int:
     example: helisim errata --json
     """
     from helisim.show.terminal import render_errata
-    from helisim.study.paper.errata import errata
+    from helisim.study.errata import errata
 
     found = errata()
     if o.json:
-        print_json([erratum.to_dict() for erratum in found])
+        print_json([asdict(erratum) for erratum in found])
     else:
         print(render_errata(found))
     return 0

@@ -28,7 +28,7 @@ from helisim.show.plots import (
     draw_verification,
 )
 from helisim.show.table import Table
-from helisim.study.identified import IdentifiedModel
+from helisim.study.results import IdentifiedModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from helisim.design.design import DesignResult
     from helisim.handling.criteria import Criterion
     from helisim.sim import FlightPlan
-    from helisim.study.results import Results
-    from helisim.study.run import Run
+    from helisim.study.results import Results, Run
     from helisim.vehicle import Linearization, Vehicle
 
 Names = Sequence[str] | str | None

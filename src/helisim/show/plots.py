@@ -24,7 +24,7 @@ from helisim.show.figure import Array, Drawing, Ink, Mark, Panel, extent, less
 
 if TYPE_CHECKING:
     from helisim.sim import Excitation
-    from helisim.study.identified import IdentifiedModel
+    from helisim.study.results import IdentifiedModel
     from helisim.vehicle import Vehicle
 
 Complex = NDArray[np.complex128]

@@ -63,8 +63,7 @@ from helisim.show.scene import (
     world_frame,
 )
 from helisim.show.table import as_markdown
-from helisim.study.identified import IdentifiedModel
-from helisim.study.run import Run
+from helisim.study.results import IdentifiedModel, Run
 from helisim.vehicle.folder import Roles
 
 APPLICATION = "helisim"

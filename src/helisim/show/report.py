@@ -17,10 +17,8 @@ from helisim.show.figure import Drawing, text_at, variable
 from helisim.show.page import Section, paragraph
 from helisim.show.plots import draw_flight, draw_pair, draw_verifications, pairs_of
 from helisim.study.comparison import ComparisonTable
-from helisim.study.identified import IdentifiedModel
-from helisim.study.paper.errata import errata
-from helisim.study.results import Results
-from helisim.study.run import Run, read_run
+from helisim.study.errata import errata
+from helisim.study.results import IdentifiedModel, Results, Run, read_run
 from helisim.vehicle.folder import model_folder, vehicle_names
 
 FIGURES = "figures"

@@ -29,7 +29,7 @@ from helisim.show.table import (
     number,
     words,
 )
-from helisim.study.paper import jr700
+from helisim.study.paper import published
 
 if TYPE_CHECKING:
     from helisim.design.design import DesignResult
@@ -38,9 +38,8 @@ if TYPE_CHECKING:
     from helisim.sim import FlightPlan
     from helisim.sim.rigs import RigTest
     from helisim.study.comparison import ComparisonTable, GivenValue, ParameterRow
-    from helisim.study.paper.eq8 import OverallCheck
-    from helisim.study.paper.errata import Erratum
-    from helisim.study.paper.gyro_effect import Change, GyroEffect, Statement
+    from helisim.study.errata import Erratum
+    from helisim.study.paper import Change, GyroEffect, OverallCheck, Statement
     from helisim.vehicle import Linearization, Vehicle
 
 Flown = Mapping[tuple[Criterion, str], float]
@@ -96,9 +95,9 @@ def _compared(table: str, row: ParameterRow) -> tuple[Cell, ...]:
     values = {"paper": row.paper, "truth": row.truth, "identified": row.identified}
     form = common_form(values.values())
     bounds = ("cr_percent", "insensitivity_percent")
-    published = jr700.TABLES[table].get(row.name) if table in jr700.TABLES else None
-    is_its = published is not None and published.value == row.paper  # of no other vehicle
-    bound = published.cr_percent if published is not None and is_its else None
+    printed = published("jr700").get(table).get(row.name)
+    is_its = printed is not None and printed.value == row.paper  # of no other vehicle
+    bound = printed.cr_percent if printed is not None and is_its else None
     style = {"agrees": " ok", "differs": " off"}.get(row.agreement, "")
     return (
         *_named(row.name, row.unit),
@@ -265,7 +264,7 @@ def airframe(record: FlightRecord | None) -> Table:
             number(flown.get(_FLOWN.get(one.name, "")), ".6g", unit=one.unit),
             words(one.source, "long"),
         )
-        for one in jr700.AIRFRAME
+        for one in published("jr700")["airframe"]
     )
     return Table("Table 1", columns("parameter<|unit<|paper|flown|source<"), rows)
 

@@ -13,7 +13,7 @@ from helisim.show import tables
 from helisim.show.table import GREEN, NO_BREAK, RED, as_text, filled, formatted, paint
 from helisim.sim.rigs import RigTest
 from helisim.study.check import VehicleCheck
-from helisim.study.paper.errata import Erratum
+from helisim.study.errata import Erratum
 from helisim.study.results import Results
 from helisim.vehicle import Linearization, Vehicle
 

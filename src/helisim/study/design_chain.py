@@ -19,9 +19,8 @@ from helisim.handling.criteria import Criterion
 from helisim.handling.loop import Loop
 from helisim.handling.spec import ATTITUDES, Spec, write_specs
 from helisim.records.channels import AXES
-from helisim.study.flights import Flights
+from helisim.study.experiment import Flights, Source, sweeps_of
 from helisim.study.for_design import flown_vehicle, identify_for_design
-from helisim.study.swept import Source, swept
 from helisim.vehicle import Vehicle
 
 RESULT, LAW, SPECS, PROOF = "design.json", "law.toml", "specs.toml", "proof"
@@ -159,7 +158,7 @@ def _flights(source: Source) -> Flights:
         raise StorageError(
             f"{source}: no such run; fly and identify first: helisim reproduce --out {source}"
         )
-    return swept(source)
+    return sweeps_of(source)
 
 
 def write_design(run: DesignRun, out: str | Path) -> None:

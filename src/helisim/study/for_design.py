@@ -22,12 +22,18 @@ from helisim.ident.structures import with_inflow
 from helisim.records.channels import AXES
 from helisim.records.record import FlightRecord
 from helisim.sim.rigs import Finding, RigTest
-from helisim.study.flights import Flights
-from helisim.study.identification import frequency_response
-from helisim.study.known import HEAVE_SERVO, ROLLPITCH_SERVO, SERVOS, YAW_BASE_SERVO
-from helisim.study.models import HEAVE, ROLLPITCH_IN1, YAW_BASE, ModelSpec
-from helisim.study.servos import servo_test
-from helisim.study.swept import Source, swept
+from helisim.study.comparison import frequency_response
+from helisim.study.experiment import Flights, Source, servo_test, sweeps_of
+from helisim.study.models import (
+    HEAVE,
+    HEAVE_SERVO,
+    ROLLPITCH_IN1,
+    ROLLPITCH_SERVO,
+    SERVOS,
+    YAW_BASE,
+    YAW_BASE_SERVO,
+    ModelSpec,
+)
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.folder import rig_names, vehicle_names
 from helisim.vehicle.vehicle import standard_parameters
@@ -186,7 +192,7 @@ def identify_for_design(
         InputError: an axis was not swept, or a servo's number is unknown.
         IdentificationError: a model can't be identified.
     """
-    flights = swept(source)
+    flights = sweeps_of(source)
     chosen = _chosen(tuple(axis_of(axis).name for axis in axes), flights)
     records = [record for axis in AXES for record in flights.get(axis, ())]
     said = records[0].provenance

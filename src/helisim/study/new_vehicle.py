@@ -10,7 +10,7 @@ from pathlib import Path
 
 from helisim.base.errors import InputError, StorageError
 from helisim.base.files import make_folder, toml_key, toml_value
-from helisim.study.published import published_of
+from helisim.study.paper import published_of
 from helisim.vehicle import (
     Parameters,
     PhysicalParameter,

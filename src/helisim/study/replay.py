@@ -1,25 +1,28 @@
 """Repeats a run from its own provenance and compares: records byte by byte, then every number."""
 
+import math
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from helisim.base.errors import InputError
+import numpy as np
+
+from helisim.base.errors import HelisimError, InputError
 from helisim.base.files import read_json
-from helisim.base.settings import from_plain
-from helisim.study.differences import changes, leaves, listed, record_difference
-from helisim.study.flights import RESULTS
-from helisim.study.identified import read_models
-from helisim.study.reproduce import Arguments, reproduce
-from helisim.study.results import read_results
-from helisim.study.run import FITS, FLIGHTS
-from helisim.vehicle.parameters import number_of
+from helisim.base.settings import from_plain, is_number, placed, to_plain
+from helisim.records.provenance import difference
+from helisim.records.record import FlightRecord
+from helisim.records.storage import read_record
+from helisim.study.experiment import Arguments, reproduce
+from helisim.study.results import FITS, FLIGHTS, RESULTS, read_models, read_results
 
 _APART = ("versions", "made_by", "model_digest", "marks", "spans")
 """Left out of the numbers: versions are compared apart, marks and spans only say which records a
 fit has seen."""
+_SHOWN = 10
+"""Lines of differences that are printed; the count says how many there are."""
 
 
 @dataclass(frozen=True)
@@ -51,16 +54,9 @@ class Repetition:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        return {
-            "folder": str(self.folder),
-            "arguments": asdict(self.arguments),
-            "same": self.same,
-            "changed": {name: list(pair) for name, pair in self.changed.items()},
-            "records": list(self.records),
-            "records_of_other_bytes": dict(self.other_bytes),
-            "numbers_compared": self.numbers,
-            "other_numbers": dict(self.other_numbers),
-        }
+        names = {"other_bytes": "records_of_other_bytes", "numbers": "numbers_compared"}
+        said = {names.get(name, name): one for name, one in to_plain(self).items()}
+        return {**said, "same": self.same}
 
     def __str__(self) -> str:
         alike = len(self.records) - len(self.other_bytes)
@@ -68,10 +64,10 @@ class Repetition:
             f"{self.folder}: seed {self.arguments.seed}, {self.arguments.flights} flights "
             "an axis, flown and identified again",
             f"records: {alike} of {len(self.records)} are the same to the byte",
-            *listed(self.other_bytes),
+            *_listed(self.other_bytes),
             f"results: {self.numbers} numbers compared; "
             + ("all are the same" if self.same else f"{len(self.other_numbers)} places differ"),
-            *listed(self.other_numbers),
+            *_listed(self.other_numbers),
         ]
         if self.changed:
             lines.append("the run was made with something else than is here:")
@@ -118,23 +114,14 @@ def arguments_of(folder: Path) -> Arguments:
     """
     path = folder / RESULTS
     configuration = read_json(path).get("configuration")
-    stated = configuration.get("arguments") if isinstance(configuration, dict) else None
-    names = [one.name for one in fields(Arguments)]
-    if not isinstance(stated, dict) or set(stated) != set(names):
+    stated = configuration.get("arguments") if isinstance(configuration, Mapping) else None
+    if not isinstance(stated, Mapping):
         raise InputError(
-            f"{path}: doesn't say in configuration.arguments how the run was made "
-            f"({', '.join(names)}); another version wrote it"
+            f"{path}: doesn't say in configuration.arguments how the run was made; another "
+            "version wrote it"
         )
-    try:
-        arguments = from_plain(Arguments, stated, "configuration.arguments")
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    for name, value in arguments.parameters.items():
-        try:
-            number_of(name, value)
-        except InputError as error:
-            raise InputError(f"{path}: configuration.arguments.parameters: {error}") from None
-    return arguments
+    with placed(path):
+        return from_plain(Arguments, stated, "configuration.arguments")
 
 
 def compare_runs(before: Path, now: Path) -> Repetition:
@@ -145,14 +132,13 @@ def compare_runs(before: Path, now: Path) -> Repetition:
         InputError: a folder doesn't say how it was made.
     """
     arguments = arguments_of(before)
-    names = sorted({path.name for run in (before, now) for path in _records(run)})
-    records = {
-        name: record_difference(before / FLIGHTS / name, now / FLIGHTS / name) for name in names
-    }
-    then, again = (
-        leaves(_results(run, before), "results", _APART) | leaves(_fits(run), "fits", _APART)
-        for run in (before, now)
+    names = sorted(
+        {path.name for run in (before, now) for path in (run / FLIGHTS).glob("[!.]*.parquet")}
     )
+    records = {
+        name: _record_difference(before / FLIGHTS / name, now / FLIGHTS / name) for name in names
+    }
+    then, again = map(_numbers, (before, now))
     return Repetition(
         folder=before,
         arguments=arguments,
@@ -167,40 +153,102 @@ def compare_runs(before: Path, now: Path) -> Repetition:
     )
 
 
-def _records(run: Path) -> Iterator[Path]:
-    return (run / FLIGHTS).glob("[!.]*.parquet")
-
-
-def _results(run: Path, before: Path) -> dict[str, Any]:
-    """Return the results of a run as this version writes them, whichever wrote them.
-
-    Where the run before has sentences of what was left out, sentences are compared.
-    """
-    results = read_results(run / RESULTS)
-    found = results.to_dict()
-    if _has_sentences(read_json(before / RESULTS)):
-        found["excluded"] = [one.message for one in results.excluded]
-    return found
-
-
-def _fits(run: Path) -> dict[str, Any]:
-    return {"models": [model.to_dict() for model in read_models(run / FITS)]}
-
-
-def _has_sentences(results: Mapping[str, Any]) -> bool:
-    excluded = results.get("excluded")
-    return isinstance(excluded, list) and any(isinstance(one, str) for one in excluded)
+def _numbers(run: Path) -> dict[str, Any]:
+    """Return the leaves of a run's results and fits by their place, as this version writes them."""
+    fits = {"models": [model.to_dict() for model in read_models(run / FITS)]}
+    results = leaves(read_results(run / RESULTS).to_dict(), "results", _APART)
+    return results | leaves(fits, "fits", _APART)
 
 
 def _changed(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     """Return what two runs were made with, where it differs: then and now."""
-    made = [
-        {
-            **run.get("versions", {}),
-            "model": run.get("configuration", {}).get("model_digest"),
-            "flights left out": "written as sentences" if _has_sentences(run) else "as values",
-        }
+    first, second = (
+        {**run.get("versions", {}), "model": run.get("configuration", {}).get("model_digest")}
         for run in (then, now)
-    ]
-    pairs = {name: (str(made[0].get(name)), str(made[1].get(name))) for name in made[0] | made[1]}
+    )
+    pairs = {name: (str(first.get(name)), str(second.get(name))) for name in first | second}
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def leaves(data: Any, place: str, without: Collection[str] = ()) -> dict[str, Any]:
+    """Return every number and text of JSON data by its place, such as "results.tables[heave].cost".
+
+    Args:
+        data: objects, lists and leaves.
+        place: of the data.
+        without: keys that are left out wherever they stand.
+    """
+    if isinstance(data, dict):
+        inner = {f"{place}.{key}": one for key, one in data.items() if key not in without}
+    elif isinstance(data, list):
+        inner = {f"{place}[{_name(one, k)}]": one for k, one in enumerate(data)}
+    else:
+        return {place: data}
+    return {
+        at: leaf for where, one in inner.items() for at, leaf in leaves(one, where, without).items()
+    }
+
+
+def _name(item: Any, k: int) -> str:
+    return str(item.get("name", item.get("flight", k)) if isinstance(item, dict) else k)
+
+
+def changes(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, str]:
+    """Return how the leaves of two pieces of data differ, by place."""
+    places = dict.fromkeys((*then, *now))
+    differ = (at for at in places if at not in then or at not in now or then[at] != now[at])
+    return {at: _change(then.get(at), now.get(at)) for at in differ}
+
+
+def _change(then: Any, now: Any) -> str:
+    if not (is_number(then) and is_number(now)):
+        return f"{then!r} before, {now!r} now"
+    share = abs(now - then) / max(abs(then), abs(now), math.ulp(0.0))
+    return f"{then!r} before, {now!r} now, {100.0 * share:.2g} % apart"
+
+
+def _record_difference(before: Path, now: Path) -> tuple[str, bool]:
+    """Return what differs between two records' files, "" for nothing, and whether numbers do."""
+    for path, when in ((before, "before"), (now, "now")):
+        if not path.is_file():
+            return f"there was none {when}", True
+    try:
+        if before.read_bytes() == now.read_bytes():
+            return "", False
+        then, again = read_record(before), read_record(now)
+    except (OSError, HelisimError) as error:
+        return f"can't be read: {error}", True
+    message = _other_numbers(then, again)
+    if message:
+        return message, True
+    message = difference(dict(then.provenance), dict(again.provenance))
+    return f"the same numbers; provenance: {message or 'the same too'}", False
+
+
+def _other_numbers(then: FlightRecord, now: FlightRecord) -> str:
+    if then.channels != now.channels:
+        return f"other channels: {', '.join(then.names)} before, {', '.join(now.names)} now"
+    if len(then) != len(now):
+        return f"{len(then)} samples before, {len(now)} now"
+    if not np.array_equal(then.time, now.time):
+        return "other times"
+    differs = then.values != now.values
+    if not differs.any():
+        return ""
+    row = int(np.argmax(differs.any(axis=1)))
+    names = [name for name, bad in zip(then.names, differs.any(axis=0)) if bad]
+    worst = float(np.max(np.abs(then.values - now.values)))
+    return f"{', '.join(names)} differ from {then.time[row]:g} s on, by {worst:.2g} at most"
+
+
+def _listed(found: Mapping[str, str]) -> list[str]:
+    """Return a line for each difference, those that are the same in one."""
+    places: dict[str, list[str]] = {}
+    for place, text in found.items():
+        places.setdefault(text, []).append(place)
+    lines = [
+        f"  {at[0]}{f' and {len(at) - 1} more' if len(at) > 1 else ''}: {text}"
+        for text, at in places.items()
+    ]
+    more = len(lines) - _SHOWN
+    return [*lines[:_SHOWN], f"  and {more} more"] if more > 0 else lines

@@ -17,6 +17,13 @@ from helisim.study.models import ModelSpec
 from helisim.vehicle import Linearization, Vehicle
 
 _GAINS = ("k_p", "k_I", "k_delta", "k_a")
+_DELAYS = {
+    "tau_r_base": ("ped", "r"),
+    "tau_lat": ("lat", "p"),
+    "tau_lon": ("lon", "q"),
+    "tau_col": ("col", "w"),
+}
+"""Delay -> the servo command and the motion that it is between."""
 
 
 def mean_derivatives(air: Air) -> dict[str, float]:
@@ -51,43 +58,24 @@ def true_values(
         air: of `air_met`, over which the truth is the mean; the vehicle's own trim if None.
     """
     air = air or ((1.0, vehicle),)
+    true, own = mean_derivatives(air), vehicle.parameters
     if model.truth_kind == "gyro":
-        return _gyro_values(vehicle, mean_derivatives(air))
+        gains = {name: own[f"gyro.{name.lower()}"] for name in _GAINS}
+        # the tail's thrust moves the helicopter sideways by Y_ped/N_ped of what it turns it
+        slip = true["N_r"] + true["N_v"] * true["Y_ped"] / true["N_ped"]
+        return {**gains, "tau_PED": own["gyro.ped_latency"], "N_r_slip": slip}
     if model.truth_kind == "equivalent":
         return _equivalent_values(air, model, recorder, like)
-    late = recorder.late
-    true = mean_derivatives(air)
-    for delay, axis, motion in (
-        ("tau_r_base", "ped", "r"),
-        ("tau_lat", "lat", "p"),
-        ("tau_lon", "lon", "q"),
-        ("tau_col", "col", "w"),
-    ):
-        held = 0.5 * vehicle.parameters["gyro.period"]
+    for name, (axis, motion) in _DELAYS.items():
+        held = 0.5 * own["gyro.period"]
         servo = held if model.servos_known else vehicle.servo_delay(axis)
-        true[delay] = servo + late(motion) - late(axis)
+        true[name] = servo + recorder.late(motion) - recorder.late(axis)
     true["A_u"] = true["Q_u"] * true["tau_f"]
-    if "L_p" in model.structure.names:
-        true |= _dampings(air)
-    return true
-
-
-def _dampings(air: Air) -> dict[str, float]:
-    """Return what opposes roll and pitch beside the tilted rotor, the mean over the air met."""
-    mean = {"L_p": 0.0, "M_q": 0.0}
-    for share, there in air:
-        system = there.linearize("IN1").system
+    if "L_p" in model.structure.names:  # what opposes roll and pitch beside the tilted rotor
         for name, rate in (("L_p", "p"), ("M_q", "q")):
-            place = system.state_labels.index(rate)
-            mean[name] += share * float(np.asarray(system.A)[place, place])
-    return mean
-
-
-def _gyro_values(vehicle: Vehicle, base: dict[str, float]) -> dict[str, float]:
-    gains = {name: vehicle.parameters[f"gyro.{name.lower()}"] for name in _GAINS}
-    # the tail's thrust moves the helicopter sideways by Y_ped/N_ped of what it turns it
-    slip = base["N_r"] + base["N_v"] * base["Y_ped"] / base["N_ped"]
-    return {**gains, "tau_PED": vehicle.parameters["gyro.ped_latency"], "N_r_slip": slip}
+            each = [(share, there.linearize("IN1").derivative(rate, rate)) for share, there in air]
+            true[name] = sum((share * damping for share, damping in each), 0.0)
+    return true
 
 
 def _equivalent_values(
@@ -116,17 +104,18 @@ def exact_response(
         recorder: whose latencies are in it.
         omega: (n_freq,) rad/s.
     """
+    inputs = "IN2" if model.reference or model.input == "IN2" else "IN1"
+    linear = vehicle.linearize(inputs)
+    driving = model.reference or model.inputs
+    response = _recorded(linear, model.outputs, driving, recorder, omega)
     if model.reference:
-        linear, given = vehicle.linearize("IN2"), (*model.inputs, *model.conditioning)
-        driven = _recorded(linear, given, model.reference, recorder, omega)
-        answer = _recorded(linear, model.outputs, model.reference, recorder, omega)
+        given = (*model.inputs, *model.conditioning)
+        driven = _recorded(linear, given, driving, recorder, omega)
         # H U = Y at each frequency, axes (outputs, inputs, frequencies)
-        response = np.linalg.solve(driven.T, answer.T).T[:, : len(model.inputs)]
+        response = np.linalg.solve(driven.T, response.T).T[:, : len(model.inputs)]
     else:
-        linear = vehicle.linearize("IN2" if model.input == "IN2" else "IN1")
-        late = np.array([recorder.late(name) for name in model.inputs])
-        response = _recorded(linear, model.outputs, model.inputs, recorder, omega)
-        response = response * np.exp(1j * late[None, :, None] * omega)
+        delays = np.array([recorder.late(name) for name in model.inputs])
+        response = response * np.exp(1j * delays[None, :, None] * omega)
     return ident.FrequencyResponse.exact(
         omega, response, inputs=model.inputs, outputs=model.outputs
     )
@@ -139,9 +128,9 @@ def _recorded(
     recorder: Recorder,
     omega: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    """Return the response of outputs, as late as they are recorded, (n_out, n_in, n_freq)."""
-    rows = [linear.system.output_labels.index(name) for name in outputs]
-    columns = [linear.system.input_labels.index(name) for name in inputs]
-    late = np.array([recorder.late(name) for name in outputs])
+    """Return the response of outputs as they are recorded, delayed, (n_out, n_in, n_freq)."""
+    rows = [linear.outputs.index(name) for name in outputs]
+    columns = [linear.inputs.index(name) for name in inputs]
+    delays = np.array([recorder.late(name) for name in outputs])
     response = linear.response(omega)[np.ix_(rows, columns)]
-    return response * np.exp(-1j * late[:, None, None] * omega)
+    return response * np.exp(-1j * delays[:, None, None] * omega)

@@ -18,7 +18,7 @@ from helisim.base.units import DB_PER_NEPER
 from helisim.ident.evaluate import response
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN2, YAW_OVERALL, ModelSpec
-from helisim.study.published import published_of
+from helisim.study.paper import published_of
 from helisim.study.truth import exact_response, true_values
 from helisim.vehicle import Parameters, PhysicalParameter, Vehicle
 from helisim.vehicle.rate_command import tune_rate_command

@@ -9,7 +9,7 @@ from helisim.records.channels import AXES
 from helisim.sim import fly
 from helisim.study.campaign import campaign_from, read_campaign, read_dataset, run_campaign
 from helisim.study.campaign.replicate import by_method
-from helisim.study.identification import frequency_response, identify_model
+from helisim.study.comparison import frequency_response, identify_model
 from helisim.study.models import YAW_BASE
 from script import SCRIPTS
 

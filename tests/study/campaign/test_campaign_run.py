@@ -14,7 +14,7 @@ from helisim.records.provenance import versions
 from helisim.sim import Recorder
 from helisim.study.campaign import campaign_from, read_dataset, run_campaign
 from helisim.study.campaign.executors import ONE_THREAD
-from helisim.study.identification import identify_model
+from helisim.study.comparison import identify_model
 from helisim.study.models import HEAVE
 from helisim.study.truth import true_values
 

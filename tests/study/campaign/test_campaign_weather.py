@@ -9,7 +9,7 @@ from helisim.design.exact import air_met
 from helisim.study.campaign import campaign_from
 from helisim.study.campaign.dataset import Dataset
 from helisim.study.campaign.replicate import fly_and_identify
-from helisim.study.identification import identify_model
+from helisim.study.comparison import identify_model
 from helisim.study.models import HEAVE
 from helisim.study.truth import mean_derivatives
 

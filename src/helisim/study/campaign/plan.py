@@ -13,8 +13,7 @@ from helisim.records.channels import AXES
 from helisim.study.campaign.design import Design, Point, points
 from helisim.study.campaign.settings import SECTIONS, Change, Settings
 from helisim.study.campaign.variation import Variation, is_variation, parse
-from helisim.study.known import KNOWN_MODELS
-from helisim.study.models import MODELS, ModelSpec
+from helisim.study.models import KNOWN_MODELS, MODELS, ModelSpec
 from helisim.vehicle.assembly import Integrator
 from helisim.vehicle.folder import is_shipped, model_folder
 

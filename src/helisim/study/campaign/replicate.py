@@ -13,12 +13,9 @@ from helisim.records.record import FlightRecord
 from helisim.sim import FlightPlan, Recorder, fly
 from helisim.sim.rigs import RigTest, run_rigs
 from helisim.study.campaign.plan import MODEL_NAMES, Campaign, Method, Replicate
-from helisim.study.comparison import ComparisonTable
-from helisim.study.flights import Flights
-from helisim.study.identification import GroundTests, comparison_table, identify_model
-from helisim.study.known import SERVOS
-from helisim.study.models import ModelSpec
-from helisim.study.servos import servo_test
+from helisim.study.comparison import ComparisonTable, GroundTests, comparison_table, identify_model
+from helisim.study.experiment import Flights, servo_test
+from helisim.study.models import SERVOS, ModelSpec
 from helisim.vehicle import Vehicle
 
 T = TypeVar("T")
