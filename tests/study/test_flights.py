@@ -33,8 +33,8 @@ def over(monkeypatch):
 
             return flown(vehicle, plan, which, do, **options)
 
-        flown = experiment.flown
-        monkeypatch.setattr(experiment, "flown", marked)
+        flown = experiment.fly_all
+        monkeypatch.setattr(experiment, "fly_all", marked)
         monkeypatch.setattr(experiment, "Sweep", lambda axis: Sweep(axis=axis, duration=35.0))
 
     return choose
