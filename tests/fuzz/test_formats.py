@@ -25,9 +25,8 @@ from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 from helisim.records.storage import write_record
 from helisim.study.campaign import read_campaign
-from helisim.study.identified import read_models
 from helisim.study.replay import arguments_of
-from helisim.study.run import read_run
+from helisim.study.results import read_models, read_run
 from helisim.vehicle.folder import model_folder
 from helisim.vehicle.parameters import read_parameters
 from made_run import make_model, write_run
