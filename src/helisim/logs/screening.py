@@ -65,7 +65,7 @@ _GREATEST = 1e6  # rad and rad/s: nothing turns further or faster
 _INTEGRAL = 0.998
 """Share of an angle's power that the rates explain, at least: noise biases the clocks' ratio."""
 _SURE = 5.0  # standard errors by which a clock must be wrong to be reported
-_ANGLES = dict(zip(RATES, ATTITUDES))
+_ANGLES: dict[str, str] = dict(zip(RATES, ATTITUDES))
 _SOURCES = (
     {rate: f"d({angle})/dt" for rate, angle in _ANGLES.items()}
     | dict.fromkeys("uv", "the positions' derivative")
@@ -384,7 +384,7 @@ def _accelerating(channels: Channels) -> dict[str, Array]:
     if {"phi", "theta"} <= set(columns):
         phi, theta = columns["phi"], columns["theta"]
         down = (-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta))
-        gravity = dict(zip(ACCELERATIONS, down))
+        gravity: dict[str, Array] = dict(zip(ACCELERATIONS, down))
         found = {name: one - STANDARD_GRAVITY * gravity[name] for name, one in found.items()}
     return found
 
@@ -395,11 +395,11 @@ def _compared(
     """Return how every measured channel of those names goes with every predicted one."""
     measured = [name for name in names if name in channels.declared]
     columns = [channels.columns[name] for name in measured] + list(predicted.values())
-    if not measured or not predicted:
+    if not measured or not predicted or columns[0].size < _LONG:
         return {}
     values, frequency = _windowed(np.column_stack(columns), channels.step)
     inside = (np.arange(frequency.size) >= _LOWEST) & (frequency * channels.step <= _HIGHEST)
-    if columns[0].size < _LONG or not np.all(np.isfinite(columns)) or inside.sum() < _FEWEST:
+    if not np.all(np.isfinite(columns)) or inside.sum() < _FEWEST:
         return {}
     each = np.moveaxis(values[:, inside], 2, 0)
     return {
@@ -416,10 +416,10 @@ def _windowed(columns: Array, step: float) -> tuple[NDArray[np.complex128], Arra
     """
     length = 2 * (columns.shape[0] // (_WINDOWS + 1))
     starts = np.arange(_WINDOWS) * (length // 2)
-    taper = (0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / max(length, 1)))[:, None]
-    parts = [without_trend(columns[s : s + length]) * taper for s in starts] if length else []
-    found = np.fft.rfft(parts, axis=1) if length else np.empty((0, 0, columns.shape[1]), complex)
-    return found, np.fft.rfftfreq(length, step) if length else np.empty(0)
+    taper = (0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length))[:, None]
+    parts = np.stack([without_trend(columns[s : s + length]) * taper for s in starts])
+    found: NDArray[np.complex128] = np.fft.rfft(parts, axis=1)
+    return found, np.fft.rfftfreq(length, step).astype(np.float64)
 
 
 def likeness(measured: NDArray[np.complex128], predicted: NDArray[np.complex128]) -> Likeness:
@@ -573,7 +573,7 @@ def clock_errors(time: Array, channels: Mapping[str, Array]) -> list[ClockError]
     step, found = (time[-1] - time[0]) / (time.size - 1), []
     for name, angle, rate in zip(ATTITUDES, (phi, theta, psi), rates):
         sane = np.all(np.abs(angle) < _GREATEST) and np.all(np.abs(rate) < _GREATEST)
-        if not sane or np.ptp(angle) == 0.0:
+        if not sane or time.size < _LONG or np.ptp(angle) == 0.0:
             continue
         integral = CubicSpline(time, rate).antiderivative()(time)
         values, frequency = _windowed(np.column_stack([angle, integral]), step)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from helisim.base.errors import InputError
+from helisim.base.note import Option
 from helisim.logs.mapping import Clock, Column, Map
 from helisim.logs.read import reading_options
 from helisim.logs.report import OURS, LogFinding
@@ -154,7 +155,7 @@ class LogLook:
             text = "no control moves: there is nothing to identify from"
             return [LogFinding("missing", text)]
         text = "no column looks like a control: say which of those not used is one"
-        return [LogFinding.of("missing", text, "channel=lat=COLUMN:percent")]
+        return [LogFinding("missing", text, (Option("channel", "lat=COLUMN:percent"),))]
 
 
 @dataclass(frozen=True)

@@ -312,7 +312,8 @@ class Inferred:
         durations = [one.stop - one.start for one in self.used]
         window = min(min(durations) / 2.0, sum(durations) / 5.0)
         low = max(1.001 * 2.0 * math.pi / window, *(swept[name][0] for name in inputs))
-        high = min(PASSBAND * math.pi * self.sampling.rate, *(swept[name][1] for name in inputs))
+        fastest = PASSBAND * math.pi * (self.sampling.rate or 0.0)
+        high = min(fastest, *(swept[name][1] for name in inputs))
         if not low < high:
             raise InputError(
                 f"the sweeps of {', '.join(inputs)} have no frequency in common that the log "
@@ -580,9 +581,10 @@ def tail_servo(parameters: Mapping[str, float]) -> tuple[float, float] | None:
     servos = (f"SERVO{k}" for k in range(1, _SERVOS + 1))
     one = next((s for s in servos if parameters.get(f"{s}_FUNCTION") == _TAIL), "")
     low, trim, high = (parameters.get(f"{one}_{name}", 0.0) for name in ("MIN", "TRIM", "MAX"))
-    travel = (high - trim, trim - low)
-    travel = travel[::-1] if parameters.get(f"{one}_REVERSED", 0.0) else travel
-    return travel if min(travel) > 0.0 else None
+    right, left = high - trim, trim - low
+    if parameters.get(f"{one}_REVERSED", 0.0):
+        right, left = left, right
+    return (right, left) if min(right, left) > 0.0 else None
 
 
 def sent_yaw(command: NDArray[np.float64], travel: tuple[float, float]) -> NDArray[np.float64]:
