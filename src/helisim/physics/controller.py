@@ -63,7 +63,10 @@ def command_servos(view):
     if has_failed(view) or FIRST_LAW_STATE + 2 * law_states(view) > states_end(view):
         return
     if par[PARAM.planned] != 0.0:
-        command_by_plan(view)
+        for k in range(4):
+            law = par[PARAM.tail_law] if k == 3 else par[PARAM.swash_law]
+            if law == NO_LAW:
+                controls[CONTROL.servo_front + k] = par[PARAM.planned_front + k]
     if has_own_law(par):
         command_by_own_laws(view)
     else:
@@ -71,17 +74,10 @@ def command_servos(view):
         nowhere = (0.0, 0.0, 0.0)
         seen = seen_now(view, nowhere, nowhere, (0.0, 0.0, 0.0, 0.0))  # all that these laws use
         command_by_shipped_laws(view, seen)
-    add_to_commands(view)
-
-
-@kernel()
-def command_by_plan(view):
-    """Write the commands of a plan's flight to those servos that no law moves."""
-    par = view.par
-    for k in range(4):
-        law = par[PARAM.tail_law] if k == 3 else par[PARAM.swash_law]
-        if law == NO_LAW:
-            view.controls[CONTROL.servo_front + k] = par[PARAM.planned_front + k]
+    if is_injected(view):
+        added = injected(view)
+        for k in range(4):
+            controls[CONTROL.servo_front + k] += added[INJECTION.command_front + k]
 
 
 @kernel()
@@ -207,7 +203,10 @@ def seen_now(view, angles, forces, servos):
     """
     rates, controls = sensor_numbers(view), view.controls
     p, q, r = flip(rates[SENSOR.gyro_x], rates[SENSOR.gyro_y], rates[SENSOR.gyro_z])
-    p, q, r = at_sensors(view, p, q, r)
+    if is_injected(view):
+        added = injected(view)
+        p, q = p + added[INJECTION.rate_p], q + added[INJECTION.rate_q]
+        r += added[INJECTION.rate_r]
     if view.par[PARAM.faults] != 0.0:
         p, q, r = rates_read(view, p, q, r)
     return Seen(
@@ -257,15 +256,6 @@ def injected(view):
 
 
 @kernel()
-def add_to_commands(view):
-    """Add a manoeuvre to the commands that have just been given to the four servos."""
-    if is_injected(view):
-        added = injected(view)
-        for k in range(4):
-            view.controls[CONTROL.servo_front + k] += added[INJECTION.command_front + k]
-
-
-@kernel()
 def at_actuators(view, commands):
     """Return what reaches the four servos: their commands, and a manoeuvre's disturbances."""
     if not is_injected(view):
@@ -277,15 +267,6 @@ def at_actuators(view, commands):
         commands[2] + added[INJECTION.actuator_right],
         commands[3] + added[INJECTION.actuator_tail],
     )
-
-
-@kernel()
-def at_sensors(view, p, q, r):
-    """Return the rates that the gyro reads, rad/s: those sensed, and a manoeuvre's disturbances."""
-    if not is_injected(view):
-        return p, q, r
-    added = injected(view)
-    return p + added[INJECTION.rate_p], q + added[INJECTION.rate_q], r + added[INJECTION.rate_r]
 
 
 @kernel()

@@ -14,7 +14,7 @@ as a cubic, with the torque and its slope continuous. So nothing is faster than 
 own mode, its back-EMF against the inertia, about 17 1/s in a JR700: 3 % of it in a step of 2 ms.
 """
 
-from typing import NamedTuple
+from collections import namedtuple
 
 from helisim.physics.inflow import soft_limit
 from helisim.physics.kernel import kernel
@@ -48,20 +48,14 @@ _LINEAR = 0.9
 """Share of its limit up to which the current is not limited at all."""
 
 
-class Drive(NamedTuple):
-    """What the drive does.
+Drive = namedtuple("Drive", "speed_rate engine_rate governor_rate mast power")
+"""What the drive does.
 
-    speed_rate: of the rotor's speed over the nominal one, 1/s; engine_rate: of the engine's
-    throttle, 1/s; governor_rate: of the governor's integral, 1/s; mast: torque that turns the main
-    rotor, N m; the body feels its reaction; power: that reaches the two shafts and what turns with
-    them, W; a shaft turns against the body.
-    """
-
-    speed_rate: float
-    engine_rate: float
-    governor_rate: float
-    mast: float
-    power: float
+speed_rate: of the rotor's speed over the nominal one, 1/s; engine_rate: of the engine's
+throttle, 1/s; governor_rate: of the governor's integral, 1/s; mast: torque that turns the main
+rotor, N m; the body feels its reaction; power: that reaches the two shafts and what turns with
+them, W; a shaft turns against the body.
+"""
 
 
 @kernel()

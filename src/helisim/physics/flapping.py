@@ -17,7 +17,7 @@ blades have all of their own Lock number.
 """
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
 
 from helisim.physics.flow import main_rotor_in
 from helisim.physics.inflow import ground_share, inflow_rates, soft_limit, wake
@@ -39,24 +39,14 @@ _LEAST_FLOW = 0.005
 """Speed over the tip speed below which neither drift nor flow through the disc skews the wake."""
 
 
-class Disc(NamedTuple):
-    """What holds a tip-path plane at a rotor speed.
+Disc = namedtuple("Disc", "share air spring_aa spring_ab spring_ba stops free stiffness lock")
+"""What holds a tip-path plane at a rotor speed.
 
-    share: eps, a sixteenth of the Lock number, signed by the sense of rotation; air: 1/s, the air's
-    hold; spring_aa: 1/s, that of the springs, and the next two; spring_ab: 1/s; spring_ba: 1/s;
-    stops: 1/s, of the droop stops; free: how far the shaft turns without its blades, 1 at full
-    speed and 0 at rest; stiffness: nu^2 - 1; lock: the blades' own Lock number.
-    """
-
-    share: float
-    air: float
-    spring_aa: float
-    spring_ab: float
-    spring_ba: float
-    stops: float
-    free: float
-    stiffness: float
-    lock: float
+share: eps, a sixteenth of the Lock number, signed by the sense of rotation; air: 1/s, the air's
+hold; spring_aa: 1/s, that of the springs, and the next two; spring_ab: 1/s; spring_ba: 1/s;
+stops: 1/s, of the droop stops; free: how far the shaft turns without its blades, 1 at full
+speed and 0 at rest; stiffness: nu^2 - 1; lock: the blades' own Lock number.
+"""
 
 
 @kernel()

@@ -6,16 +6,14 @@ wing. Fin and tailplane are small flat surfaces that lift, stall, and stand agai
 """
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
 
 from helisim.physics import air
 from helisim.physics.kernel import from_element, kernel
 from helisim.physics.layout import PARAM, STATE, WASH
 from helisim.physics.memory import position_ahead, speed_ratio
-from helisim.physics.motion import Velocities, Wrench, from_shaft, to_shaft
+from helisim.physics.motion import Wrench, from_shaft, to_shaft
 from helisim.physics.rotor import (
-    MainRotor,
-    TailRotor,
     cyclic_tilt,
     main_rotor,
     normal,
@@ -25,16 +23,11 @@ from helisim.physics.rotor import (
 )
 from helisim.physics.servo import unmix
 
+Wash = namedtuple("Wash", "fuselage tail tailplane")
+"""Velocities of the main rotor's wake, m/s downwards.
 
-class Wash(NamedTuple):
-    """Velocities of the main rotor's wake, m/s downwards.
-
-    fuselage: at the fuselage; tail: at tail rotor and fin; tailplane: at the tailplane.
-    """
-
-    fuselage: float
-    tail: float
-    tailplane: float
+fuselage: at the fuselage; tail: at tail rotor and fin; tailplane: at the tailplane.
+"""
 
 
 @kernel()
@@ -81,23 +74,14 @@ def wash_share(par, first, cosine, behind):
     return upright * cosine**2 + behind * polynomial
 
 
-class Flow(NamedTuple):
-    """The flow past a vehicle, and what its rotors do in it.
+Flow = namedtuple("Flow", "motion hub speed main tail wash air nearness")
+"""The flow past a vehicle, and what its rotors do in it.
 
-    motion: velocities of the body through the air; hub: the same in shaft axes; speed: rotor speed
-    over the nominal one; main: what the main rotor does; tail: what the tail rotor does; wash: the
-    main rotor's wake at fuselage and tail; air: velocities of the air itself; nearness: (R / 4d)^2
-    of the ground.
-    """
-
-    motion: Velocities
-    hub: Velocities
-    speed: float
-    main: MainRotor
-    tail: TailRotor
-    wash: Wash
-    air: Velocities
-    nearness: float
+motion: velocities of the body through the air; hub: the same in shaft axes; speed: rotor speed
+over the nominal one; main: what the main rotor does; tail: what the tail rotor does; wash: the
+main rotor's wake at fuselage and tail; air: velocities of the air itself; nearness: (R / 4d)^2
+of the ground.
+"""
 
 
 @kernel()

@@ -10,6 +10,7 @@ exactly and integrals are those of what is held. The settings are the vehicle's,
 """
 
 import math
+from collections import namedtuple
 from typing import NamedTuple
 
 from helisim.physics.kernel import kernel, known
@@ -65,24 +66,17 @@ class Seen(NamedTuple):
     PED: float
 
 
-@known
-class CyclicStates(NamedTuple):
-    """The cyclic law's states: filtered rates, integrals and slower filtered rates."""
-
-    q_filter: int
-    q_integral: int
-    q_derivative: int
-    p_filter: int
-    p_integral: int
-    p_derivative: int
+CyclicStates = namedtuple(
+    "CyclicStates",
+    "q_filter q_integral q_derivative p_filter p_integral p_derivative",
+)
+"""The cyclic law's states: filtered rates, integrals and slower filtered rates."""
+known(CyclicStates)
 
 
-@known
-class YawStates(NamedTuple):
-    """The yaw law's states: the filter of its lead, and the integral."""
-
-    r_lead: int
-    r_integral: int
+YawStates = namedtuple("YawStates", "r_lead r_integral")
+"""The yaw law's states: the filter of its lead, and the integral."""
+known(YawStates)
 
 
 CYCLIC = CyclicStates(*range(STATE.gyro_r_lead - STATE.gyro_q_filter))

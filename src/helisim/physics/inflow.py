@@ -23,7 +23,7 @@ the air knows nothing of it.
 """
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
 
 from helisim.physics.kernel import kernel
 
@@ -151,16 +151,6 @@ def ground_share(nearness, induced, advance):
 
 
 @kernel()
-def hover_or_climb(free, slope, climb):
-    """Return v in hover and axial climb, where the balance is quadratic; elsewhere a start.
-
-    2 v (climb + v) = slope (free - v) for free > 0.
-    """
-    half = 0.25 * (2.0 * climb + slope)
-    return -half + math.sqrt(half * half + 0.5 * slope * free)
-
-
-@kernel()
 def carried(free, slope, limit, induced):
     """Return CT of blades in an induced velocity; arguments as of `balance`."""
     return soft_limit(slope * (free - induced), limit, _STALL_CORE)
@@ -182,7 +172,9 @@ def balance(free, slope, limit, climb, advance, nearness):
     up = math.copysign(1.0, free)
     low, high = 0.0, up * free
     climb = up * climb
-    induced = hover_or_climb(high, slope, climb)
+    # in hover and axial climb the balance is quadratic, 2 v (climb + v) = slope (free - v)
+    half = 0.25 * (2.0 * climb + slope)
+    induced = -half + math.sqrt(half * half + 0.5 * slope * high)
     edge = _STALL_CORE * limit
     for _ in range(_MAX_ITERATIONS):
         square, half_slope = flow_square(induced, climb, advance)
@@ -223,17 +215,12 @@ _LEAST = 0.5
 where nothing carries a moment's air away."""
 
 
-class Wake(NamedTuple):
-    """The air that leaves a rotor, over the tip speed.
+Wake = namedtuple("Wake", "flow slope_flow skew_x skew_y")
+"""The air that leaves a rotor, over the tip speed.
 
-    flow: V_T of Peters and HaQuang; slope_flow: V_m of theirs; skew_x: tan(chi / 2) times the
-    cosine of the hub's way through the air; skew_y: the same times the sine, positive to the right.
-    """
-
-    flow: float
-    slope_flow: float
-    skew_x: float
-    skew_y: float
+flow: V_T of Peters and HaQuang; slope_flow: V_m of theirs; skew_x: tan(chi / 2) times the
+cosine of the hub's way through the air; skew_y: the same times the sine, positive to the right.
+"""
 
 
 @kernel()

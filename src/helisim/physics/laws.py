@@ -180,9 +180,8 @@ class _UnfitError(ValueError):
 class Failure(NamedTuple):
     """How a law failed.
 
-    Attributes:
-        why: in a sentence's end, such as "raised ZeroDivisionError: division by zero".
-        traceback: its text, with names of files and no folders; "" if there is none.
+    why: in a sentence's end, such as "raised ZeroDivisionError: division by zero"; traceback: its
+    text, with names of files and no folders; "" if there is none.
     """
 
     why: str
@@ -193,14 +192,10 @@ class Failure(NamedTuple):
 class OwnLaw:
     """A function of the user in its place.
 
-    Attributes:
-        function: called at each tick with what is seen, the state and the settings, or the first
-            one or two of these; of Python, or compiled by numba.
-        place: which servos it moves.
-        states: how many numbers it keeps from tick to tick.
-        settings: (n_settings,), which it only reads.
-        reset: called like `function` where the law starts, None for nothing.
-        name: for messages.
+    function: called at each tick with what is seen, the state and the settings, or the first one or
+    two of these; of Python, or compiled by numba; place: which servos it moves; states: how many
+    numbers it keeps from tick to tick; settings: (n_settings,), which it only reads; reset: called
+    like `function` where the law starts, None for nothing; name: for messages.
     """
 
     function: Any
@@ -308,9 +303,7 @@ def _checked(commands: Any, place: Place) -> tuple[float, ...]:
 class Registered:
     """A law in the table of the process, until `release`; a copy of it if it is an object.
 
-    Attributes:
-        handle: by which a vehicle's numbers name it.
-        law: what it is.
+    handle: by which a vehicle's numbers name it; law: what it is.
 
     Raises:
         InputError: numba can't compile it, it can't be copied, or there are too many laws.
@@ -559,9 +552,8 @@ class KnownLaw:
 
     It is compiled once for all its settings, and kept on disk.
 
-    Attributes:
-        function: of (seen, state, settings); returns front, left, right and tail.
-        reset: called likewise where the law starts; it returns nothing.
+    function: of (seen, state, settings); returns front, left, right and tail; reset: called
+    likewise where the law starts; it returns nothing.
     """
 
     function: Callable[..., Any]

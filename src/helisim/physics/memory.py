@@ -16,7 +16,7 @@ import ctypes
 import math
 from collections import namedtuple
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -231,34 +231,23 @@ def double(base, offset):
     return doubles_at(base + offset)[0]
 
 
-class VehicleView(NamedTuple):
-    """One of our vehicles inside mjModel and mjData, as the kernels hand it on.
+VehicleView = namedtuple("VehicleView", "m d offsets rotor body sensors par act rate controls")
+"""One of our vehicles inside mjModel and mjData, as the kernels hand it on.
 
-    The pointers lead into MuJoCo's own arrays: what is written there is written in mjData.
+The pointers lead into MuJoCo's own arrays: what is written there is written in mjData.
 
-    Attributes:
-        m: address of mjModel.
-        d: address of mjData.
-        offsets: byte offsets of their fields, `fields.Offsets`.
-        rotor: the vehicle's rotor actuator.
-        body: the body that its forces act on.
-        sensors: where its `SENSORS` start in `sensordata`; negative if it has none.
-        par: its parameters, by `PARAM`.
-        act: its activations, by `STATE`.
-        rate: their derivatives, per second.
-        controls: its controls, by `CONTROL`.
-    """
-
-    m: int
-    d: int
-    offsets: Any
-    rotor: int
-    body: int
-    sensors: int
-    par: Any
-    act: Any
-    rate: Any
-    controls: Any
+Attributes:
+    m: address of mjModel.
+    d: address of mjData.
+    offsets: byte offsets of their fields, `fields.Offsets`.
+    rotor: the vehicle's rotor actuator.
+    body: the body that its forces act on.
+    sensors: where its `SENSORS` start in `sensordata`; negative if it has none.
+    par: its parameters, by `PARAM`.
+    act: its activations, by `STATE`.
+    rate: their derivatives, per second.
+    controls: its controls, by `CONTROL`.
+"""
 
 
 @kernel()
@@ -315,7 +304,14 @@ def first_sensor(m, offsets, body):
 
     The sticks are among them, and as many numbers before and behind as there should be.
     """
-    stick = stick_sensor(m, offsets, body)
+    stick = -1
+    for k in range(long(m, offsets.nsensor)):
+        is_user = ints(m, offsets.sensor_type)[k] == _USER_SENSOR
+        is_user = is_user and ints(m, offsets.sensor_objtype)[k] == _BODY
+        is_user = is_user and ints(m, offsets.sensor_dim)[k] == _STICKS
+        if is_user and ints(m, offsets.sensor_objid)[k] == body:
+            stick = k
+            break
     if stick < _BEFORE_STICK or stick + _BEHIND_STICK >= long(m, offsets.nsensor):
         return -1
     address = ints(m, offsets.sensor_adr)
@@ -325,18 +321,6 @@ def first_sensor(m, offsets, body):
         and address[stick + _BEHIND_STICK] == first + SENSOR.clock
     )
     return first if whole else -1
-
-
-@kernel()
-def stick_sensor(m, offsets, body):
-    """Return the first user sensor of four numbers on a body, the sticks; negative for none."""
-    for k in range(long(m, offsets.nsensor)):
-        ours = ints(m, offsets.sensor_type)[k] == _USER_SENSOR
-        ours = ours and ints(m, offsets.sensor_objtype)[k] == _BODY
-        ours = ours and ints(m, offsets.sensor_dim)[k] == _STICKS
-        if ours and ints(m, offsets.sensor_objid)[k] == body:
-            return k
-    return -1
 
 
 @kernel()

@@ -7,7 +7,7 @@ rotor's shaft, whose plane is level there.
 """
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
 
 from helisim.physics.kernel import kernel
 from helisim.physics.layout import PARAM
@@ -54,26 +54,12 @@ def to_world(xmat, x, y, z):
     )
 
 
-class Velocities(NamedTuple):
-    """A velocity (m/s) and a rotation (rad/s), body axes: forward, right, down."""
-
-    u: float
-    v: float
-    w: float
-    p: float
-    q: float
-    r: float
+Velocities = namedtuple("Velocities", "u v w p q r")
+"""A velocity (m/s) and a rotation (rad/s), body axes: forward, right, down."""
 
 
-class Wrench(NamedTuple):
-    """A force (N) and a moment (N m) at the body's origin, body axes."""
-
-    fx: float
-    fy: float
-    fz: float
-    mx: float
-    my: float
-    mz: float
+Wrench = namedtuple("Wrench", "fx fy fz mx my mz")
+"""A force (N) and a moment (N m) at the body's origin, body axes."""
 
 
 @kernel()

@@ -78,41 +78,22 @@ def add_forces(m, d, offsets):
         view = view_of(m, d, offsets, rotor)
         step = held_for(view)
         past = flow(view, 0.5 * step)
-        keep_disc_rates(view, past, step)
-        if step > 0.0 and view.par[PARAM.main_dynamic_inflow] != 0.0:
-            mean = view.act[STATE.inflow_0] + step * view.act[STATE.inflow_0_rate]
+        act, is_dynamic = view.act, view.par[PARAM.main_dynamic_inflow] != 0.0
+        if is_dynamic:
+            keep_tilt_and_inflow_rates(view, past, step)
+        else:
+            act[STATE.flap_a_rate], act[STATE.flap_b_rate] = tilt_rates(view, past, step)
+            for k in range(STATE.inflow_0_rate, STATE.inflow_c_rate + 1):
+                act[k] = 0.0
+        if step > 0.0 and is_dynamic:
+            mean = act[STATE.inflow_0] + step * act[STATE.inflow_0_rate]
             past = flow_later(view, past, mean, 0.5 * step)
-        mast = keep_drive_rates(view, past, step)
-        a = view.act[STATE.flap_a] + step * view.act[STATE.flap_a_rate]
-        b = view.act[STATE.flap_b] + step * view.act[STATE.flap_b_rate]
-        apply_wrench(view, wrench(view.par, a, b, past, mast))
-
-
-@kernel()
-def keep_disc_rates(view, past, step):
-    """Keep the derivatives of tilt and inflow, their mean over a step (s), or now at 0."""
-    act = view.act
-    if view.par[PARAM.main_dynamic_inflow] != 0.0:
-        keep_tilt_and_inflow_rates(view, past, step)
-        return
-    act[STATE.flap_a_rate], act[STATE.flap_b_rate] = tilt_rates(view, past, step)
-    for k in range(STATE.inflow_0_rate, STATE.inflow_c_rate + 1):
-        act[k] = 0.0
-
-
-@kernel()
-def keep_drive_rates(view, past, step):
-    """Keep the derivatives of rotor speed and engine, likewise.
-
-    Returns:
-        The torque that turns the main rotor, N m.
-    """
-    act = view.act
-    driven = drive(view, past, step)
-    act[STATE.speed_rate] = driven.speed_rate
-    act[STATE.engine_rate] = driven.engine_rate
-    act[STATE.governor_rate] = driven.governor_rate
-    return driven.mast
+        driven = drive(view, past, step)
+        act[STATE.speed_rate], act[STATE.engine_rate] = driven.speed_rate, driven.engine_rate
+        act[STATE.governor_rate] = driven.governor_rate
+        a = act[STATE.flap_a] + step * act[STATE.flap_a_rate]
+        b = act[STATE.flap_b] + step * act[STATE.flap_b_rate]
+        apply_wrench(view, wrench(view.par, a, b, past, driven.mast))
 
 
 @kernel()

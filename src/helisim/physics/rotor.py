@@ -12,7 +12,7 @@ drag on the vehicle and the heat that the air keeps.
 """
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
 
 from helisim.physics.inflow import balance, carried, soft_limit
 from helisim.physics.kernel import kernel
@@ -52,14 +52,11 @@ def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, nearne
     return climb + induced, thrust
 
 
-class Losses(NamedTuple):
-    """What a rotor's thrust costs, apart from the work that it does on what it moves.
+Losses = namedtuple("Losses", "torque drag")
+"""What a rotor's thrust costs, apart from the work that it does on what it moves.
 
-    torque: CQ; drag: force against the edgewise flow in the disc's plane, CH over mu.
-    """
-
-    torque: float
-    drag: float
+torque: CQ; drag: force against the edgewise flow in the disc's plane, CH over mu.
+"""
 
 
 @kernel()
@@ -129,30 +126,21 @@ STOPPED = 0.05
 """Fraction of its speed below which a rotor's forces fade, to nothing where it stands."""
 
 
-class MainRotor(NamedTuple):
-    """What the main rotor does.
+MainRotor = namedtuple(
+    "MainRotor",
+    "thrust torque drag_x drag_y heat inflow induced climb advance tip_speed pitch",
+)
+"""What the main rotor does.
 
-    thrust: N, along the normal of the tips' plane; torque: N m, which the shaft takes; negative
-    where the air turns the rotor; drag_x: force of the blades in the plane of the hub, N, forward;
-    drag_y: likewise to the right, N; heat: power that the air keeps, induced and of the blades'
-    drag, W; inflow: ratio of the air's velocity through the plane of no feathering to the tip
-    speed; induced: share of it that the rotor itself makes; climb: ratio of the hub's velocity
-    along the thrust, through the air, to the tip speed; advance: likewise across the shaft;
-    tip_speed: m/s, at least that of a rotor that counts as stopped; pitch: collective pitch of the
-    blades, rad.
-    """
-
-    thrust: float
-    torque: float
-    drag_x: float
-    drag_y: float
-    heat: float
-    inflow: float
-    induced: float
-    climb: float
-    advance: float
-    tip_speed: float
-    pitch: float
+thrust: N, along the normal of the tips' plane; torque: N m, which the shaft takes; negative
+where the air turns the rotor; drag_x: force of the blades in the plane of the hub, N, forward;
+drag_y: likewise to the right, N; heat: power that the air keeps, induced and of the blades'
+drag, W; inflow: ratio of the air's velocity through the plane of no feathering to the tip
+speed; induced: share of it that the rotor itself makes; climb: ratio of the hub's velocity
+along the thrust, through the air, to the tip speed; advance: likewise across the shaft;
+tip_speed: m/s, at least that of a rotor that counts as stopped; pitch: collective pitch of the
+blades, rad.
+"""
 
 
 @kernel()
@@ -254,20 +242,13 @@ def cyclic_tilt(par, lon, lat):
     return a, par[PARAM.cyclic_b_lat] * lat + par[PARAM.cyclic_b_lon] * lon
 
 
-class TailRotor(NamedTuple):
-    """What the tail rotor does.
+TailRotor = namedtuple("TailRotor", "thrust inflow torque drag_x drag_z heat")
+"""What the tail rotor does.
 
-    thrust: N; inflow: ratio of the air's velocity through the disc to the tip speed; torque: at its
-    own shaft, N m; drag_x: force of the blades' drag in the disc's plane, N, forward; drag_z:
-    likewise downward, N; heat: power that the air keeps, induced and of the blades' drag, W.
-    """
-
-    thrust: float
-    inflow: float
-    torque: float
-    drag_x: float
-    drag_z: float
-    heat: float
+thrust: N; inflow: ratio of the air's velocity through the disc to the tip speed; torque: at its
+own shaft, N m; drag_x: force of the blades' drag in the disc's plane, N, forward; drag_z:
+likewise downward, N; heat: power that the air keeps, induced and of the blades' drag, W.
+"""
 
 
 @kernel()

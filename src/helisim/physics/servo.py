@@ -53,19 +53,6 @@ def servo_rates(position, rate, command, frequency, damping, rate_limit, travel)
 
 
 @kernel()
-def held_back(position, rate, command, frequency, damping, rate_limit):
-    """Return d(rate)/dt of a servo that a fault makes slow: its rate stays within the limit.
-
-    A second-order servo's rate follows frequency / (2 damping) times the error; here it follows
-    that no further than the limit, so that it is also what the servo will do next. The arguments
-    are those of `servo_rates`; the rate limit is the fault's.
-    """
-    wanted = 0.5 * frequency / damping * (command - position)
-    wanted = min(rate_limit, max(-rate_limit, wanted))
-    return 2.0 * damping * frequency * (wanted - rate)
-
-
-@kernel()
 def equivalent_delay(frequency, damping):
     """Return the delay that a second-order servo looks like at low frequency, s."""
     return 2.0 * damping / frequency
@@ -93,6 +80,8 @@ def write_servo_rates(par, act, rate, commands, limits):
             par[PARAM.servo_travel],
         )
         if limits[k] < par[PARAM.servo_rate_limit]:
-            rate[position + 1] = held_back(
-                act[position], act[position + 1], commands[k], frequency, damping, limits[k]
-            )
+            # a fault made it slow: its rate follows frequency / (2 damping) times the error no
+            # further than the limit, so that it is also what the servo will do next
+            wanted = 0.5 * frequency / damping * (commands[k] - act[position])
+            wanted = min(limits[k], max(-limits[k], wanted))
+            rate[position + 1] = 2.0 * damping * frequency * (wanted - act[position + 1])

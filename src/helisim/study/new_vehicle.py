@@ -35,6 +35,7 @@ from helisim.vehicle.rate_command import STARTS
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WIDTH = 98
 
+_LONGEST = 100
 _TUNING = {
     "tuning.cyclic_bandwidth": 8.0,
     "tuning.yaw_bandwidth": 8.0,
@@ -66,6 +67,11 @@ def new_vehicle(
         raise InputError(
             "a vehicle's name has letters, digits, _ and -, and begins with a letter, got "
             f"{name!r}{around}"
+        )
+    if len(name) > _LONGEST:
+        raise InputError(
+            f"a vehicle's name has at most {_LONGEST} characters, as files of it have longer ones; "
+            f"got one of {len(name)}"
         )
     if name in vehicle_names():
         raise InputError(f"{name!r} is a shipped vehicle: take another name")

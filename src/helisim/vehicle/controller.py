@@ -125,10 +125,8 @@ class Controller(Value):
             raise InputError(f"states must be an integer from 0 to {_MOST}, got {states!r}")
         if self.name is None:
             names = [law_name(law) for _, law in self._own()]
-            object.__setattr__(self, "name", " and ".join(names) or self._of_no_law())
-
-    def _of_no_law(self) -> str:
-        return "shipped" if self.is_shipped else "none"
+            none = "shipped" if self.is_shipped else "none"
+            object.__setattr__(self, "name", " and ".join(names) or none)
 
     def __repr__(self) -> str:
         return f"Controller({self.name!r})"
@@ -170,7 +168,9 @@ class Controller(Value):
         if reset is None and not inspect.isroutine(law) and not is_compiled(law):
             reset = getattr(law, "reset", None)
         if states is None:
-            states = STATES[place] if any(map(_keeps_state, (law, reset))) else 0
+            keeps = [one for one in (law, reset) if one is not None]
+            keeps = any(is_native(one) or arity(one) > 1 for one in keeps)
+            states = STATES[place] if keeps else 0
         if not isinstance(states, int) or not 0 <= states <= _MOST:
             raise InputError(f"controller {law_name(law)!r}: states is {states!r}, no whole number")
         assert isinstance(self.settings, np.ndarray)
@@ -284,10 +284,6 @@ class Controller(Value):
             par[index] = handles.get("all", handles.get(place, usual))
         par[PARAM.law_token] = laws.token() if registered else 0.0
         par[PARAM.swash_states], par[PARAM.tail_states] = self.state_counts
-
-
-def _keeps_state(function: Any) -> bool:
-    return function is not None and (is_native(function) or arity(function) > 1)
 
 
 class Flying:

@@ -62,11 +62,21 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     for known in glossary().values():
         if known.slot:
             block[getattr(PARAM, known.slot)] = parameters[known.name]
-    _write_hub(parameters, block)
+    tilt = parameters["main_rotor.shaft_tilt"]
+    block[PARAM.shaft_cosine], block[PARAM.shaft_sine] = math.cos(tilt), math.sin(tilt)
+    x, z = parameters["main_rotor.hub_x"], parameters["main_rotor.hub_z"]
+    block[PARAM.hub_x], block[PARAM.hub_z] = _in_shaft(parameters, x, z)
     _write_surfaces(parameters, block)
     block[PARAM.main_solidity] = _solidity(parameters, "main_rotor")
     block[PARAM.tail_solidity] = _solidity(parameters, "tail_rotor")
-    _write_flapping(parameters, block)
+    disc = TipPathPlane.of(parameters)
+    springs = disc.share * parameters["main_rotor.speed"] * disc.springs
+    cross = 0.5 * (disc.springs[1, 0] - disc.springs[0, 1])
+    block[PARAM.flap_hold] = 16.0 * disc.share / parameters["air.density"]
+    block[PARAM.flap_reduction] = parameters["flapping.lock_reduction"]
+    block[PARAM.flap_stiffness] = 2.0 * disc.share * abs(cross)
+    block[PARAM.spring_aa : PARAM.spring_ba + 1] = springs.ravel()[:3]
+    block[PARAM.cyclic_a_lat : PARAM.cyclic_b_lon + 1] = disc.cyclic.ravel()
     Swashplate.of(parameters).write(block)
     block[PARAM.gyro_phase_cosine] = math.cos(parameters["gyro.phase"])
     block[PARAM.gyro_phase_sine] = math.sin(parameters["gyro.phase"])
@@ -93,17 +103,6 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
     return block
 
 
-def _write_flapping(parameters: Parameters, block: NDArray[np.float64]) -> None:
-    disc = TipPathPlane.of(parameters)
-    springs = disc.share * parameters["main_rotor.speed"] * disc.springs
-    cross = 0.5 * (disc.springs[1, 0] - disc.springs[0, 1])
-    block[PARAM.flap_hold] = 16.0 * disc.share / parameters["air.density"]
-    block[PARAM.flap_reduction] = parameters["flapping.lock_reduction"]
-    block[PARAM.flap_stiffness] = 2.0 * disc.share * abs(cross)
-    block[PARAM.spring_aa : PARAM.spring_ba + 1] = springs.ravel()[:3]
-    block[PARAM.cyclic_a_lat : PARAM.cyclic_b_lon + 1] = disc.cyclic.ravel()
-
-
 def check_motor(parameters: Parameters, why: str) -> None:
     """Check what a motor needs of [drive], whether the vehicle's own governor has one or not.
 
@@ -123,14 +122,6 @@ def check_motor(parameters: Parameters, why: str) -> None:
                 f"{why}, and with its {engine} engine that needs a positive "
                 f"{entry.name} ({entry.unit}), got {entry.value:g}"
             )
-
-
-def _write_hub(parameters: Parameters, block: NDArray[np.float64]) -> None:
-    """Write how the shaft leans, and the hub in its axes."""
-    tilt = parameters["main_rotor.shaft_tilt"]
-    block[PARAM.shaft_cosine], block[PARAM.shaft_sine] = math.cos(tilt), math.sin(tilt)
-    x, z = parameters["main_rotor.hub_x"], parameters["main_rotor.hub_z"]
-    block[PARAM.hub_x], block[PARAM.hub_z] = _in_shaft(parameters, x, z)
 
 
 def _in_shaft(parameters: Parameters, x: float, z: float) -> tuple[float, float]:

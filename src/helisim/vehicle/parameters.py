@@ -428,43 +428,21 @@ class GyroSettings:
 
 
 _WATT = {"kg": 1, "m": 2, "s": -3}
-_BASE: dict[str, tuple[float, dict[str, int]]] = {
-    "1": (1.0, {}),
-    "-": (1.0, {}),
-    "%": (0.01, {}),
-    "percent": (0.01, {}),
-    "rad": (1.0, {"rad": 1}),
-    "deg": (RAD_PER_DEG, {"rad": 1}),
-    "degree": (RAD_PER_DEG, {"rad": 1}),
-    "degrees": (RAD_PER_DEG, {"rad": 1}),
-    "°": (RAD_PER_DEG, {"rad": 1}),
-    "rpm": (RAD_S_PER_RPM, {"rad": 1, "s": -1}),
-    "hz": (2.0 * math.pi, {"rad": 1, "s": -1}),
-    "s": (1.0, {"s": 1}),
-    "sec": (1.0, {"s": 1}),
-    "ms": (1e-3, {"s": 1}),
-    "us": (1e-6, {"s": 1}),
-    "µs": (1e-6, {"s": 1}),
-    "min": (60.0, {"s": 1}),
-    "m": (1.0, {"m": 1}),
-    "cm": (1e-2, {"m": 1}),
-    "mm": (1e-3, {"m": 1}),
-    "in": (METRE_PER_FOOT / 12.0, {"m": 1}),
-    "inch": (METRE_PER_FOOT / 12.0, {"m": 1}),
-    "ft": (METRE_PER_FOOT, {"m": 1}),
-    "kg": (1.0, {"kg": 1}),
-    "g": (1e-3, {"kg": 1}),
-    "n": (1.0, {"kg": 1, "m": 1, "s": -2}),
-    "w": (1.0, _WATT),
-    "kw": (1e3, _WATT),
-    "hp": (745.7, _WATT),
-    "a": (1.0, {"a": 1}),
-    "v": (1.0, _WATT | {"a": -1}),
-    "ohm": (1.0, _WATT | {"a": -2}),
-    "ω": (1.0, _WATT | {"a": -2}),
-    "mohm": (1e-3, _WATT | {"a": -2}),
-    "mω": (1e-3, _WATT | {"a": -2}),
-}
+_UNITS: tuple[tuple[dict[str, int], dict[str, float]], ...] = (
+    ({}, {"1": 1.0, "-": 1.0, "%": 0.01, "percent": 0.01}),
+    ({"rad": 1}, {"rad": 1.0} | dict.fromkeys(("deg", "degree", "degrees", "°"), RAD_PER_DEG)),
+    ({"rad": 1, "s": -1}, {"rpm": RAD_S_PER_RPM, "hz": 2.0 * math.pi}),
+    ({"s": 1}, {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0}),
+    ({"m": 1}, {"m": 1.0, "cm": 1e-2, "mm": 1e-3}),
+    ({"m": 1}, {"in": METRE_PER_FOOT / 12.0, "inch": METRE_PER_FOOT / 12.0, "ft": METRE_PER_FOOT}),
+    ({"kg": 1}, {"kg": 1.0, "g": 1e-3}),
+    ({"kg": 1, "m": 1, "s": -2}, {"n": 1.0}),
+    (_WATT, {"w": 1.0, "kw": 1e3, "hp": 745.7}),
+    ({"a": 1}, {"a": 1.0}),
+    (_WATT | {"a": -1}, {"v": 1.0}),
+    (_WATT | {"a": -2}, {"ohm": 1.0, "ω": 1.0, "mohm": 1e-3, "mω": 1e-3}),
+)
+_BASE = {name: (each, powers) for powers, units in _UNITS for name, each in units.items()}
 _GLUED = {"kgm": "kg m", "nm": "n m", "nmm": "n mm", "gm": "g m", "rads": "rad s"}
 _FACTOR = re.compile(r"([a-zµ°%]+|1|-)(?:\^?(-?\d+))?")
 

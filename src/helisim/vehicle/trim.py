@@ -197,10 +197,21 @@ def place(
     act = data.act[where.state :]
     act[STATE.front_position : STATE.tail_rate + 1 : 2] = [*swash, trim.ped]
     act[STATE.flap_a], act[STATE.flap_b] = trim.a, trim.b
-    _settle_drive(act, model.actuator_user[where.rotor], trim)
+    par = model.actuator_user[where.rotor]
+    if par[PARAM.drive_governor] != IDEAL:
+        act[STATE.speed], act[STATE.engine] = 1.0, trim.throttle
+        act[STATE.governor] = trim.throttle - par[PARAM.drive_collective_gain] * trim.col
     act[STATE.inflow_0 : STATE.inflow_c + 1] = trim.inflow_0, trim.inflow_s, trim.inflow_c
     act[STATE.feels_x : STATE.feels_z + 1] = steady_force(model, trim)
-    _settle_gyro(act, model.actuator_user[where.rotor], trim)
+    # the shipped laws have the integrals with which they command a trim; others start at zero
+    p_integral, q_integral, r_integral = gyro_integrals(par, trim)
+    if par[PARAM.swash_law] == SHIPPED_LAW:
+        cyclic = act[FIRST_LAW_STATE:]
+        cyclic[gyro.CYCLIC.p_integral] = p_integral
+        cyclic[gyro.CYCLIC.q_integral] = q_integral
+    if par[PARAM.tail_law] == SHIPPED_LAW:
+        yaw = act[FIRST_LAW_STATE + int(par[PARAM.swash_states]) :]
+        yaw[gyro.YAW.r_integral] = r_integral
     control = data.ctrl[where.control : where.control + ROTOR + 1]
     control[:] = [collective_stick(model, trim), 0.0, 0.0, 0.0, *swash, trim.ped, 1.0]
 
@@ -214,25 +225,6 @@ def steady_force(model: mujoco.MjModel, trim: Trim) -> NDArray[np.float64]:
 def collective_stick(model: mujoco.MjModel, trim: Trim) -> float:
     """Return where the collective stick stands in a hover, unitised."""
     return trim.col / float(model.actuator_user[addresses(model).rotor, PARAM.gyro_collective])
-
-
-def _settle_drive(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim) -> None:
-    """Let the rotor turn at its speed, with the throttle and the integral that keep it."""
-    if par[PARAM.drive_governor] != IDEAL:
-        act[STATE.speed], act[STATE.engine] = 1.0, trim.throttle
-        act[STATE.governor] = trim.throttle - par[PARAM.drive_collective_gain] * trim.col
-
-
-def _settle_gyro(act: NDArray[np.float64], par: NDArray[np.float64], trim: Trim) -> None:
-    """Give the shipped laws the integrals with which they command a trim; others start at zero."""
-    p_integral, q_integral, r_integral = gyro_integrals(par, trim)
-    if par[PARAM.swash_law] == SHIPPED_LAW:
-        cyclic = act[FIRST_LAW_STATE:]
-        cyclic[gyro.CYCLIC.p_integral] = p_integral
-        cyclic[gyro.CYCLIC.q_integral] = q_integral
-    if par[PARAM.tail_law] == SHIPPED_LAW:
-        yaw = act[FIRST_LAW_STATE + int(par[PARAM.swash_states]) :]
-        yaw[gyro.YAW.r_integral] = r_integral
 
 
 def gyro_integrals(par: NDArray[np.float64], trim: Trim) -> tuple[float, float, float]:
