@@ -7,6 +7,7 @@ instant, `Contact` against one flight as it goes on.
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -82,7 +83,9 @@ class FlightEnvelope:
     @classmethod
     def off(cls) -> "FlightEnvelope":
         """Return an envelope without limits; a flight still needs finite states."""
-        return cls(**{name: None for name in asdict(cls()) if name != "saturation_window"})
+        unlimited: dict[str, Any] = dict.fromkeys(asdict(cls()))
+        del unlimited["saturation_window"]
+        return cls(**unlimited)
 
     def end(self, vehicle: Vehicle, trajectory: Trajectory) -> tuple[int, str] | None:
         """Return the first sample beyond a limit and what happened there, None if there is none."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,6 +53,8 @@ class Timed(Excitation, ABC, listed=False):
     """Base of shipped manoeuvres behind a trimmed stretch: checks times, amplitude and band."""
 
     amplitude: Any = None
+    if TYPE_CHECKING:
+        trim_time: float
 
     left_open: ClassVar[tuple[str, ...]] = ("amplitude",)
     several: ClassVar[bool] = False

@@ -162,7 +162,7 @@ class Recorder:
         plain |= set(_TRUE) if self.rotor else set()
         plain -= {ROTOR_SPEED} if flight.rotor_speed is None else set()
         plain -= {CONTACT} if flight.ground is None else set()
-        for names, source in (_MEASURED | _TRUE).items():
+        for names, source in {**_MEASURED, **_TRUE}.items():
             if names in plain:
                 columns |= sampling.recorded(names, source(flight))
         columns |= sampling.injected(columns)

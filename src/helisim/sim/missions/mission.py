@@ -215,26 +215,36 @@ class ScriptedPilot:
         matrix = np.empty(9)
         mujoco.mju_quat2Mat(matrix, data.qpos[3:7])
         turn = FLIPS * matrix.reshape(3, 3)
-        over_ground = flip(*data.qvel[:3].tolist())
-        u, v, w = (np.array(over_ground) @ turn).tolist()
+        north_rate, east_rate, down_rate = flip(*data.qvel[:3].tolist())
+        u, v, w = (np.array((north_rate, east_rate, down_rate)) @ turn).tolist()
+        p, q, r = flip(*data.qvel[3:6].tolist())
         (xx, _, _), (yx, _, _), (zx, zy, zz) = turn.tolist()
         phi, psi = math.atan2(zy, zz), math.atan2(yx, xx)
         theta = -math.asin(min(1.0, max(-1.0, zx)))
-        place = flip(*data.qpos[:3].tolist())
-        motion = Motion(u, v, w, *flip(*data.qvel[3:6].tolist()), phi, theta, psi, *place)
+        north, east, down = flip(*data.qpos[:3].tolist())
+        motion = Motion(u, v, w, p, q, r, phi, theta, psi, north, east, down)
         points = self._points @ turn.T
         if self._ground is None or self._ground.is_level:
             lowest = float((points[:, 2] + self._radii).max(initial=-math.inf))
-            clearance = -motion.down - lowest
+            clearance = -down - lowest
         else:
-            points += place
+            points += (north, east, down)
             above = self._ground.heights(np.array([data.time]), points[None])[0]
             clearance = float((above - self._radii).min(initial=math.inf))
         if self._par[PARAM.drive_governor]:
             rotor = float(data.act[self._where.state + STATE.speed])
         else:
             rotor = float(data.ctrl[self._where.control + ROTOR])
-        return Sight(float(data.time), motion, *over_ground, clearance, self.touched, rotor)
+        return Sight(
+            time=float(data.time),
+            motion=motion,
+            north_rate=north_rate,
+            east_rate=east_rate,
+            down_rate=down_rate,
+            clearance=clearance,
+            touches=self.touched,
+            rotor_speed=rotor,
+        )
 
 
 @dataclass(frozen=True)
