@@ -8,6 +8,7 @@ import math
 import os
 import random
 import tomllib
+import traceback
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 
@@ -226,7 +227,10 @@ def attempt(name, sound, folder, seed):
             return f"message: {str(error)!r}"
         return "" if lines else "an empty message"
     except Exception as error:
-        return f"{type(error).__name__}: {error!r:.200}"
+        last = [
+            one for one in traceback.extract_tb(error.__traceback__) if "helisim" in one.filename
+        ]
+        return f"{last[-1].filename}:{last[-1].lineno}: {error!r:.200}"
     return "NaN is taken" if any(one != one for one in settings_of(value)) else ""
 
 

@@ -120,10 +120,11 @@ class Trace(Value):
     estimated: int = 0
 
     def __post_init__(self) -> None:
-        if np.size(self.telling) == 0:
-            about = np.asarray(self.measured, dtype=np.float64)
-            object.__setattr__(self, "telling", about - np.mean(about, axis=0))
         check(self)
+        if self.telling.size == 0:
+            telling = self.measured - np.mean(self.measured, axis=0)
+            telling.setflags(write=False)
+            object.__setattr__(self, "telling", telling)
 
     @property
     def residual(self) -> NDArray[np.float64]:
