@@ -85,7 +85,7 @@ def test_records_of_no_shipped_vehicle_need_one(run_folder, tmp_path, capsys, jr
             said = {**record.provenance, "vehicle": "mine"}
             write_record(replace(record, provenance=said), own / path.name)
     said = fails(capsys, "design", own, "--out", tmp_path / "a", "--quiet")
-    assert "--vehicle FOLDER" in said
+    assert "(--vehicle)" in said
     words = ["--vehicle", "jr700", "--no-proof", "--models", "2", "--drawn", "5", "--quiet"]
     out = tmp_path / "b"
     assert main(["design", *map(str, own.glob("*.parquet")), *words, "--out", str(out)]) in (0, 1)

@@ -12,7 +12,7 @@ from difflib import SequenceMatcher
 from functools import partial
 from typing import Any
 
-from helisim.base.note import Option, Remedy, options
+from helisim.base.note import Command, Option, Remedy, options
 from helisim.base.text import shown
 
 _LONGEST = 500
@@ -31,12 +31,13 @@ class HelisimError(Exception):
     """Base of every error that helisim raises on purpose.
 
     Attributes:
-        remedy: settings that mend it, by their names in Python, with values worth a try.
+        remedy: settings that mend it, by their names in Python, with values worth a try, or a
+            command.
     """
 
     def __init__(self, *arguments: object, remedy: Remedy = ()) -> None:
         super().__init__(*arguments)
-        self.remedy: tuple[Option, ...] = options(remedy)
+        self.remedy: tuple[Option | Command, ...] = options(remedy)
 
     def __str__(self) -> str:
         lines = super().__str__().splitlines()

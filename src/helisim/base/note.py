@@ -17,13 +17,28 @@ class Option:
     value: str = ""
 
 
-Remedy = str | Option | Iterable[str | Option]
+@dataclass(frozen=True)
+class Command:
+    """A command that mends something.
+
+    Attributes:
+        name: such as "calibrate".
+        arguments: behind it, such as a vehicle's folder.
+        options: behind those.
+    """
+
+    name: str
+    arguments: tuple[str, ...] = ()
+    options: tuple[Option, ...] = ()
+
+
+Remedy = str | Option | Command | Iterable[str | Option | Command]
 """What a remedy is given as: "windows", Option("repair", "gaps"), or several."""
 
 
-def options(remedy: Remedy) -> tuple[Option, ...]:
+def options(remedy: Remedy) -> tuple[Option | Command, ...]:
     """Return a remedy as options: a bare text "a,b" names two, "a=1" one with its value."""
-    if isinstance(remedy, Option):
+    if isinstance(remedy, Option | Command):
         return (remedy,)
     if isinstance(remedy, str):
         parts = (one.partition("=") for one in remedy.split(",") if one)
@@ -43,7 +58,7 @@ class Note:
 
     kind: str
     text: str
-    remedy: tuple[Option, ...] = ()
+    remedy: tuple[Option | Command, ...] = ()
 
     @classmethod
     def of(cls, kind: str, text: str, remedy: Remedy = ()) -> "Note":
@@ -53,7 +68,7 @@ class Note:
     @property
     def option(self) -> Option | None:
         """The first option that mends it, None if none does."""
-        return self.remedy[0] if self.remedy else None
+        return next((one for one in self.remedy if isinstance(one, Option)), None)
 
     def __str__(self) -> str:
         return self.text

@@ -40,12 +40,11 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from helisim.base.errors import InputError, UnknownNameError, similar
-from helisim.base.note import Note, Option
+from helisim.base.note import Command, Note, Option
 from helisim.base.text import single_line
 
 Options = argparse.Namespace
 """What a command is called with: the value of each option by its name."""
-Command = Callable[[Options], int]
 
 _WIDTH = 80
 _PATHS = ("FILE", "FILE|DIR", "DIR", "FOLDER", "LOG", "MODEL", "RUN", "SOURCE")
@@ -206,7 +205,9 @@ class Parser(argparse.ArgumentParser):
         group.add_argument(flag, **given, **({"dest": dest} if dest else {}))
 
 
-def add_command(commands: Any, function: Command, shared: Mapping[str, str], name: str) -> Parser:
+def add_command(
+    commands: Any, function: Callable[[Options], int], shared: Mapping[str, str], name: str
+) -> Parser:
     """Add a command to its kind, made of its docstring; return its parser."""
     said = inspect.getdoc(function) or ""
     head, _, rest = said.partition("\n\n")
@@ -244,12 +245,17 @@ def is_number(text: str) -> bool:
     return True
 
 
-def worded(remedy: Sequence[Option]) -> str:
-    """Return what mends something as options of the command line, " (--windows, --repair gaps)"."""
-    flags = (f"--{one.name.replace('_', '-')}" for one in remedy)
-    values = (f" {quote(one.value)}" if one.value else "" for one in remedy)
-    said = ", ".join(flag + value for flag, value in zip(flags, values))
+def worded(remedy: Sequence[Option | Command]) -> str:
+    """Return what mends something as one types it, " (--windows, --repair gaps)"."""
+    said = ", ".join(_typed(one) for one in remedy)
     return f" ({said})" if said else ""
+
+
+def _typed(one: Option | Command) -> str:
+    if isinstance(one, Option):
+        value = f" {quote(one.value)}" if one.value else ""
+        return f"--{one.name.replace('_', '-')}{value}"
+    return " ".join(["helisim", one.name, *map(quote, one.arguments), *map(_typed, one.options)])
 
 
 def worded_note(note: Note) -> str:

@@ -103,8 +103,9 @@ def _own(
         if missing:
             raise ModelError(
                 f"section [targets] lacks {', '.join(missing)}; each is "
-                '{ value = NUMBER, unit = "UNIT", source = "WHERE FROM" }, and '
-                "helisim calibrate --from-geometry estimates what is missing"
+                '{ value = NUMBER, unit = "UNIT", source = "WHERE FROM" }; what is missing can be '
+                "estimated from the geometry",
+                remedy="from_geometry",
             )
         return dict(stated), "[targets] of parameters.toml"
     estimated = dict(estimated_targets(given, *mass_and_gravity(folder)))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from helisim.base.errors import InputError, StorageError
 from helisim.base.files import make_folder
+from helisim.base.note import Command, Option
 from helisim.base.value import Value
 from helisim.design.design import DRAWN, MARGIN, MODELS, DesignResult, design
 from helisim.design.laws import AttitudeCommand, Law, RateCommand
@@ -148,7 +149,8 @@ def vehicle_of(flights: Flights) -> Vehicle:
     if found is None:
         raise InputError(
             "the records don't say of a shipped vehicle that it flew: give the vehicle, on which "
-            "the law shall be proved (--vehicle FOLDER); helisim.design needs none"
+            "the law shall be proved; helisim.design needs none",
+            remedy="vehicle",
         )
     return found
 
@@ -156,7 +158,8 @@ def vehicle_of(flights: Flights) -> Vehicle:
 def _flights(source: Source) -> Flights:
     if isinstance(source, str | PathLike) and not Path(source).is_dir():
         raise StorageError(
-            f"{source}: no such run; fly and identify first: helisim reproduce --out {source}"
+            f"{source}: no such run; fly and identify first",
+            remedy=Command("reproduce", (), (Option("out", str(source)),)),
         )
     return sweeps_of(source)
 

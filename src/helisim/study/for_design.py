@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from helisim.base.errors import InputError
+from helisim.base.note import Command, Option
 from helisim.design.plant import Plant
 from helisim.handling.loop import axis_of
 from helisim.ident import Fit, Structure, blocks, identify, in_series, structures
@@ -273,7 +274,8 @@ def _chosen(axes: tuple[str, ...], flights: Flights) -> tuple[_Model, ...]:
         besides = f", or leave it out: axes={tuple(left)}" if left else ""
         raise InputError(
             f"no sweep of {', '.join(missing)} to identify it from: there are sweeps of {there}. "
-            f"Fly some, such as helisim fly --axis {missing[0]} --count 5{besides}"
+            f"Fly some{besides}",
+            remedy=Command("fly", (), (Option("axis", missing[0]), Option("count", "5"))),
         )
     return chosen
 

@@ -63,7 +63,7 @@ def new_vehicle(
         StorageError: there is something of that name, or it can't be written; nothing is left.
     """
     if not _NAME.fullmatch(name):
-        around = "; the folder around it is `to` (--to)" if os.path.basename(name) != name else ""
+        around = "; the folder around it is `to`" if os.path.basename(name) != name else ""
         raise InputError(
             "a vehicle's name has letters, digits, _ and -, and begins with a letter, got "
             f"{name!r}{around}"

@@ -144,7 +144,7 @@ PARAMETER_FILES = ("parameters.toml", "calibrated.toml", "tuned.toml")
 _SCENE = "scene.xml"
 _NEEDED = (
     "a vehicle of one's own is a folder with parameters.toml, calibrated.toml, tuned.toml and its "
-    "MJCF, which `helisim vehicle new NAME --like jr700` makes"
+    "MJCF, which `helisim vehicle new NAME` makes"
 )
 
 

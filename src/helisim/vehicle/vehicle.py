@@ -16,6 +16,7 @@ import numpy as np
 from helisim.base.display import Displayed
 from helisim.base.errors import InputError, ModelError
 from helisim.base.linear import LinearSystem
+from helisim.base.note import Command, Option
 from helisim.base.value import Value
 from helisim.physics.layout import PARAM, SENSOR
 from helisim.physics.motion import flip
@@ -409,6 +410,11 @@ def load(
     return Vehicle(folder, values, model, find_trim(model))
 
 
+def _makes(command: str, folder: Path) -> Command:
+    """Return the command that makes a parameter file of a vehicle."""
+    return Command(command, (str(folder),), (Option("write"),))
+
+
 def standard_parameters(
     vehicle: str | PathLike[str] = "jr700", *, tuned: bool = True
 ) -> Parameters:
@@ -426,9 +432,9 @@ def standard_parameters(
     files = [folder / file for file in PARAMETER_FILES]
     _, calibrated, tuned_file = files
     if not calibrated.is_file():
-        raise ModelError(f"{calibrated}: no such file; helisim calibrate {folder} --write makes it")
+        raise ModelError(f"{calibrated}: no such file", remedy=_makes("calibrate", folder))
     if tuned and not tuned_file.is_file():
-        raise ModelError(f"{tuned_file}: no such file; helisim tune {folder} --write makes it")
+        raise ModelError(f"{tuned_file}: no such file", remedy=_makes("tune", folder))
     if tuned_file.is_file():
         found = read_parameters(*files)
     else:
