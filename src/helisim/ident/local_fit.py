@@ -160,8 +160,8 @@ def fit_band(
 class _Band:
     """The lines around each frequency, (n_freq, n_flight, n_line, ...), times the kernel's root.
 
-    `terms` are the powers of ln(w / w0), `offset` is (w - w0) / half, `ratio` is w / w0; `left`
-    and `right` are the driving and the responding signals. `first` is (n_freq, n_flight).
+    `terms` are the powers of ln(w / w0), `offset` (w - w0) / half, `ratio` w / w0; `left` and
+    `right` the driving and the responding signals.
     """
 
     first: NDArray[np.intp]

@@ -156,7 +156,7 @@ class FrequencyResponse(Value, Displayed):
         Raises:
             InputError: a field is missing, unknown or misshapen.
         """
-        unknown = sorted(set(data) - set(_STORED))
+        unknown = sorted(set(data).difference(_STORED))
         if unknown:
             raise InputError(
                 f"unknown field(s) of a frequency response: {', '.join(unknown)}; "
@@ -243,9 +243,6 @@ class FrequencyResponse(Value, Displayed):
             pairs: such as ("p/lat", "q/lon"); by default all.
             axes: to draw on, one a panel, pair by pair; by default those of a new figure.
 
-        Returns:
-            A matplotlib figure, which a notebook shows; nothing is kept of it.
-
         Raises:
             UnknownNameError: no such response.
             InputError: there are more or fewer axes than panels.
@@ -279,15 +276,10 @@ _STORED = tuple(one.name for one in fields(FrequencyResponse) if one.compare)
 def save_response(
     frf: FrequencyResponse, path: str | PathLike[str], more: Mapping[str, Any] | None = None
 ) -> None:
-    """Write a response as `FrequencyResponse.save` does.
-
-    Args:
-        frf: the response.
-        path: ending in .json or .csv.
-        more: plain data that JSON is to hold beside it, such as how logs were read.
+    """Write a response as `FrequencyResponse.save` does; JSON holds `more` plain data beside it.
 
     Raises:
-        StorageError: the suffix is another, or the file can't be written.
+        StorageError: the suffix is neither .json nor .csv, or the file can't be written.
     """
     units = {"input_units": list(frf.input_units), "output_units": list(frf.output_units)}
     provenance = made_by("frequency response", **frf.provenance, **units)
@@ -405,10 +397,7 @@ def _placed(curve: Curve, frequency: NDArray[np.float64], grid: NDArray[np.float
 
 
 def _quality(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return coherence and random error; where unknown 1, and that of one average.
-
-    The latter is that by the coherence (Bendat and Piersol).
-    """
+    """Return coherence, 1 if unknown, and random error, or one average's (Bendat and Piersol)."""
     ones = np.ones(curve.response.size)
     coherence = ones if curve.coherence is None else curve.coherence
     share = np.maximum(coherence, _LEAST_COHERENCE)

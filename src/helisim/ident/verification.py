@@ -342,9 +342,6 @@ class Verification(Value, Displayed):
             records: by number, from 0; by default all, side by side.
             axes: to draw on, one a panel, record by record; by default those of a new figure.
 
-        Returns:
-            A matplotlib figure, which a notebook shows; nothing is kept of it.
-
         Raises:
             InputError: no such record, or there are more or fewer axes than panels.
         """

@@ -155,10 +155,7 @@ def _predicted(
 
 
 def _noise(measured: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rms of white noise with the spectrum that the fastest fifth has, (n_out,).
-
-    Motion is slower than that; noise behind a filter is more than this, never less.
-    """
+    """Return the rms of white noise with the spectrum that the fastest fifth has, (n_out,)."""
     window = np.hanning(len(measured))[:, None]
     spectrum = np.fft.rfft(window * (measured - np.mean(measured, axis=0)), axis=0)
     fastest = np.abs(spectrum[-max(1, len(spectrum) // 5) :]) ** 2
@@ -259,12 +256,7 @@ def _pieces(fit: Fit, step: float, length: int) -> _Pieces:
 
 
 def _in_segments(fit: Fit, flight: FlightRecord, length_s: float) -> Trace:
-    """Predict a record in segments of about equal length, each from a state of its own.
-
-    Raises:
-        InputError: a segment has too few samples to estimate a state and tell of the model.
-        IdentificationError: the model diverges within a segment.
-    """
+    """Predict a record in segments of about equal length, each from a state of its own."""
     structure, step, count = fit.structure, flight.sample_time, len(flight)
     number = max(1, int(np.ceil(flight.duration / length_s)))
     edges = np.floor(np.arange(number + 1) * count / number).astype(np.int64)
@@ -300,10 +292,6 @@ def _ahead_of_time(fit: Fit, flight: FlightRecord, past_s: float, ahead_s: float
 
     The state is that of least squares over the past; it and the prediction are linear in what was
     recorded, so both are one filter of inputs and outputs. Biases and trims are the record's.
-
-    Raises:
-        InputError: the past has too few samples, or the record is shorter than past and prediction.
-        IdentificationError: the model diverges within them.
     """
     structure, step, count = fit.structure, flight.sample_time, len(flight)
     past, ahead = round(past_s / step) + 1, max(1, round(ahead_s / step))
@@ -354,10 +342,7 @@ def _input_filter(pieces: _Pieces, by_output: NDArray[np.float64]) -> NDArray[np
 def _filtered(
     weights: NDArray[np.float64], signals: NDArray[np.float64], starts: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return weighted sums (n_start, n_out) over signals (n_time, n) from each start on.
-
-    The weights are (n_out, n_weight, n).
-    """
+    """Return sums (n_start, n_out) over signals (n_time, n) by weights (n_out, n_weight, n)."""
     size = len(signals) + weights.shape[1]
     spectrum = np.fft.rfft(signals, size, axis=0)
     turned = np.fft.rfft(weights[:, ::-1], size, axis=1)
@@ -397,10 +382,7 @@ def _without(motions: NDArray[np.float64], own: NDArray[np.float64]) -> NDArray[
 def _shares(
     motions: NDArray[np.float64], shared: NDArray[np.float64], whole: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return how much of each shared motion (n, length, n_out) all motions have, (n,).
-
-    A shared motion of which hardly anything is left of its `whole` has none.
-    """
+    """Return how much of each shared motion all have, (n,); none where little of `whole` is."""
     norm = _positive(np.linalg.norm(whole.reshape(len(whole), -1), axis=1))
     columns = shared.reshape(len(shared), -1) / norm[:, None]
     mean = np.mean(motions, axis=0).ravel()

@@ -214,9 +214,6 @@ class FlightRecord(Value, Displayed):
             channels: a panel each; by default inputs and motion, those of a kind together.
             axes: to draw on, one a panel from top to bottom; by default those of a new figure.
 
-        Returns:
-            A matplotlib figure, which a notebook shows; nothing is kept of it.
-
         Raises:
             UnknownNameError: no such channel.
             InputError: there are more or fewer axes than panels.
