@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.signal import cont2discrete, dlsim
 
 from helisim.base.errors import InputError, UnknownNameError
+from helisim.base.units import UserUnits
 from helisim.ident import Fit, FrequencyResponse, identify, structures, verify
 from helisim.ident.evaluate import delayed, matrices, response, simulate, state_space
 from helisim.ident.verification import Approach, overall_theil, theil
@@ -31,17 +32,13 @@ def test_simulation_is_the_exact_discretisation():
         np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-10 * np.max(np.abs(expected)))
 
 
-def test_simulation_starts_from_a_state():
-    """A first-order model decays from its initial state as the exponential does."""
+def test_simple_models_simulate_as_their_closed_forms():
+    """A decay from an initial state is the exponential; a model without states is its gain."""
     model = control.ss([[-2.0]], [[1.0]], [[3.0]], [[0.0]])
     got = simulate(model, np.zeros((200, 1)), 0.01, start=np.array([1.0]))
     np.testing.assert_allclose(got[:, 0], 3.0 * np.exp(-0.02 * np.arange(200)), rtol=1e-12)
-
-
-def test_a_static_gain_simulates():
-    """A model without states is its gain."""
-    got = simulate(control.ss([], [], [], [[2.0]]), np.ones((70, 1)), 0.01)
-    assert got == pytest.approx(2.0)
+    gain = simulate(control.ss([], [], [], [[2.0]]), np.ones((70, 1)), 0.01)
+    assert gain == pytest.approx(2.0)
 
 
 @given(
@@ -108,11 +105,21 @@ def test_the_true_model_predicts_without_error(delay):
     assert result.tic < 1e-5
     assert result.traces[0].residual.shape == (600, 1)
     assert result.traces[0].starts.size == 0  # one state serves the record
-
-
-def test_a_delay_that_is_ignored_shows():
-    """A model whose delay is 40 ms off predicts worse: the delay is simulated, not dropped."""
+    # a model whose delay is 40 ms off predicts worse: it is simulated, not dropped
     assert verify(yaw_fit(0.0), doublet(0.04)).tic > 0.02
+
+
+def test_a_verification_in_other_units_is_scaled():
+    """Its outputs, with all that is told of them; coefficients have no unit."""
+    result = verify(yaw_fit(0.02), doublet(0.02, bias=0.3, noise=0.01))
+    shown, many = result.in_units(UserUnits.of("deg")), np.degrees(1.0)
+    assert shown.units == ("deg/s",)
+    assert shown.j_rms == pytest.approx(result.j_rms * many)
+    assert shown.j_rms_by_output["r"] == pytest.approx(result.j_rms_by_output["r"] * many)
+    assert shown.tic == result.tic
+    for name in ("measured", "predicted", "bias", "telling"):
+        one, other = (getattr(found.traces[0], name) for found in (shown, result))
+        assert one == pytest.approx(other * many)
 
 
 def test_several_records_are_pooled_and_told_apart():
@@ -131,24 +138,15 @@ def test_several_records_are_pooled_and_told_apart():
 
 
 def test_theil_is_near_one_for_a_model_that_predicts_nothing():
-    """A model of no gain has a coefficient near one, the right one of zero."""
-    fit = yaw_fit(0.0)
-    still = Fit.from_dict(fit.to_dict())
-    frozen = still.to_dict()
-    for row in frozen["parameters"]:
-        if row["name"] == "N_ped":
-            row["value"] = 1e-9
-    # The free motion of N_r alone can stand for a part of the doublet.
-    assert verify(Fit.from_dict(frozen), doublet(0.0)).tic > 0.7
-    assert verify(still, doublet(0.0)).tic < 1e-5
-
-
-def test_a_stored_fit_verifies_the_same():
-    """A fit that was written and read back predicts to the last bit as before."""
-    fit = yaw_fit(0.015)
+    """A model of no gain has a coefficient near one, the right one, as it was stored, of zero."""
+    fit, record = yaw_fit(0.015), doublet(0.015, noise=0.01)
     again = Fit.from_dict(json.loads(json.dumps(fit.to_dict())))
-    record = doublet(0.015, noise=0.01)
     assert verify(again, record).to_dict() == verify(fit, record).to_dict()
+    plain = yaw_fit(0.0).to_dict()
+    assert verify(Fit.from_dict(plain), doublet(0.0)).tic < 1e-5
+    next(row for row in plain["parameters"] if row["name"] == "N_ped")["value"] = 1e-9
+    # The free motion of N_r alone can stand for a part of the doublet.
+    assert verify(Fit.from_dict(plain), doublet(0.0)).tic > 0.7
 
 
 def test_unsuitable_records_are_refused():

@@ -76,20 +76,17 @@ def test_a_dataframe_that_is_no_record_is_refused(change, units, error, said):
         FlightRecord.from_pandas(frame, units=units)
 
 
-def test_row_numbers_are_no_times():
-    """A table without times would else be a second a row."""
-    with pytest.raises(RecordError, match="its index numbers the rows; give it a column 'time'"):
-        FlightRecord.from_pandas(pd.DataFrame({"p": [0.0, 0.1]}))
-    with pytest.raises(RecordError, match="has no times"):
-        FlightRecord.from_pandas(pd.DataFrame())
+def test_what_has_no_times_is_refused():
+    """Row numbers would else be a second a row; and what is no DataFrame by its type."""
+    for frame, error, told in (
+        (pd.DataFrame({"p": [0.0, 0.1]}), RecordError, "its index numbers the rows; give it a col"),
+        (pd.DataFrame(), RecordError, "has no times"),
+        ({"p": [1.0]}, InputError, "takes a DataFrame, got dict"),
+    ):
+        with pytest.raises(error, match=told):
+            FlightRecord.from_pandas(frame)
     seconds = FlightRecord.from_pandas(pd.DataFrame({"p": [0.0, 0.1]}, index=[0.0, 0.5]))
     assert seconds.duration == 0.5
-
-
-def test_what_is_no_dataframe_is_refused():
-    """By its type."""
-    with pytest.raises(InputError, match="takes a DataFrame, got dict"):
-        FlightRecord.from_pandas({"p": [1.0]})
 
 
 def test_a_dataset_has_numbers_units_and_origin():

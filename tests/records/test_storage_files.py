@@ -1,14 +1,24 @@
 """Files are written whole or not at all, and read only where they are of a sane size."""
 
 import errno
+import math
 import os
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from helisim.base import files
 from helisim.base.errors import HelisimError, StorageError
-from helisim.base.files import atomic_write, check_destination, read_json, read_toml, write_json
+from helisim.base.files import (
+    atomic_write,
+    check_destination,
+    read_json,
+    read_toml,
+    toml_key,
+    toml_value,
+    write_json,
+)
 from helisim.ident import load_fit, structures
 from helisim.logs import Map
 from helisim.vehicle import read_parameters
@@ -51,20 +61,16 @@ def refuse(*_):
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
-WRITERS = {
-    "structure": lambda path: structures.heave.to_toml(path),
-    "JSON": lambda path: write_json({"a": 1}, path),
-}
-
-
-@pytest.mark.parametrize("kind", WRITERS)
-def test_every_writer_leaves_the_old_file_when_the_disk_is_full(tmp_path, monkeypatch, kind):
+@pytest.mark.parametrize(
+    "write", [structures.heave.to_toml, lambda path: write_json({"a": 1}, path)]
+)
+def test_every_writer_leaves_the_old_file_when_the_disk_is_full(tmp_path, monkeypatch, write):
     """What was there stays, the error is one line, and nothing is left beside it."""
     path = tmp_path / "file.json"
     path.write_text("old")
     monkeypatch.setattr(os, "fsync", refuse)
     with pytest.raises(StorageError, match=r"file\.json: can't write it: No space left"):
-        WRITERS[kind](path)
+        write(path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -137,3 +143,21 @@ def test_what_is_no_file_is_refused(tmp_path):
     for path in (tmp_path, Path("/dev/zero")):
         with pytest.raises(StorageError, match="not a regular file"):
             read_json(path)
+
+
+# TOML
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["", 'a "b" \\ c', "two\nlines", "\x7f\x1f", "é", True, 3, 0.1, 1e-300, math.inf, ["a", [1]]],
+)
+def test_a_toml_value_comes_back(value):
+    """Text of any characters, numbers to the last bit, lists in lists; so do keys, quoted."""
+    assert tomllib.loads(f"x = {toml_value(value)}") == {"x": value}
+
+
+@pytest.mark.parametrize("name", ["lat", "b-1", "N_v * Y_ped", "", "a.b", "\x7f", "é"])
+def test_a_toml_key_comes_back(name):
+    """Names that TOML does not take bare are quoted."""
+    assert tomllib.loads(f"{toml_key(name)} = 1") == {name: 1}
