@@ -227,7 +227,7 @@ def test_a_page_says_what_there_is(shown):
     assert "L_b" in shown["fit"]._repr_html_()
     assert "Theil&#x27;s coefficient 0.051: acceptable" in shown["verification"]._repr_html_()
     assert "shaft power" in shown["vehicle"]._repr_html_()
-    assert "Sweep: axis lat" in shown["plan"]._repr_html_()
+    assert "Sweep(axis=" in shown["plan"]._repr_html_()
     assert "off" in shown["results"]._repr_html_() or "tolerances hold" in (
         shown["results"]._repr_html_()
     )

@@ -221,7 +221,7 @@ def test_a_plan_file_takes_a_mission(jr700, tmp_path):
     again = hs.read_plan(tmp_path / "plan.toml")
     assert again == plan
     assert again.digest == plan.digest
-    assert "mission     Forward: speed 5" in str(plan)
+    assert "mission     Forward(speed=5.0)" in str(plan)
     text = (tmp_path / "plan.toml").read_text().replace('"Forward"', '"Elsewhere"')
     (tmp_path / "own.toml").write_text(text)
     with pytest.raises(InputError, match=r"'Elsewhere'; .* one of your own has to be imported"):

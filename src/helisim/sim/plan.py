@@ -44,7 +44,6 @@ from helisim.base.errors import InputError
 from helisim.base.files import atomic_write, read_toml
 from helisim.base.settings import (
     check,
-    default_of,
     from_plain,
     in_brief,
     setting,
@@ -66,7 +65,6 @@ from helisim.vehicle import Vehicle
 from helisim.vehicle.trim import collective_stick
 
 _AIR = 0.9  # m of air under a helicopter that hovers to be watched: a sweep sinks by up to 0.8 m
-_LONGEST_WORD = 60  # Characters of a setting in words: packed samples have thousands
 
 
 def hover_height(model: mujoco.MjModel) -> float:
@@ -239,14 +237,12 @@ class FlightPlan(Displayed):
         return toml_text(tables if self.faults else {**tables, "faults": None})
 
     def in_words(self) -> tuple[tuple[str, str], ...]:
-        """Return each part's name, and its settings that aren't the defaults, in words."""
-        parts = ((one.name, getattr(self, one.name)) for one in fields(self))
-        said = [
-            (name, _in_words(part))
-            for name, part in parts
-            if name != "faults" and (part is not None or name == "recorder")
-        ]
-        return (*said, ("faults", "; ".join(map(_in_words, self.faults)) or "none"))
+        """Return each part's name, and the part in brief: its settings that aren't the defaults."""
+        parts = {one.name: getattr(self, one.name) for one in fields(self)}
+        faults = "; ".join(map(in_brief, parts.pop("faults"))) or "none"
+        said = [(name, in_brief(part)) for name, part in parts.items() if part is not None]
+        own = [("recorder", "the vehicle's own")] if self.recorder is None else []
+        return (*said, *own, ("faults", faults))
 
     def __str__(self) -> str:
         lines = [f"  {name:<12}{words}" for name, words in self.in_words()]
@@ -291,30 +287,6 @@ def write_plan(plan: FlightPlan, path: str | PathLike[str]) -> None:
     """Write a plan as TOML, from which `read_plan` reads an equal one. Raises StorageError."""
     with atomic_write(path) as temporary:
         temporary.write_text(plan.to_toml(), encoding="utf-8")
-
-
-def _in_words(part: Any) -> str:
-    """Return the settings of a part that aren't its defaults, in one line."""
-    if part is None:
-        return "the vehicle's own"
-    changed = [
-        f"{one.name} {_value_in_words(to_plain(getattr(part, one.name)))}"
-        for one in fields(part)
-        if getattr(part, one.name) != default_of(one)
-    ]
-    named = isinstance(part, Excitation | Mission | Fault)
-    kind = type(part).__name__ if named else ""
-    return ": ".join(filter(None, (kind, ", ".join(changed)))) or "as by default"
-
-
-def _value_in_words(value: Any) -> str:
-    if isinstance(value, dict):
-        said = (f"{key} {_value_in_words(one)}" for key, one in value.items() if one is not None)
-        return f"({', '.join(said)})"
-    if isinstance(value, list):
-        return f"({', '.join(map(_value_in_words, value))})"
-    text = f"{value:g}" if isinstance(value, float) else getattr(value, "__name__", str(value))
-    return text if len(text) <= _LONGEST_WORD else f"{text[: _LONGEST_WORD - 3]}..."
 
 
 def _as_floats(data: Any) -> Any:
