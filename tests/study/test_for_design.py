@@ -10,8 +10,8 @@ from helisim.design.exact import exact_loop
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import bandwidth, margins, rejection
 from helisim.sim import Recorder
+from helisim.study.design_chain import identify_for_design, servos_of
 from helisim.study.experiment import fly_sweeps, sweeps_of
-from helisim.study.for_design import identify_for_design, servos_of
 from helisim.vehicle import load
 from made_run import make_flight
 

@@ -494,7 +494,7 @@ def _fits(paths: list[Path]) -> "tuple[list[Fit], dict[str, float]]":
 
     if not paths[0].is_dir():
         return [load_fit(path) for path in paths], {}
-    from helisim.study.for_design import identify_for_design
+    from helisim.study.design_chain import identify_for_design
 
     plant: Any = identify_for_design(paths[0])
     return list(plant.fits), dict(plant.late)

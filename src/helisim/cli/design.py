@@ -198,7 +198,7 @@ def law_lqg(o: Options) -> int:
     from helisim.handling.closed_loop import ClosedLoop
     from helisim.show.table import as_text
     from helisim.show.tables import loop_margins
-    from helisim.study.for_design import identify_for_design
+    from helisim.study.design_chain import identify_for_design
 
     for option, given in (("gain", o.gain), ("error", o.error)):
         for name in given:

@@ -9,8 +9,8 @@ from helisim.ident import identify, load_fit, structures
 from helisim.logs.dataflash import is_dataflash
 from helisim.look.systemid import estimate_fits, followed_band, infer
 from helisim.sitl.parameters import AutopilotParameters, parameters_for
+from helisim.study.design_chain import identify_for_design
 from helisim.study.experiment import Source
-from helisim.study.for_design import identify_for_design
 from helisim.vehicle import Vehicle
 
 

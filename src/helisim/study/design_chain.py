@@ -1,4 +1,13 @@
-"""The chain from records to a law that flew: identify, design, prove."""
+"""The chain from records to a law that flew: identify, design, prove.
+
+Models for design are identified from records alone: sweeps of all axes, and servos that were on a
+bench. The structures are those of `known`. On the records of `helisim reproduce`, five seeds, they
+predict the JR700's loops with its own gyro, with twice its gains and with two attitude laws:
+crossovers and disturbance rejection to 0.6 %, bandwidths to 0.7 %, phase margins to 0.6 degrees,
+gain margins to 0.13 dB in roll and pitch and 0.2 dB in yaw, phase delays to 0.1 ms. The paper's own
+structures, where a delay stands for the servos, miss a fast yaw loop's crossover by 5 %: at
+80 rad/s they are 14 % too large.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -20,8 +29,8 @@ from helisim.handling.criteria import Criterion
 from helisim.handling.loop import Loop
 from helisim.handling.spec import ATTITUDES, Spec, write_specs
 from helisim.records.channels import AXES
+from helisim.study.design_chain import flown_vehicle, identify_for_design
 from helisim.study.experiment import Flights, Source, sweeps_of
-from helisim.study.for_design import flown_vehicle, identify_for_design
 from helisim.vehicle import Vehicle
 
 RESULT, LAW, SPECS, PROOF = "design.json", "law.toml", "specs.toml", "proof"

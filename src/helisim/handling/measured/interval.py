@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,6 @@ from scipy.special import ndtr, ndtri
 
 from helisim.handling import figures
 from helisim.handling.loop import Curve, Loop, NoResponse
-
-if TYPE_CHECKING:
-    from helisim.handling.measured.margins import MeasuredLoop
 
 UNITS: Mapping[str, str] = {
     "crossover": "rad/s",
@@ -70,13 +67,11 @@ def interval(value: float, samples: NDArray[np.float64]) -> Interval:
     return Interval(value, float(min(plain[0], corrected[0])), float(max(plain[1], corrected[1])))
 
 
-def intervals(
-    loop: "MeasuredLoop", of: Callable[["MeasuredLoop"], Mapping[str, float]]
-) -> dict[str, Interval]:
+def intervals(loop: Any, of: Callable[[Any], Mapping[str, float]]) -> dict[str, Interval]:
     """Return figures of a loop with their intervals.
 
     Args:
-        loop: measured.
+        loop: measured, a `MeasuredLoop`.
         of: what is asked of a loop, such as `lambda one: criterion.rate(one).figures`.
 
     Raises:
