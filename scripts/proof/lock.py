@@ -487,7 +487,7 @@ def fitted(fit: Any) -> dict[str, Any]:
         "misfit": data["misfit"],
         **{name: data[name] for name in ("costs", "bands_rad_s", "dropped", "delays_s")},
         **{name: data[name] for name in ("converged", "acceptable", "flags", "method")},
-        "suspicions": [str(one) for one in hs.suspicions(fit)],
+        "suspicions": [one.text for one in hs.suspicions(fit)],
     }
 
 

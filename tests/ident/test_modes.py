@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import IdentificationError, UnknownNameError
-from helisim.ident import Fit, FrequencyResponse, Parameter, Structure, identify, structures
-from helisim.ident.evaluate import matrices, response, state_space
-from helisim.ident.modes import Mode, modes
+from helisim.ident import Fit, Parameter, Structure, identify, structures
+from helisim.ident.evaluate import matrices, state_space
+from helisim.ident.modes import Mode, modes, uncancelled
+from ident_data import ROLLPITCH, fitted, of_model
 
 GRID = np.geomspace(0.5, 30.0, 40)
 RANDOM = np.random.default_rng(7)
-
-
-def pairs(structure):
-    return [f"{o}/{i}" for o in structure.outputs for i in structure.inputs]
 
 
 def values_of(structure):
@@ -43,7 +40,7 @@ def test_poles_and_zeros_are_python_controls(name):
     """Every pole; every zero that its poles do not cancel, and no other."""
     structure = structures.named(name)
     values = values_of(structure)
-    found = modes(structure, values, pairs(structure))
+    found = modes(structure, values, structure.delay_places("delays"))
     model = state_space(structure, values)
     poles, size = model.poles(), max(abs(model.poles()))
     assert len(doubled(found.poles)) == len(poles)
@@ -57,6 +54,17 @@ def test_poles_and_zeros_are_python_controls(name):
             own = [z for z in zeros if min(abs(z - poles)) > 1e-5 * size]
             assert max(nearest(mine, own), default=0.0) < 1e-5 * size
             assert max(nearest(zeros, mine), default=0.0) < 1e-5 * size
+
+
+TWO_AXES = Structure(
+    name="two",
+    parameters=(Parameter("L_p", "1/s", -1.0), Parameter("M_q", "1/s", -1.0)),
+    states=("p", "q"),
+    inputs=("lat", "lon"),
+    outputs=("p", "q"),
+    F=(("L_p", "0"), ("0", "M_q")),
+    G=(("5", "0"), ("0", "3")),
+)
 
 
 def quartic():
@@ -106,18 +114,7 @@ def test_an_improper_response_has_its_zeros():
 
 def test_a_mode_that_an_axis_lacks_is_none_of_its_zeros():
     """Two decoupled axes: p/lat is a gain over one lag, without the other axis' pole as a zero."""
-    structure = Structure.from_dict(
-        {
-            "name": "two",
-            "parameters": {name: {"unit": "1/s", "start": -1.0} for name in ("L_p", "M_q")},
-            "states": ["p", "q"],
-            "inputs": ["lat", "lon"],
-            "outputs": ["p", "q"],
-            "F": [["L_p", 0], [0, "M_q"]],
-            "G": [[5, 0], [0, 3]],
-        }
-    )
-    found = modes(structure, {"L_p": -4.0, "M_q": -2.0}, pairs(structure))
+    found = modes(TWO_AXES, {"L_p": -4.0, "M_q": -2.0}, TWO_AXES.delay_places("delays"))
     assert [one.value for one in found.poles] == [-2.0, -4.0]
     assert all(not zeros for zeros in found.zeros.values())
     assert dict(found.gains) == {"p/lat": 5.0, "p/lon": 0.0, "q/lat": 0.0, "q/lon": 3.0}
@@ -125,11 +122,7 @@ def test_a_mode_that_an_axis_lacks_is_none_of_its_zeros():
 
 def test_errors_are_those_of_drawn_parameters():
     """1 % and correlated: 4000 draws know a scatter to 1.1 %, so 4 of these; bends add 1 %."""
-    structure, values = structures.rollpitch, {
-        "tau_f": 0.04456, "L_b": 539.5, "M_a": 315.1, "A_b": -0.3514, "B_a": 0.5340,
-        "A_lat": 0.06571, "A_lon": 0.3697, "B_lat": 0.3778, "B_lon": -0.0607,
-        "tau_lat": 0.0115, "tau_lon": -0.0083,
-    }  # fmt: skip
+    structure, values = structures.rollpitch, ROLLPITCH
     names = ["tau_f", "L_b", "M_a", "A_b", "B_a"]
     size = np.array([0.01 * abs(values[name]) for name in names])
     covariance = (np.full((5, 5), 0.5) + 0.5 * np.eye(5)) * np.outer(size, size)
@@ -180,20 +173,9 @@ def test_a_pair_that_could_merge_is_marked(a1, separate):
 
 def test_modes_that_cross_without_meeting_are_not_marked():
     """Two axes that nothing couples may have the same pole, each with its own error."""
-    structure = Structure.from_dict(
-        {
-            "name": "two",
-            "parameters": {name: {"unit": "1/s", "start": -1.0} for name in ("L_p", "M_q")},
-            "states": ["p", "q"],
-            "inputs": ["lat"],
-            "outputs": ["p", "q"],
-            "F": [["L_p", 0], [0, "M_q"]],
-            "G": [[5], [3]],
-        }
-    )
     values = {"L_p": -2.001, "M_q": -2.0}
     covariance = np.diag([0.04, 0.09])
-    found = modes(structure, values, (), names=["L_p", "M_q"], covariance=covariance)
+    found = modes(TWO_AXES, values, (), names=["L_p", "M_q"], covariance=covariance)
     assert [one.real_error for one in found.poles] == pytest.approx([0.3, 0.2])
     assert all(one.separate for one in found.poles)
 
@@ -215,11 +197,7 @@ def test_what_the_data_do_not_see_leaves_its_modes_unknown():
 def fit():
     structure = structures.transfer_function(zeros=0, poles=2, input="lat", output="p")
     values = {"b0": 30.0, "a1": 3.0, "a0": 25.0, "tau": 0.05}
-    exact = response(structure, values, GRID)
-    wobble = 1.0 + 0.02 * np.random.default_rng(1).normal(size=(*exact.shape, 2)) @ [1.0, 1j]
-    return identify(
-        FrequencyResponse.exact(GRID, exact * wobble, inputs=("lat",), outputs=("p",)), structure
-    )
+    return fitted(structure, values, GRID, noise=0.02, seed=1)
 
 
 def test_a_fit_says_its_modes_everywhere(fit):
@@ -272,8 +250,7 @@ def test_the_error_of_a_known_servo_is_in_the_modes():
     data |= {"F": [["-a0", "b0"], [0, -1]], "G": [[0], [1]], "H0": [[1, 0]], "H1": [[0, 0]]}
     structure = Structure.from_dict({**data, "D": [[0]]})
     truth = {"b0": 30.0, "a0": 4.0, "T": 0.1}
-    exact = response(structure, truth, GRID)
-    frf = FrequencyResponse.exact(GRID, exact, inputs=("lat",), outputs=("p",))
+    frf = of_model(structure, truth, GRID)
     plant, servo = identify(frf, structure).modes.poles
     assert servo.time_error == pytest.approx(0.002, rel=1e-6)
     wrong = identify(frf, structure.with_fixed({"T": 0.1001})).modes.poles[0]
@@ -296,13 +273,19 @@ def test_a_mode_at_zero_is_an_integrator():
 def test_stated_errors_are_the_scatter_over_noise(fit):
     """Sixty fits of the same model in other noise: 9 % of a scatter, so 30 % is three of it."""
     values = {"b0": 30.0, "a1": 3.0, "a0": 25.0, "tau": 0.05}
-    exact = response(fit.structure, values, GRID)
-    random = np.random.default_rng(2)
     found, stated = [], []
-    for _ in range(60):
-        wobble = 1.0 + 0.02 * random.normal(size=(*exact.shape, 2)) @ [1.0, 1j]
-        frf = FrequencyResponse.exact(GRID, exact * wobble, inputs=("lat",), outputs=("p",))
-        pole = identify(frf, fit.structure, frequencies_per_response=40, searches=1).modes.poles[0]
+    options = {"frequencies_per_response": 40, "searches": 1, "noise": 0.02}
+    for seed in range(60):
+        pole = fitted(fit.structure, values, GRID, seed=seed, **options).modes.poles[0]
         found.append((pole.frequency, pole.damping))
         stated.append((pole.frequency_error, pole.damping_error))
     assert np.mean(stated, axis=0) == pytest.approx(np.std(found, axis=0), rel=0.3)
+
+
+def test_a_pole_cancels_one_zero_at_most():
+    """A zero on a pole goes with it; a second one there stays, and so does one beside."""
+    zeros = np.array([-1.0, -1.0, -3.0 + 1.0j, -3.0 - 1.0j, 1e-9])
+    poles = np.array([-1.0, -3.0 + 1.0j, -3.0 - 1.0j, 0.0])
+    assert uncancelled(zeros, poles, 5.0) == pytest.approx([-1.0])
+    # by the size of all poles: at the origin a small distance is none only beside larger ones
+    assert uncancelled(np.array([1e-9]), np.array([0.0]), 0.0) == pytest.approx([1e-9])

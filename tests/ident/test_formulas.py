@@ -8,20 +8,17 @@ import importlib
 import math
 import pkgutil
 
-import control
 import numpy as np
 import pytest
-from scipy.signal import butter, detrend
+from scipy.signal import detrend
 
 import helisim.ident
-from helisim.base.errors import IdentificationError, InputError
 from helisim.ident import FrequencyResponse, frequency_response, identify, structures, verify
 from helisim.ident.bounds import accuracy
 from helisim.ident.conditioning import random_error
 from helisim.ident.cost import Cost, select
 from helisim.ident.evaluate import response
 from helisim.ident.spectra import cross_spectra
-from helisim.ident.transfer import first_order_delay, second_order_delay, transfer_function
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -127,13 +124,6 @@ def test_points_are_the_nearest_to_log_spaced_ones(frf):
         assert points.bands[number] == (frf.frequency[near[0]], frf.frequency[near[-1]])
         assert set(points.output[mine]) == {ROLLPITCH.outputs.index(output)}
         assert set(points.input[mine]) == {ROLLPITCH.inputs.index(input_)}
-
-
-@pytest.mark.parametrize("band", [("a", "b"), (1.0, 2.0, 3.0), 5.0, (1.0, None)])
-def test_a_band_is_two_frequencies(frf, band):
-    """Text, three numbers, one and none are refused with what was received."""
-    with pytest.raises(InputError, match=r"band.* must be a"):
-        select(frf, ROLLPITCH, band=band, responses=None, count=20)
 
 
 def vector(names):
@@ -244,25 +234,6 @@ def test_the_accuracy_is_its_formulas(frf, standardised):
     assert found.standard_error == pytest.approx(errors, rel=1e-6)
 
 
-def test_without_known_errors_residuals_count_as_independent():
-    """Standard errors are then those of least squares, with n minus p degrees of freedom."""
-    structure = structures.yaw_base
-    values = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
-    clean = response(structure, values, GRID)
-    wobble = np.exp(0.05 * np.random.default_rng(5).normal(size=(*clean.shape, 2)) @ [1.0, 1j])
-    data = FrequencyResponse.exact(
-        GRID, clean * wobble, inputs=structure.inputs, outputs=structure.outputs
-    )
-    cost = Cost(structure, select(data, structure, band=None, responses=None, count=20))
-    x = np.array([values[parameter.name] for parameter in structure.free])
-    jacobian, residual = cost.log_jacobian(x), cost.log(x, unwrap=False)
-    variance = residual @ residual / (residual.size - x.size)
-    expected = np.sqrt(variance * np.diag(np.linalg.inv(jacobian.T @ jacobian)))
-    assert accuracy(cost, x).standard_error == pytest.approx(expected, rel=1e-8)
-    with pytest.raises(IdentificationError, match="errors are not known"):
-        _ = cost.spread
-
-
 def test_verification_figures_are_their_formulas():
     """J_rms and Theil's coefficient over all records, each about its own mean, and by output."""
     structure = structures.yaw_base
@@ -297,35 +268,6 @@ def test_verification_figures_are_their_formulas():
     verdict = "acceptable" if theil <= 0.25 else "above 0.25"
     (overall,) = (line for line in str(found).splitlines() if line.startswith("all "))
     assert overall.split()[-len(verdict.split()) :] == verdict.split()
-
-
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_transfer_functions_start_from_well_damped_poles_with_their_units(order):
-    """Butterworth's first and second order, and a binomial of higher order, all at 5 rad/s."""
-    made = transfer_function(zeros=0, poles=order, input="lat", output="p", frequency=5.0)
-    if order <= 2:
-        expected = np.real(butter(order, 5.0, analog=True)[1])
-    else:
-        expected = np.poly([-5.0] * order)
-    found = {parameter.name: parameter for parameter in made.parameters}
-    for power in range(order):
-        parameter = found[f"a{power}"]
-        assert parameter.start == pytest.approx(expected[order - power], rel=1e-12)
-        missing = order - power
-        assert parameter.unit == ("1/s" if missing == 1 else f"1/s^{missing}")
-    model = control.tf([1.0], [1.0, *expected[1:]])
-    starts = {name: parameter.start for name, parameter in found.items()}
-    got = response(made, {**starts, "tau": 0.0}, GRID)[0, 0]
-    assert got == pytest.approx(model(1j * GRID), rel=1e-9)
-
-
-def test_the_two_named_transfer_functions_are_what_they_say():
-    """First order has one pole, second order two, and a zero where asked."""
-    assert first_order_delay(input="ped", output="r").states == ("x0",)
-    second = second_order_delay(input="ped", output="r", zeros=1)
-    assert second.states == ("x0", "x1")
-    assert {parameter.name for parameter in second.parameters} >= {"b1", "b0", "a1", "a0"}
-    assert "b1" not in second_order_delay(input="ped", output="r").names
 
 
 def value_objects():

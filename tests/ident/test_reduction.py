@@ -1,13 +1,14 @@
 """Structure reduction: what is not there is dropped, what is needed stays, all is logged."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.ident import FrequencyResponse, Structure, reduce, structures
-from helisim.ident.evaluate import response
+from helisim.ident import Parameter, reduce, structures
+from ident_data import of_model
 
 FREQUENCY = np.geomspace(1.0, 40.0, 90)
 TRUE = {
@@ -17,18 +18,17 @@ TRUE = {
 ABSENT = {"A_b", "A_lat", "B_lon"}
 
 
-def noisy(structure, values, size=0.02, seed=0):
-    clean = response(structure, values, FREQUENCY)
-    random = np.random.default_rng(seed)
-    wobble = random.standard_normal(clean.shape) + 1j * random.standard_normal(clean.shape)
-    # A response of zero has no logarithm: give it a floor no larger than the noise.
-    floor = 1e-3 * np.max(np.abs(clean)) * wobble
-    return FrequencyResponse.exact(
-        FREQUENCY,
-        clean * np.exp(size * wobble) + np.where(np.abs(clean) < 1e-9, floor, 0.0),
-        inputs=structure.inputs,
-        outputs=structure.outputs,
-    )
+def noisy(structure, values):
+    """Return a response with noise; of one that is zero, and has no logarithm, noise alone."""
+    frf = of_model(structure, values, FREQUENCY, noise=0.02)
+    wobble = np.random.default_rng(0).normal(size=(2, *frf.response.shape))
+    floor = 1e-3 * np.max(np.abs(frf.response)) * (wobble[0] + 1j * wobble[1])
+    small = np.abs(frf.response) < 1e-9
+    return replace(frf, response=np.where(small, floor, frf.response))
+
+
+RATES = noisy(structures.rollpitch, TRUE)
+THREE = {"responses": ("p/lat", "p/lon", "q/lon")}
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +39,7 @@ def searched():
 
 @pytest.fixture(scope="module")
 def reduction(searched):
-    return reduce(
-        noisy(structures.rollpitch, TRUE),
-        structures.rollpitch,
-        responses=("p/lat", "p/lon", "q/lon"),
-        on_progress=searched.append,
-    )
+    return reduce(RATES, structures.rollpitch, **THREE, on_progress=searched.append)
 
 
 def test_each_search_is_progress(reduction, searched):
@@ -90,34 +85,23 @@ def test_delays_stay_unless_allowed(reduction):
     """A delay of zero is poorly known, stays, and goes when delays may be dropped."""
     assert "tau_lon" in reduction.protected
     assert not reduction.structure.parameter("tau_lon").fixed
-    allowed = reduce(
-        noisy(structures.rollpitch, TRUE),
-        structures.rollpitch,
-        responses=("p/lat", "p/lon", "q/lon"),
-        delays=True,
-    )
+    allowed = reduce(RATES, structures.rollpitch, **THREE, delays=True)
     assert "tau_lon" in allowed.dropped
     assert "tau_f" not in {step.parameter for step in allowed.steps}
 
 
 def test_what_must_stay_stays():
     """A parameter in `keep` is not tried."""
-    kept = reduce(
-        noisy(structures.rollpitch, TRUE),
-        structures.rollpitch,
-        responses=("p/lat", "p/lon", "q/lon"),
-        keep=("A_b",),
-    )
+    kept = reduce(RATES, structures.rollpitch, **THREE, keep=("A_b",))
     assert "A_b" not in {step.parameter for step in kept.steps}
     assert "A_b" in kept.protected
 
 
 def test_a_poor_parameter_that_is_needed_comes_back():
     """One of two parameters that stand in for each other goes; the other, as needed, stays."""
-    plain = structures.heave.to_dict()
-    plain["parameters"]["K"] = {"unit": "1", "start": 1.0}
-    plain["G"] = [["Z_col + K"]]
-    structure = Structure.from_dict(plain)
+    heave = structures.heave
+    parameters = (*heave.parameters, Parameter("K", "1", 1.0))
+    structure = replace(heave, parameters=parameters, G=(("Z_col + K",),))
     data = noisy(structures.heave, {"Z_w": -1.0, "Z_col": -10.0, "tau_col": 0.05})
     found = reduce(data, structure)
     assert len(found.dropped) == 1

@@ -5,9 +5,10 @@ import pytest
 from scipy.signal import butter, freqs
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.ident import FrequencyResponse, Structure, blocks, identify, in_series
+from helisim.ident import Structure, blocks, identify, in_series
 from helisim.ident.evaluate import response
 from helisim.ident.structures import heave_inflow, hover_imu, rollpitch, yaw_base
+from ident_data import data
 
 GRID = np.geomspace(0.5, 80.0, 25)
 S = 1j * GRID
@@ -78,9 +79,9 @@ def test_one_servo_for_two_inputs_has_one_natural_frequency():
 
 def test_a_known_servo_is_taken_out_and_its_error_carried_through():
     """A first order behind a servo is found exactly, with more error than a servo without any."""
-    exact = (50.0 / (S + 0.7) * np.exp(-0.03 * S) * SERVO_RESPONSE)[None, None]
-    data = FrequencyResponse.exact(GRID, exact, inputs=("ped",), outputs=("r",))
-    found = identify(data, in_series(yaw_base, inputs={"ped": SERVO}), band=(0.5, 12.0))
+    exact = 50.0 / (S + 0.7) * np.exp(-0.03 * S) * SERVO_RESPONSE
+    frf = data(exact, GRID, inputs=("ped",), outputs=("r",))
+    found = identify(frf, in_series(yaw_base, inputs={"ped": SERVO}), band=(0.5, 12.0))
     expected = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.03}
     assert {name: found.values[name] for name in expected} == pytest.approx(expected, rel=1e-6)
     # far below it a servo is the delay 2 zeta / omega; the band goes to a fifth of omega

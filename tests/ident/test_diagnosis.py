@@ -1,0 +1,280 @@
+"""Fits that are not to be believed say so: degenerate, doubtful, at fault by units or columns."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from helisim.ident import (
+    Fit,
+    FittedParameter,
+    Misfit,
+    Parameter,
+    Structure,
+    identify,
+    structures,
+    suspicions,
+)
+from helisim.ident.fitted import SUPPORT
+from ident_data import data
+
+WIDE = np.geomspace(0.1, 10.0, 80)
+GAIN = ((2.0,), (1.0,))
+LAG = ((2.0,), (1.0, 0.7))
+INTEGRATOR = ((2.0,), (1.0, 0.0))
+MODE = ((3.0,), (1.0, 1.2, 4.0))
+
+
+def measured(num, den, noise=0.01):
+    s = 1j * WIDE
+    return data(np.polyval(num, s) / np.polyval(den, s) * np.exp(-0.1 * s), WIDE, noise=noise)
+
+
+def order(zeros, poles):
+    return structures.transfer_function(zeros=zeros, poles=poles, input="u", output="y")
+
+
+@pytest.mark.parametrize(
+    ("plant", "noise", "fitted", "advised", "reason"),
+    [
+        (GAIN, 0.01, (0, 1), "tf:0/0", "rad/s is far above the band's 10 rad/s"),
+        (LAG, 0.0, (0, 2), "tf:0/1", ""),
+        (LAG, 0.05, (0, 2), "tf:0/1", ""),
+        (LAG, 0.01, (1, 2), "tf:0/1", "a zero cancels the pole at 0."),
+        (INTEGRATOR, 0.01, (1, 2), "tf:0/1", ""),
+        (MODE, 0.01, (1, 2), "tf:0/2", ""),
+        (MODE, 0.01, (2, 3), "tf:0/2", ""),
+    ],
+)
+def test_a_transfer_function_of_too_high_order_is_reduced(plant, noise, fitted, advised, reason):
+    """A pole far away, on a zero, a coefficient not seen: the true order is advised."""
+    fit = identify(measured(*plant, noise), order(*fitted))
+    assert f"fit {advised} instead" in fit.degenerate[0]
+    assert reason in fit.degenerate[0]
+    assert fit.degenerate[0] in str(fit)
+    assert fit.judged == "degenerate"
+    assert not fit.ok
+    assert {one.support for one in fit.parameters.values()} <= {"degenerate", "not seen"}
+    assert Fit.from_dict(json.loads(json.dumps(fit.to_dict()))).degenerate == fit.degenerate
+
+
+@pytest.mark.parametrize(
+    ("plant", "fitted"), [(LAG, (0, 1)), (INTEGRATOR, (0, 1)), (MODE, (0, 2)), (MODE, (0, 1))]
+)
+def test_the_right_order_and_too_low_a_one_are_not_degenerate(plant, fitted):
+    """An integrator's pole is not known to its own size, yet needed; so is all of too low one."""
+    fit = identify(measured(*plant), order(*fitted))
+    assert fit.degenerate == ()
+    assert fit["tau"].support != "degenerate"
+
+
+def test_a_lag_beyond_the_band_is_degenerate_in_any_structure():
+    """T without any effect is named, and the delay that stands in for it is no longer good."""
+    lagging = Structure(
+        name="lagging",
+        parameters=(
+            Parameter("K", "1", 1.0),
+            Parameter("a", "1/s", 1.0),
+            Parameter("T", "s", 0.1, (1e-9, 10.0)),
+            Parameter("tau", "s", 0.0, (-0.3, 5.0), scale=0.03),
+        ),
+        states=("y", "x"),
+        inputs=("u",),
+        outputs=("y",),
+        M=(("1", "0"), ("0", "T")),
+        F=(("-a", "K"), ("0", "-1")),
+        G=(("0",), ("1",)),
+        input_delays={"u": "tau"},
+    )
+    fit = identify(measured(*LAG), lagging)
+    assert fit["T"].value < 0.02  # 5 times the band's top
+    assert "fix T" in fit.degenerate[0]
+    assert fit["T"].support == fit["tau"].support == "degenerate"
+    assert fit["a"].support == "good"
+    given = identify(measured(*LAG), lagging.with_fixed({"T": 1e-3}))
+    assert given.degenerate == ()
+    assert given["tau"].support == "good"
+
+
+OMEGA = np.geomspace(1.0, 30.0, 60)
+S = 1j * OMEGA
+FLAPPING = 5200.0 / (S**2 + 27.0 * S + 572.0) * np.exp(-0.012 * S)
+DUTCH_ROLL = 13.5 * (S**2 + 0.5 * S + 2.2) / (S + 4.0) / (S**2 + 0.3 * S + 2.6)
+
+
+def test_an_unstable_pole_that_stands_for_a_lag_is_told():
+    """One pole takes the place of two, beyond the right edge, with ten times the delay.
+
+    A slow unstable mode, as a hover's phugoid, is the vehicle's own and no reason to doubt.
+    """
+    wrong, right = (identify(data(FLAPPING, OMEGA), order(0, poles)) for poles in (1, 2))
+    assert wrong.excellent
+    assert wrong.modes.poles[0].real > 10.0
+    (note,) = (one for one in wrong.notes if "unstable pole" in one.text)
+    assert note.option.value == "tf:0/2"
+    assert not any("unstable pole" in one for one in right.remarks)
+    slow = 90.0 * S / (S**2 - 0.8 * S + 4.0) * np.exp(-0.1 * S)
+    own = identify(data(slow, OMEGA), order(1, 2))
+    assert own.modes.poles[0].real > 0.3
+    assert not any("unstable" in one for one in own.remarks)
+
+
+def test_what_is_far_more_than_noise_is_told_with_the_order_that_follows():
+    """A lightly damped mode that hardly costs: its order is named, from the data alone."""
+    fit = identify(data(DUTCH_ROLL * np.exp(-0.15 * S), OMEGA), order(0, 1))
+    known = replace(fit, misfit=Misfit(magnitude={"y/u": 1.0}, phase={"y/u": 5.0}, ratio=300.0))
+    assert any("y/u is off by 14 % rms" in one and "tf:2/3" in one for one in known.remarks)
+    noisy = replace(known, misfit=replace(known.misfit, ratio=3.0))
+    assert not any("off by" in one for one in noisy.remarks)
+
+
+BAND = np.geomspace(1.0, 20.0, 60)
+
+
+def roll(gains=None):
+    """Return the structure of rate and angle over one control: the angle is the rate's integral."""
+    return Structure(
+        name="roll",
+        meaning="roll rate and angle over lateral control",
+        parameters=(
+            Parameter("L_p", "1/s", -3.0, (-100.0, -0.01), "damping"),
+            Parameter("L_lat", "1/s^2", 50.0, gains, "effectiveness"),
+            Parameter("tau", "s", 0.02, (0.0, 0.3), "delay"),
+        ),
+        states=("p", "phi"),
+        inputs=("lat",),
+        outputs=("p", "phi"),
+        F=(("L_p", 0), (1, 0)),
+        G=(("L_lat",), (0,)),
+        input_delays={"lat": "tau"},
+    )
+
+
+def rolled(p=1.0, phi=1.0, delay=0.04, swapped=False):
+    """Return the roll's exact response in closed form, each output times a factor."""
+    rate = 90.0 * np.exp(-1j * BAND * delay) / (1j * BAND + 6.0)
+    rows = [p * rate, phi * rate / (1j * BAND)]
+    names = {"inputs": ("lat",), "outputs": ("p", "phi"), "output_units": ("rad/s", "rad")}
+    return data(rows[::-1] if swapped else rows, BAND, **names)
+
+
+def causes(frf, structure):
+    """Return kind and options of what is suspected of a fit that must fail."""
+    fit = identify(frf, structure)
+    assert not fit.acceptable
+    found = suspicions(fit)
+    return [(one.kind, *(f"{x.name} {x.value}" for x in one.remedy)) for one in found], found
+
+
+def test_an_acceptable_fit_is_not_suspected():
+    """Nor is one whose factor a free gain takes up."""
+    for frf in (rolled(), rolled(p=57.3, phi=57.3)):
+        fit = identify(frf, roll())
+        assert fit.acceptable
+        assert suspicions(fit) == fit.shapes == ()
+        assert not any(note.remedy for note in fit.notes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("frf", "structure", "expected", "said"),
+    [
+        (
+            rolled(p=180.0 / np.pi),
+            roll(),
+            {("unit", "channel p=COLUMN:deg/s"), ("unit", "channel phi=COLUMN:rad")},
+            "",
+        ),
+        (rolled(phi=-1.0), roll(), {("sign", "channel phi=COLUMN:UNIT:sign=-1")}, ""),
+        (
+            rolled(p=-1.0, phi=-1.0),
+            roll((1.0, 1e4)),
+            {("sign", "channel lat=COLUMN:UNIT:sign=-1")},
+            "",
+        ),
+        (
+            rolled(swapped=True),
+            roll(),
+            {("columns", "channel p=COLUMN_OF_phi", "channel phi=COLUMN_OF_p")},
+            "the columns of p and phi swapped: J would be",
+        ),
+        (
+            rolled(delay=0.22),
+            roll().with_fixed({"tau": 0.02}),
+            {("delay", "fix tau=0.22")},
+            "longer by about 0.2 s",
+        ),
+        (
+            rolled(delay=0.2),
+            replace(roll(), parameters=roll().parameters[:2], input_delays={}),
+            {("delay",)},
+            "longer by about 0.2 s; the structure has none there",
+        ),
+    ],
+    ids=["degrees", "sign", "control's sign", "columns", "fixed delay", "no delay"],
+)
+def test_what_is_wrong_with_data_is_told(frf, structure, expected, said):
+    """Either unit would make them fit, so both are told; a sign first, with the options' kind."""
+    found, notes = causes(frf, structure)
+    assert expected <= set(found)
+    assert {kind for kind, *_ in found} == {kind for kind, *_ in expected}
+    assert said in notes[0].text
+
+
+@pytest.mark.slow
+def test_an_edge_of_the_band_is_told():
+    """A sensor's high-pass filter below 2 rad/s: the band without its strongest part."""
+    rate = rolled().response[0, 0] * np.where(BAND < 2.0, (BAND / 2.0) ** 4, 1.0)
+    fit = identify(data(rate, BAND), order(0, 1))
+    (one,) = suspicions(fit)
+    assert one.kind == "band"
+    # a third of the band, in decades, counts as its edge: to 2.8 rad/s, and the next point is kept
+    assert 2.0 <= float(one.option.value.split()[0]) <= 3.0
+    assert one.text in fit.remarks
+
+
+@pytest.mark.slow
+def test_low_coherence_is_told():
+    """A response that something else moves is doubted, not the structure."""
+    frf = rolled()
+    wild = frf.response * np.exp(0.7 * np.random.default_rng(0).standard_normal(frf.response.shape))
+    frf = replace(frf, response=wild, coherence=np.full_like(frf.coherence, 0.65))
+    assert {kind for kind, *_ in causes(frf, roll())[0]} == {"coherence"}
+
+
+def test_a_transfer_function_that_is_too_small_is_told():
+    """An oscillation with a zero, fitted by a lag: the order that would follow it."""
+    s = 1j * BAND
+    response = (-20.0 * s - 40.0) / (s**2 + 2.0 * s + 25.0) * np.exp(-0.03 * s)
+    assert causes(data(response, BAND), order(0, 1))[0][0] == ("order", "structure tf:1/2")
+
+
+@pytest.mark.parametrize(
+    ("value", "bound", "insensitivity", "decided", "word"),
+    [
+        (2.0, 0.4, 0.2, {}, "good"),  # 20 % and 10 % of 2: the guidelines themselves are met
+        (2.0, 0.41, 0.2, {}, "poor"),
+        (2.0, 0.4, 0.21, {}, "poor"),
+        (2.0, 1e9, 1e9, {}, "poor"),
+        (2.0, math.inf, 0.1, {}, "degenerate"),
+        (2.0, math.inf, math.inf, {}, "not seen"),
+        (0.0, 1e-9, 1e-9, {}, "poor"),  # no bound is small beside a zero
+        (0.0, 0.0, 0.0, {}, "good"),
+        (2.0, 0.1, 0.1, {"at_bound": True}, "at bound"),
+        (2.0, 0.1, 0.1, {"degenerate": True}, "degenerate"),
+        (2.0, math.inf, math.inf, {"at_bound": True}, "not seen"),
+        (2.0, 0.0, 0.0, {"fixed": True}, "fixed"),
+    ],
+)
+def test_support_is_by_the_guidelines_of_the_value(value, bound, insensitivity, decided, word):
+    """CR up to 20 % and I up to 10 % of the value (Tischler and Remple), whatever its sign.
+
+    What the search or the user decided comes before the figures.
+    """
+    known = Parameter("K", "1", 1.0, fixed=decided.pop("fixed", False))
+    for sign in (1.0, -1.0):
+        one = FittedParameter(known, sign * value, bound, insensitivity, 0.0, False)
+        assert replace(one, **decided).support == word
+    assert word in SUPPORT

@@ -1,0 +1,533 @@
+"""Structures are data: expressions, files, what is refused, what is built in."""
+
+import hashlib
+import json
+import math
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import butter
+from test_fit import HOVER, HOVER_SLOPES, INFLOW
+
+from helisim.base.errors import InputError, StorageError, UnknownNameError
+from helisim.base.units import STANDARD_GRAVITY as G
+from helisim.ident import Parameter, Structure, identify, structures
+from helisim.ident.evaluate import response, state_space
+from helisim.ident.expression import Expression
+from helisim.ident.transfer import first_order_delay, second_order_delay, transfer_function
+from ident_data import of_model
+
+FREQUENCY = np.geomspace(0.7, 30.0, 7)
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "slope"),
+    [
+        ("-tau", -2.0, {"tau": -1.0}),
+        ("a*tau - 3", 7.0, {"a": 2.0, "tau": 5.0}),
+        ("a/tau**2", 1.25, {"a": 0.25, "tau": -1.25}),
+        ("sqrt(tau*2) + exp(0)", 3.0, {"tau": 0.5}),
+        ("tau**-1", 0.5, {"tau": -0.25}),
+        ("log(a*tau/10) + 1", 1.0, {"a": 0.2, "tau": 0.5}),
+        ("(-tau)**3", -8.0, {"tau": -12.0}),
+        ("(-tau)**0.5", math.nan, {"tau": math.nan}),  # a negative number has whole powers only
+        ("1/(tau - 2)", math.nan, {"tau": math.nan}),
+        ("sqrt(-a)", math.nan, {"a": math.nan}),
+    ],
+)
+def test_expressions_give_value_and_exact_derivative(text, value, slope):
+    """An expression's derivative is the one found by hand; what is undefined is no crash."""
+    got, gradient = Expression(text).evaluate({"tau": 2.0, "a": 5.0})
+    assert got == pytest.approx(value, rel=1e-15, nan_ok=True)
+    assert gradient == pytest.approx(slope, rel=1e-15, nan_ok=True)
+
+
+terms = st.recursive(
+    st.sampled_from(["a", "b", "c", "2", "0.5", "-1.5"]),
+    lambda inner: st.one_of(
+        st.tuples(inner, st.sampled_from("+-*/"), inner).map(lambda x: f"({x[0]}) {x[1]} ({x[2]})"),
+        inner.map(lambda x: f"sqrt(({x})**2 + 1)"),
+        inner.map(lambda x: f"sin({x})*exp(-({x})**2)"),
+        inner.map(lambda x: f"-({x})**3"),
+    ),
+    max_leaves=5,
+).filter(lambda text: len(text) <= 200)
+
+
+@settings(max_examples=60, deadline=None)
+@given(text=terms, at=st.tuples(*[st.floats(0.4, 2.5)] * 3))
+def test_expressions_are_pythons_and_their_derivatives_its_differences(text, at):
+    """Python's own arithmetic on the same text, and complex steps, which cancel nothing."""
+    names = dict(zip("abc", at))
+    value, gradient = Expression(text).evaluate(names)
+    own = {"sqrt": np.sqrt, "sin": np.sin, "exp": np.exp, "__builtins__": {}}
+
+    def pythons(**changed):
+        numbers = {k: np.complex128(x) for k, x in (names | changed).items()}
+        return complex(eval(text, own, numbers))
+
+    try:
+        expected = pythons()
+    except ZeroDivisionError:
+        expected = complex(np.nan)
+    if not np.isfinite(expected) or abs(expected) > 1e8:
+        return
+    assert value == pytest.approx(expected.real, rel=1e-12, abs=1e-12)
+    for name in gradient:
+        slope = pythons(**{name: names[name] + 1e-30j}).imag / 1e-30
+        if np.isfinite(slope) and abs(slope) < 1e8:
+            assert gradient[name] == pytest.approx(slope, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "__import__('os')", "a.b", "a[0]", "lambda: 1", "a if b else c", "a and b", "1e999",
+     "sqrt", "sqrt(a, b)", "open(a)", "2**a", "'a'", "True", "a := 3", "a" * 300, "a +", "1j",
+     "11" + "+a" * 99 + "1"],
+)  # fmt: skip
+def test_only_arithmetic_is_read(text):
+    """Whatever isn't plain arithmetic of 200 characters is refused, and nothing is executed."""
+    with pytest.raises(InputError):
+        Expression(text)
+    assert Expression("11" + "+a" * 99).names == {"a"}
+
+
+GOOD = """
+name = "side"
+meaning = "side velocity over lateral cyclic"
+states = ["v", "x"]
+inputs = ["lat"]
+outputs = ["ay", "v"]
+
+[constants]
+g = 9.80665
+
+[parameters.Y_v]
+unit = "1/s"
+start = -0.2
+meaning = "side damping"
+
+[parameters.Y_lat]
+unit = "m/s^2"
+start = 2.0
+bounds = [0.0, 9.0]
+
+[parameters.tau]
+unit = "s"
+start = 0.0
+scale = 0.05
+
+[input_delays]
+lat = "tau"
+
+[output_delays]
+ay = -0.01
+
+[M]
+x = { x = "2*tau + 1" }
+
+[F]
+v = { v = "Y_v", x = "-g" }
+x = { v = "-Y_v/4", x = -1 }
+
+[G]
+v = { lat = "Y_lat" }
+
+[H0]
+v = { v = 1 }
+
+[H1]
+ay = { v = 1 }
+
+[D]
+ay = { lat = "Y_lat*0.1" }
+"""
+
+
+def write(tmp_path, text):
+    path = tmp_path / "side.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_structure_of_ones_own_is_read_and_identified(tmp_path):
+    """Names, units, bounds, delays of either sign and sparse matrices arrive and act in the fit."""
+    structure = Structure.from_toml(write(tmp_path, GOOD))
+    assert structure.parameter("Y_lat") == Parameter("Y_lat", "m/s^2", 2.0, (0.0, 9.0))
+    assert structure.parameter("Y_v").meaning == "side damping"
+    assert structure.M == (("1", "0"), ("0", "2*tau + 1"))
+    assert structure.F == (("Y_v", "-g"), ("-Y_v/4", "-1"))
+    assert structure.H1 == (("1", "0"), ("0", "0"))
+    assert dict(structure.output_delays) == {"ay": "-0.01"}
+    true = {"Y_v": -0.35, "Y_lat": 3.1, "tau": 0.03}
+    frf = of_model(structure, true, np.geomspace(0.2, 30.0, 60))
+    fit = identify(frf, structure)
+    # the data are exact: what is left is the search's tolerance, 1e-10 of the cost
+    assert fit.values == pytest.approx(true, rel=1e-5)
+    assert fit.delays == pytest.approx({"lat": true["tau"], "ay": -0.01, "v": 0.0}, rel=1e-5)
+    bounded = structure.with_bounds({"Y_lat": (0.0, 2.5)})
+    assert identify(frf, bounded).at_bound == ("Y_lat",)
+
+
+@pytest.mark.parametrize(
+    "structure",
+    [
+        *structures.BUILT_IN.values(),
+        transfer_function(zeros=0, poles=0, input="lat", output="p"),  # no states, no rows
+        structures.heave.with_fixed({"Z_w": -1.0}, {"Z_w": 0.1}),
+    ],
+    ids=lambda one: one.name,
+)
+def test_a_structure_survives_its_file_and_json(structure, tmp_path):
+    """What is written to TOML or JSON and read back is the same, to the last expression."""
+    text = structure.to_toml(tmp_path / "one.toml")
+    again = Structure.from_toml(tmp_path / "one.toml")
+    assert again == structure == Structure.from_dict(json.loads(json.dumps(structure.to_dict())))
+    assert again.to_toml() == text
+
+
+@given(
+    start=st.floats(-1e6, 1e6),
+    low=st.one_of(st.none(), st.floats(1e-6, 1e6)),
+    high=st.one_of(st.none(), st.floats(1e-6, 1e6)),
+    meaning=st.text(st.characters(codec="utf-8"), max_size=30),
+    fixed=st.booleans(),
+)
+def test_any_parameter_survives_a_file(tmp_path_factory, start, low, high, meaning, fixed):
+    """Numbers come back to the last bit, open bounds open, and text with any character."""
+    bounds = None
+    if low is not None or high is not None:
+        bounds = (
+            -np.inf if low is None else start - low - abs(start),
+            np.inf if high is None else start + high + abs(start),
+        )
+    parameter = Parameter("K", "1", start, bounds, meaning, None, fixed)
+    structure = Structure(
+        "gain", (parameter,), (), ("lat",), ("p",), H0=((),), D=(("K",),), meaning=meaning
+    )
+    path = tmp_path_factory.mktemp("any") / "gain.toml"
+    structure.to_toml(path)
+    again = Structure.from_toml(path)
+    assert again.parameters == structure.parameters
+    assert again.meaning == meaning
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ('v = "Y_v"', 'v = "Y_w"', UnknownNameError, r"F\.v\.v.*Y_v, Y_lat, tau, g"),
+        ('"-Y_v/4"', '"-Y_v/"', InputError, r"F\.x\.v.*can't read the expression"),
+        ('"Y_lat*0.1"', "\"open('x')\"", InputError, r"D\.ay\.lat.*isn't allowed"),
+        ("ay = { v = 1 }", "az = { v = 1 }", UnknownNameError, "row of H1 'az'.*ay, v"),
+        ("v = { lat", "v = { lon", UnknownNameError, r"column of G\.v 'lon'.*lat"),
+        ("start = -0.2\n", "", InputError, "parameter 'Y_v' needs start"),
+        ("start = -0.2", 'start = "much"', InputError, "'Y_v'.start must be a number, got 'much'"),
+        ("start = -0.2", "start = nan", InputError, "'Y_v'.start must be a finite number, got nan"),
+        ("[0.0, 9.0]", "[9.0]", InputError, r"'Y_lat'.bounds must be a list of 2 numbers"),
+        ("[0.0, 9.0]", "[3.0, 9.0]", InputError, "'Y_lat' has bounds 3.0 to 9.0 and starts"),
+        ("scale = 0.05", "scale = -1", InputError, "'tau'.scale must be a number above 0, got -1"),
+        ("scale = 0.05", 'size = "1"', UnknownNameError, "setting of parameter 'tau' 'size'"),
+        ("scale = 0.05", "fixed = 1", InputError, "'tau'.fixed must be true or false, got 1"),
+        ('states = ["v", "x"]', 'states = "vx"', InputError, "states must be a list of names"),
+        ('"v", "x"]', '"v", 3]', InputError, r"states\[1\] must be text, got 3"),
+        ('lat = "tau"', 'lon = "tau"', UnknownNameError, "input with a delay 'lon'.*lat"),
+        ("g = 9.80665", 'g = "big"', InputError, "constants.g must be a number, got 'big'"),
+        ("g = 9.80665", "Y_v = 9.8", InputError, "names repeat: Y_v"),
+        ("[F]", "[K]", UnknownNameError, "setting of structure 'K'"),
+        ("x = -1 }", "x = true }", InputError, r"F\.x\.x must be text or a number, got True"),
+        ('name = "side"\n', "", InputError, "structure needs name"),
+    ],
+)
+def test_mistakes_name_the_file_and_the_entry(tmp_path, old, new, error, message):
+    """Each mistake ends in one message with the file, the entry, and what exists or is expected."""
+    assert GOOD.count(old) >= 1
+    path = write(tmp_path, GOOD.replace(old, new, 1))
+    with pytest.raises(error, match=message) as raised:
+        Structure.from_toml(path)
+    assert str(raised.value).startswith(f"{path}: ")
+
+
+def test_files_that_are_no_toml_say_where(tmp_path):
+    """A missing file and broken TOML are storage errors; the latter with its line."""
+    with pytest.raises(StorageError, match=r"none\.toml"):
+        Structure.from_toml(tmp_path / "none.toml")
+    with pytest.raises(StorageError, match="line 3"):
+        Structure.from_toml(write(tmp_path, 'name = "x"\nstates = [\n=\n'))
+    (tmp_path / "side.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(StorageError, match=r"side\.toml"):
+        Structure.from_toml(tmp_path / "side.toml")
+
+
+plain_data = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=4), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@given(data=st.data())
+def test_whatever_is_written_ends_in_a_structure_or_an_input_error(data):
+    """No entry of a structure, whatever its type and content, ends in another exception."""
+    plain = structures.hover.to_dict()
+    for key in data.draw(st.lists(st.sampled_from(sorted(plain)), min_size=1, max_size=2)):
+        plain[key] = data.draw(plain_data)
+    if data.draw(st.booleans()):
+        plain["parameters"] = {"K": data.draw(plain_data)}
+    try:
+        structure = Structure.from_dict(plain)
+    except InputError as error:
+        message = str(error)
+    else:
+        message = Structure.from_dict(structure.to_dict()).to_dict() == structure.to_dict()
+    assert message
+
+
+HEAVE = structures.heave.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"F": [["Z_q"]]}, UnknownNameError, "available: Z_w, Z_col, tau_col"),
+        ({"F": ["Z_w", 3.0]}, InputError, r"F\[0\] must be"),
+        ({"G": [["Z_col", "0"]]}, InputError, r"1 rows of \[2\] entries, expected 1 of 1"),
+        ({"K": []}, UnknownNameError, "setting of structure"),
+        ({"F": []}, InputError, "F is missing"),
+        ({"H0": [], "outputs": ["q"]}, InputError, "H0 must be given"),
+        ({"output_delays": {"q": "tau_col"}}, UnknownNameError, "output with a delay"),
+        ({"input_delays": {"q": "tau_col"}}, UnknownNameError, "input with a delay"),
+        (
+            {"inputs": [], "G": [[]], "D": [[]], "D1": [[]], "input_delays": {}},
+            InputError,
+            "one input",
+        ),
+        ({"outputs": [], "H0": [], "H1": [], "D": []}, InputError, "and one output"),
+        ({"inputs": ["w"], "input_delays": {}}, InputError, "signal names repeat: w"),
+        ({"states": ["w", "w"]}, InputError, "M has 1 rows|names repeat: w"),
+        ({"states": [""]}, InputError, "isn't a state|name is empty"),
+    ],
+)
+def test_a_structure_that_does_not_fit_together_is_refused(change, error, message):
+    """Delays of signals that it lacks, names twice, matrices of another shape."""
+    with pytest.raises(error, match=message):
+        Structure.from_dict({key: x for key, x in HEAVE.items() if key != "H1"} | change)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"name": "N r"}, "isn't an identifier"),
+        *(
+            ({"bounds": bounds}, "expected lower < upper with the start between")
+            for bounds in ((2.0, 1.0), (1.0, 1.0), (1.5, 2.0), (0.0, 0.5))
+        ),
+        *(({"scale": scale}, "number above 0") for scale in (0.0, -1.0, math.inf)),
+        *(({"start": start}, "must be a finite number, got") for start in (math.inf, math.nan)),
+        ({"error": 0.1}, "'K' has error 0.1 but is free"),
+        ({"error": -1.0, "fixed": True}, r"error must be a number 0 or more, got -1.0"),
+    ],
+)
+def test_a_parameter_that_can_not_be_is_refused(fields, message):
+    """Bounds that hold no start, and what is no number; an error is of a fixed parameter."""
+    with pytest.raises(InputError, match=message):
+        Parameter(**{"name": "K", "unit": "1", "start": 1.0} | fields)
+
+
+def test_a_bound_may_be_open():
+    """Infinity leaves a side open, in words in JSON; size is the scale, the start's, or one."""
+    for pair in (["-inf", 0.0], [-2.0, "inf"], [-math.inf, math.inf]):
+        plain = {**HEAVE["parameters"]["Z_w"], "bounds": pair}
+        read = Structure.from_dict({**HEAVE, "parameters": HEAVE["parameters"] | {"Z_w": plain}})
+        assert read.parameter("Z_w").limits == tuple(map(float, pair))
+    assert Parameter("k", "1", -4.0, scale=3.0).magnitude == 3.0
+    assert Parameter("k", "1", -4.0).magnitude == 4.0
+    assert Parameter("k", "1", 0.0).magnitude > 0.0
+
+
+def test_structures_move_to_other_channels():
+    """New channels in their places, the name kept unless another is given, the rest as it was."""
+    sticks = structures.rollpitch.renamed({"lat": "LAT", "lon": "LON"}, name="rollpitch_in2")
+    assert (sticks.name, sticks.inputs) == ("rollpitch_in2", ("LAT", "LON"))
+    assert set(sticks.input_delays) == {"LAT", "LON"}
+    assert sticks.renamed({"p": "P"}).name == "rollpitch_in2"
+    for call, message in (
+        (lambda: structures.heave.renamed({"ped": "PED"}), "'ped'; available: col, w"),
+        (lambda: structures.named("hove"), "available: heave"),
+        (lambda: structures.heave.with_fixed({"tau": 0.0}), "available: Z_w"),
+        (
+            lambda: structures.heave.with_fixed({"Z_w": 0.0}, {"Z_col": 0.1}),
+            "fixed parameter with an error 'Z_col'",
+        ),
+    ):
+        with pytest.raises(UnknownNameError, match=message):
+            call()
+
+
+def test_a_structure_keeps_its_own_delays_and_constants():
+    """A dictionary that it was made from may change later."""
+    delays = dict(structures.heave.input_delays)
+    mine = replace(structures.heave, input_delays=delays)
+    delays.clear()
+    assert mine.input_delays == structures.heave.input_delays
+    with pytest.raises(TypeError):
+        mine.constants["g"] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "further"),
+    [
+        ({}, set()),
+        ({"F": (("-1", "0"), ("0", "-1"))}, {"-x2/u1"}),
+        ({"M": (("1", "a"), ("0", "1"))}, {"x1/u2"}),
+        ({"F": (("-1", "1"), ("a", "-1")), "M": (("1", "0"), ("0", "0"))}, {"x1/u2"}),
+        ({"D": (("0", "1"), ("0", "0"))}, {"x1/u2"}),
+        ({"D1": (("0", "1"), ("0", "0"))}, {"x1/u2"}),
+    ],
+)
+def test_responses_of_a_chain_run_one_way(change, further):
+    """x2 follows x1, not the other way; a mass matrix couples both; D reaches on its own."""
+    chain = Structure(
+        name="chain",
+        parameters=(Parameter("a", "1", 0.0, fixed=True),),
+        states=("x1", "x2"),
+        inputs=("u1", "u2"),
+        outputs=("x1", "x2"),
+        **{"F": (("-1", "0"), ("a", "-1")), "G": (("1", "0"), ("0", "1"))} | change,
+    )
+    expected = {"x1/u1", "x2/u1", "x2/u2"} | {one for one in further if one[0] != "-"}
+    assert chain.connected == expected - {one[1:] for one in further if one[0] == "-"}
+
+
+def test_paths_are_those_of_a_response_that_is_not_zero():
+    """Random sparse structures with mass matrices: numbers where there is a path, else zeros."""
+    rng = np.random.default_rng(0)
+    s = 1j * np.array([0.7, 3.1])
+    for _ in range(40):
+        F, G_ = rng.normal(size=(4, 4)), rng.normal(size=(4, 2))
+        M = np.eye(4) + rng.normal(size=(4, 4)) * (rng.random((4, 4)) < 0.1)
+        F[rng.random((4, 4)) < 0.7] = 0.0
+        G_[rng.random((4, 2)) < 0.6] = 0.0
+        names = ("x0", "x1", "x2", "x3")
+        structure = Structure(
+            "sparse", (), names, ("u0", "u1"), names, M=M.tolist(), F=F.tolist(), G=G_.tolist()
+        )
+        outside = np.abs([np.linalg.solve(M * x - F, G_) for x in s]).max(axis=0)
+        for (o, i), size in np.ndenumerate(outside):
+            # what elimination leaves of a zero, of numbers of order one to a hundred
+            assert f"x{o}/u{i}" in structure.connected or size < 1e-12
+
+
+def test_a_change_of_a_built_in_structure_is_seen():
+    """Starts, bounds and matrices alter every user's numbers: CHANGELOG.md then says so.
+
+    If this fails and the change is meant, write the new digest here and a line there. Starts are
+    orders of magnitude, never an answer; of yaw_overall well-damped poles at 10 rad/s.
+    """
+    text = json.dumps({name: one.to_dict() for name, one in sorted(structures.BUILT_IN.items())})
+    assert hashlib.sha256(text.encode()).hexdigest()[:16] == "448d750fee8a2c7b"
+    for structure in structures.BUILT_IN.values():
+        for one in structure.parameters:
+            assert float(f"{one.start:.1g}") == one.start or structure.name == "yaw_overall"
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_transfer_functions_start_from_well_damped_poles_with_their_units(order):
+    """Butterworth's first and second order, and a binomial of higher order, all at 5 rad/s."""
+    made = transfer_function(zeros=0, poles=order, input="lat", output="p", frequency=5.0)
+    expected = np.poly([-5.0] * order)
+    if order <= 2:
+        expected = np.real(butter(order, 5.0, analog=True)[1])
+    for power in range(order):
+        parameter, missing = made.parameter(f"a{power}"), order - power
+        assert parameter.start == pytest.approx(expected[missing], rel=1e-12)
+        assert parameter.unit == ("1/s" if missing == 1 else f"1/s^{missing}")
+    model = control.tf([1.0], [1.0, *expected[1:]])
+    got = response(made, made.starts, FREQUENCY)[0, 0]
+    assert got == pytest.approx(model(1j * FREQUENCY), rel=1e-9)
+
+
+def test_transfer_functions_are_their_polynomials():
+    """A third-order one with as many zeros; first order has one pole, second order two."""
+    structure = transfer_function(zeros=3, poles=3, input="ped", output="r")
+    values = {"b3": 0.5, "b2": 1.0, "b1": -2.0, "b0": 4.0, "a2": 3.0, "a1": 7.0, "a0": 9.0}
+    s = 1j * FREQUENCY
+    ratio = np.polyval([0.5, 1.0, -2.0, 4.0], s) / np.polyval([1.0, 3.0, 7.0, 9.0], s)
+    got = response(structure, {**values, "tau": 0.1}, FREQUENCY)[0, 0]
+    np.testing.assert_allclose(got, ratio * np.exp(-0.1 * s), rtol=1e-12)
+    assert first_order_delay(input="ped", output="r").names == ("b0", "a0", "tau")
+    second = second_order_delay(input="ped", output="r", zeros=1)
+    assert second.names == ("b1", "b0", "a1", "a0", "tau")
+    assert second_order_delay(input="ped", output="r").names == ("b0", "a1", "a0", "tau")
+
+
+WIDE = np.geomspace(0.3, 60.0, 160)
+
+
+@pytest.mark.parametrize(
+    ("small", "large", "values"),
+    [
+        ("rollpitch", "hover", HOVER | dict.fromkeys(("L_u", "L_v", "M_u", "M_v"), 0.0)),
+        ("rollpitch", "rollpitch_inflow", HOVER_SLOPES),
+        ("hover", "hover_inflow", HOVER_SLOPES),
+        (
+            "rollpitch",
+            "rollpitch_speeds",
+            HOVER_SLOPES | dict.fromkeys(("A_u", "L_p", "M_q"), 0.0),
+        ),
+    ],
+)
+def test_a_larger_structure_is_the_smaller_one_without_what_it_adds(small, large, values):
+    """Without speed derivatives, lag, turn or torque the rates are those of the smaller one."""
+    values = values | {"tau_1": 1e-9, "turn": 0.0, "torque": 0.0}
+    free, plain = structures.named(large), structures.named(small)
+    if "tau_1" in free.names:
+        free = free.with_bounds({"tau_1": None})
+    whole = response(free, {name: values[name] for name in free.names}, WIDE)
+    expected = response(plain, {name: values[name] for name in plain.names}, WIDE)
+    # a lag of 1e-9 s at 60 rad/s
+    np.testing.assert_allclose(whole[: len(expected)], expected, rtol=1e-6)
+
+
+def test_speeds_settle_where_gravity_balances_damping():
+    """Eight states obey u' = X_u u - g theta + X_a a and its mirror; accelerometers feel forces."""
+    a = np.asarray(state_space(structures.hover, HOVER).A)
+    u, v, _, _, phi, theta, tilt, roll_tilt = range(8)
+    assert a[u, [u, theta, tilt]] == pytest.approx([-0.05, -G, -G])
+    assert a[v, [v, phi, roll_tilt]] == pytest.approx([-0.15, G, G])
+    speeds, felt = (response(one, HOVER, WIDE) for one in (structures.hover, structures.hover_imu))
+    s = 1j * WIDE
+    np.testing.assert_allclose(felt[2], s * speeds[2] + G * speeds[1] / s, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(felt[3], s * speeds[3] - G * speeds[0] / s, rtol=1e-9, atol=1e-12)
+
+
+def test_heave_with_inflow_is_slow_heave_and_fast_lift_deficiency():
+    """Far below 1 / tau_0 w/col is that of `heave`; far above a load is 1 / C times as large."""
+    slow = np.geomspace(1e-4, 1e-3, 10)
+    plain = {name: INFLOW[name] for name in structures.heave.names}
+    found = response(structures.heave_inflow, INFLOW, slow)[0]
+    # what the lag tau_0 leaves at 1e-3 rad/s: of the order of 1e-3 x 0.05
+    np.testing.assert_allclose(found, response(structures.heave, plain, slow)[0], rtol=1e-4)
+    fast = response(structures.heave_inflow, {**INFLOW, "tau_col": 0.0}, np.array([1e5]))
+    assert abs(fast[1, 0, 0]) == pytest.approx(25.0 / 0.6, rel=1e-6)
+
+
+def test_heave_is_chen_and_hindsons_without_coning():
+    """NASA TM 88327, Table 1, rows of inflow and heave, blades that don't flap.
+
+    v' = -75 pi Omega / 32 (v + a s / 16) C_0 v + 75 pi Omega / 64 (v + a s / 8) C_0 w + ..., with
+    C_0 = 0.639 for Carpenter and Fridovich's mass of air: their M11 = 128 / (75 pi) / C_0.
+    """
+    speed, mean, loading, weighed = 24.085, 0.0485, 5.73 * 0.067, 0.639  # a CH-47's rotor
+    rows = 75.0 * np.pi * speed * weighed
+    a11, a12 = -rows / 32.0 * (mean + loading / 16.0), rows / 64.0 * (mean + loading / 8.0)
+    deficiency = 1.0 / (1.0 + loading / (16.0 * mean))
+    values = {**INFLOW, "C": deficiency, "tau_0": -1.0 / a11}
+    a = np.asarray(state_space(structures.heave_inflow, values).A)
+    assert (a[1, 1], a[1, 0]) == pytest.approx((a11, a12))
+    assert a[0, 0] == -a[0, 1]

@@ -1,0 +1,48 @@
+"""Frequency responses of known models, exact or with noise, and fits of them."""
+
+import numpy as np
+
+from helisim.ident import Fit, FrequencyResponse, Structure, identify
+from helisim.ident.evaluate import response
+
+GRID = np.geomspace(0.5, 20.0, 60)
+YAW = {"N_r": -0.7, "N_ped": 50.0, "tau_r_base": 0.04}
+HEAVE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}
+ROLLPITCH = {
+    "tau_f": 0.045, "L_b": 540.0, "M_a": 315.0, "A_b": -0.35, "B_a": 0.53, "A_lat": 0.066,
+    "A_lon": 0.37, "B_lat": 0.38, "B_lon": -0.061, "tau_lat": 0.0115, "tau_lon": -0.0083,
+}  # fmt: skip
+
+
+def data(found, frequency=GRID, *, inputs=("u",), outputs=("y",), noise=0.0, seed=0, **units):
+    """Return a response, (n_freq,) or (n_out, n_in, n_freq), times noise of log-normal size."""
+    found = np.reshape(found, (len(outputs), len(inputs), -1))
+    wobble = np.random.default_rng(seed).normal(size=(2, *found.shape))
+    noisy = found * np.exp(noise * (wobble[0] + 1j * wobble[1]))
+    return FrequencyResponse.exact(frequency, noisy, inputs=inputs, outputs=outputs, **units)
+
+
+def of_model(structure: Structure, values, frequency=GRID, **options) -> FrequencyResponse:
+    """Return a structure's response with these values."""
+    found = response(structure, values, frequency)
+    names = {"inputs": structure.inputs, "outputs": structure.outputs}
+    return data(found, frequency, **names, **options)
+
+
+def fitted(structure: Structure, values, frequency=GRID, *, noise=0.0, seed=0, **options) -> Fit:
+    """Return the fit of a structure to its own response with these values."""
+    frf = of_model(structure, values, frequency, noise=noise, seed=seed)
+    return identify(frf, structure, **options)
+
+
+def slopes(structure: Structure, values, frequency, names=None, step=1e-6):
+    """Return the response's derivatives by central differences, (n_name, n_out, n_in, n_freq)."""
+    found = []
+    for name in names or [one.name for one in structure.free]:
+        size = step * max(abs(values[name]), 1e-2)
+        ends = (
+            response(structure, {**values, name: values[name] + sign * size}, frequency)
+            for sign in (1.0, -1.0)
+        )
+        found.append(-np.diff(list(ends), axis=0)[0] / (2.0 * size))
+    return np.array(found)
