@@ -29,7 +29,7 @@ mapping of names to classes: a table of it has the key "kind".
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
@@ -38,7 +38,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 import numpy as np
 
-from helisim.base.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import toml_key, toml_value
 from helisim.base.text import shown
 from helisim.base.value import FrozenMap, same
@@ -61,7 +61,6 @@ class Limits:
     """What a setting says of its values: of a list or table, of each number or text in it."""
 
     unit: str = ""
-    doc: str = ""
     low: float | None = None
     above: float | None = None
     high: float | None = None
@@ -103,7 +102,6 @@ def setting(
     *,
     factory: Any = MISSING,
     unit: str = "",
-    doc: str = "",
     low: float | None = None,
     above: float | None = None,
     high: float | None = None,
@@ -119,7 +117,6 @@ def setting(
         default: of the field; it must be given where neither this nor `factory` is.
         factory: makes the default, such as a class.
         unit: SI.
-        doc: words for the command line's help, where the class's Attributes don't suit.
         low: the least value.
         above: every value is above it.
         high: the greatest value.
@@ -130,7 +127,7 @@ def setting(
             written before there was such a setting.
         more: for `dataclasses.field`, such as `compare=False`.
     """
-    limits = Limits(unit, doc, low, above, high, below, choices, finite, unsaid)
+    limits = Limits(unit, low, above, high, below, choices, finite, unsaid)
     made = {"default": default} if factory is MISSING else {"default_factory": factory}
     return field(**made, metadata={"limits": limits}, **more)
 
@@ -413,7 +410,6 @@ def from_plain(
     place: str,
     *,
     lenient: bool = False,
-    error: type[HelisimError] = InputError,
 ) -> T:
     """Return the value object whose fields a table holds; what it doesn't say is the default.
 
@@ -423,17 +419,11 @@ def from_plain(
         table: fields by name, as `to_plain` or a TOML file gives them.
         place: where the table stands, for messages.
         lenient: as for `convert`.
-        error: class of the error that is raised.
 
     Raises:
-        InputError: or `error`: no such kind or setting, the message lists those that exist; or a
-            setting is missing, of the wrong type, or refused by the object.
+        InputError: no such kind or setting, the message lists those that exist; or a setting is
+            missing, of the wrong type, or refused by the object.
     """
-    if error is not InputError:
-        try:
-            return from_plain(kind, table, place, lenient=lenient)
-        except InputError as fault:
-            raise error(str(fault)) from None
     if not isinstance(table, Mapping):
         raise InputError(f"{place} must be {_words(kind)}, got {shown(value_words(table))}")
     made, given = _kind_of(kind, table, place)
@@ -489,35 +479,7 @@ def _kind_of(kind: Any, table: Mapping[str, Any], place: str) -> tuple[Any, dict
     return kinds[name], given
 
 
-def changed(value: T, changes: Mapping[str, Any], place: str) -> T:
-    """Return a value object with settings changed, by name, dotted inside others: "gust.down".
-
-    Raises:
-        InputError: no such setting, or its value can't be.
-    """
-    known, new, inner = _settings(type(value)), {}, {}
-    for name, item in changes.items():
-        top, _, rest = name.partition(".")
-        if top not in known:
-            raise UnknownNameError(f"setting of {place}", name, known)
-        if rest:
-            inner.setdefault(top, {})[rest] = item
-        else:
-            new[top] = convert(known[top][1], item, f"{place}.{top}", limits_of(known[top][0]))
-    for top, items in inner.items():
-        (one, hint), where = known[top], f"{place}.{top}"
-        old = new.get(top, getattr(value, top))
-        if isinstance(old, Mapping):
-            new[top] = convert(hint, {**old, **items}, where, limits_of(one))
-        elif value_object(hint) is None:
-            raise InputError(f"{place} has no {top}.{next(iter(items))}: {top} has no parts")
-        else:
-            new[top] = from_plain(hint, items, where) if old is None else changed(old, items, where)
-    with placed(place):
-        return replace(cast(Any, value), **new)
-
-
-def to_plain(value: Any, *, kind: bool = False, defaults: bool = True, toml: bool = False) -> Any:
+def to_plain(value: Any, *, kind: bool = False, toml: bool = False) -> Any:
     """Return a value object's settings as JSON or TOML would give them back.
 
     Tuples and arrays become lists, complex arrays {"real", "imag"}, infinities "inf", and an
@@ -526,18 +488,17 @@ def to_plain(value: Any, *, kind: bool = False, defaults: bool = True, toml: boo
     Args:
         value: a dataclass, or plain data with such in them.
         kind: whether the outermost has its kind too.
-        defaults: False leaves out settings that have their defaults.
         toml: True leaves out what is None, or writes it `OFF` where its default isn't None.
     """
     if is_dataclass(value) and not isinstance(value, type):
         return {
             **({getattr(value, "kind_key", "kind"): kind_name(value)} if kind else {}),
-            **dict(_said(value, defaults, toml)),
+            **dict(_said(value, toml)),
         }
     if isinstance(value, Mapping):
-        return {str(key): _inside(one, Any, defaults, toml) for key, one in value.items()}
+        return {str(key): _inside(one, Any, toml) for key, one in value.items()}
     if isinstance(value, tuple | list):
-        return [_inside(one, Any, defaults, toml) for one in value]
+        return [_inside(one, Any, toml) for one in value]
     return _plain_leaf(value, toml)
 
 
@@ -559,26 +520,26 @@ def _plain_leaf(value: Any, toml: bool) -> Any:
     return str(value) if isinstance(value, PathLike) else value
 
 
-def _said(value: Any, defaults: bool, toml: bool) -> Iterator[tuple[str, Any]]:
+def _said(value: Any, toml: bool) -> Iterator[tuple[str, Any]]:
     for name, (one, hint) in _settings(type(value)).items():
         item, default = getattr(value, name), default_of(one)
-        unsaid = limits_of(one).unsaid or one.metadata.get("unsaid") or not defaults
+        unsaid = limits_of(one).unsaid or one.metadata.get("unsaid")
         if unsaid and default is not MISSING and same(item, default):
             continue
         if item is not None or not toml:
-            yield name, _inside(item, hint, defaults, toml)
+            yield name, _inside(item, hint, toml)
         elif default is not None:
             yield name, OFF
 
 
-def _inside(value: Any, hint: Any, defaults: bool, toml: bool) -> Any:
+def _inside(value: Any, hint: Any, toml: bool) -> Any:
     """Return a part of something as plain data, with its kind where there may be several."""
     parts = get_args(hint) if hint is not Any else ()
     if isinstance(value, tuple | list):
         inner = parts[0] if parts and get_origin(hint) is tuple else Any
-        return [_inside(one, inner, defaults, toml) for one in value]
+        return [_inside(one, inner, toml) for one in value]
     several = hasattr(type(value), "kinds") or bool(kinds_of(hint))
-    return to_plain(value, kind=several, defaults=defaults, toml=toml)
+    return to_plain(value, kind=several, toml=toml)
 
 
 def in_brief(value: Any) -> str:
@@ -606,17 +567,11 @@ class Inline(dict[str, Any]):
     """A table that TOML writes within its line, `{ a = 1 }`; a list of such one a line."""
 
 
-def toml_text(
-    tables: Mapping[str, Any],
-    *,
-    comments: Callable[[str], Iterable[str]] = lambda _: (),
-    _path: tuple[str, ...] = (),
-) -> str:
+def toml_text(tables: Mapping[str, Any], *, _path: tuple[str, ...] = ()) -> str:
     """Return plain data as TOML: plain values first, then a section for each table in them.
 
     Args:
         tables: as `to_plain(value, toml=True)` gives them; what is None is left out.
-        comments: returns the lines of comment above a key, by its dotted name.
     """
     lines, sections = [], []
     for key, item in tables.items():
@@ -626,11 +581,10 @@ def toml_text(
         elif isinstance(item, list | tuple) and item and all(map(_is_table, item)):
             sections += [(f"[[{'.'.join(path)}]]", path, one) for one in item]
         elif item is not None:
-            lines += [f"# {line}".rstrip() for line in comments(".".join((*_path, key)))]
             lines.append(f"{toml_key(key)} = {_toml_item(item)}")
     text = "".join(f"{line}\n" for line in lines)
     for heading, path, table in sections:
-        inner = toml_text(table, comments=comments, _path=path)
+        inner = toml_text(table, _path=path)
         empty = inner.startswith("\n[") and not heading.startswith("[[")
         text += inner if empty else f"\n{heading}\n{inner}"
     return text if _path else text.removeprefix("\n")
