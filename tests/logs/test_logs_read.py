@@ -1,6 +1,5 @@
 """Reading CSV and Parquet by other programs: units, clocks, repairs, resampling."""
 
-import json
 import math
 
 import numpy as np
@@ -23,24 +22,13 @@ def write(path, time, *columns, header="t [s],p"):
     return path
 
 
-@pytest.mark.parametrize(
-    ("unit", "si"),
-    [
-        ("deg", math.pi / 180.0),
-        ("deg/s", math.pi / 180.0),
-        ("°/s", math.pi / 180.0),
-        ("rpm", math.pi / 30.0),
-        ("ft", 0.3048),
-        ("ft/s", 0.3048),
-        ("kt", 1852.0 / 3600.0),
-        ("knots", 1852.0 / 3600.0),
-        ("km/h", 1.0 / 3.6),
-        ("ft/min", 0.00508),  # 0.3048 / 60
-        ("g", 9.80665),
-        ("percent", 0.01),
-        ("%", 0.01),
-    ],
-)
+FOOT, KNOT, DEGREE = 0.3048, 1852.0 / 3600.0, math.pi / 180.0
+FACTORS = {"deg": DEGREE, "deg/s": DEGREE, "°/s": DEGREE, "rpm": math.pi / 30.0, "ft": FOOT}
+FACTORS |= {"ft/s": FOOT, "kt": KNOT, "knots": KNOT, "km/h": 1.0 / 3.6, "ft/min": FOOT / 60.0}
+FACTORS |= {"g": 9.80665, "percent": 0.01, "%": 0.01}
+
+
+@pytest.mark.parametrize(("unit", "si"), FACTORS.items())
 def test_units_become_si(tmp_path, unit, si):
     """One of a unit is what the unit's definition says in SI."""
     path = write(tmp_path / "a.csv", [0, 1], [1, 2], header="t [s],x")
@@ -58,18 +46,15 @@ def test_pulses_are_unitised_by_trim_and_range(tmp_path):
         read_log(path, channels={"lat": Column("c1", "us")})
 
 
-@pytest.mark.parametrize(
-    ("unit", "stamps"),
-    [
-        ("s", ["1700000000.000001", "1700000000.010001", "1700000000.020001"]),
-        ("us", ["1700000000000001", "1700000000010001", "1700000000020001"]),
-        ("ns", ["1700000000000000001", "1700000000010000001", "1700000000020000001"]),
-        (
-            "iso8601",
-            ["2024-05-01T12:00:00.00Z", "2024-05-01T12:00:00.01Z", "2024-05-01T12:00:00.02Z"],
-        ),
-    ],
-)
+STAMPS = {
+    "s": ["1700000000.000001", "1700000000.010001", "1700000000.020001"],
+    "us": ["1700000000000001", "1700000000010001", "1700000000020001"],
+    "ns": ["1700000000000000001", "1700000000010000001", "1700000000020000001"],
+    "iso8601": [f"2024-05-01T12:00:00.0{k}Z" for k in range(3)],
+}
+
+
+@pytest.mark.parametrize(("unit", "stamps"), STAMPS.items())
 def test_clocks_since_1970_lose_nothing(tmp_path, unit, stamps):
     """Stamps too long for a double give uniform samples of 10 ms."""
     path = tmp_path / "a.csv"
@@ -97,10 +82,8 @@ def test_other_layouts(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("t;p\ns;deg/s\n0,0;1,5\n0,5;2,5\n")
     layout = Layout(decimal=",", skip=1)
-    assert read_log(path, channels=Map(P, Clock("t", "s"), layout)).record["p"].tolist() == [
-        1.5,
-        2.5,
-    ]
+    decimal = read_log(path, channels=Map(P, Clock("t", "s"), layout)).record
+    assert decimal["p"].tolist() == [1.5, 2.5]
     with pytest.raises(StorageError, match="line 2"):
         read_log(path, channels=Map(P, Clock("t", "s")))
     path.write_text("# made by x\n# t,p\n0,1\n1,2\n")
@@ -108,8 +91,6 @@ def test_other_layouts(tmp_path):
     path.write_text("0,1\n1,2\n")
     named = Map(P, Clock("t", "s"), Layout(names=("t", "p")))
     assert read_log(path, channels=named).record["p"].tolist() == [1.0, 2.0]
-    with pytest.raises(StorageError, match="names"):
-        read_log(path, channels=P)
     path.write_text("p\n1\n2\n3\n")
     assert read_log(path, channels=P, time=Clock(rate=50.0)).record.sample_time == 0.02
 
@@ -123,20 +104,15 @@ def test_columns_that_state_their_unit_need_no_map(tmp_path):
     assert "unused" not in str(log.report)
 
 
-def test_an_incomplete_last_line_is_left_out_on_request(tmp_path):
-    """A log that was cut by a power loss is refused, or repaired with a word about it."""
-    path = tmp_path / "a.csv"
-    path.write_text("t [s],p,q\n0,1,2\n1,2,3\n2,3")
-    with pytest.raises(StorageError, match=r"line 4.*'tail'"):
-        read_log(path, channels=P)
-    log = read_log(path, channels=P, repair=("tail",))
-    assert len(log.record) == 2
-    assert log.report.repairs[0].rows == (4,)
-
-
 def test_repairs_do_what_they_say(tmp_path):
-    """Duplicates are averaged, holes interpolated, resets and gaps split, rows sorted."""
+    """Duplicates are averaged, holes filled, resets and gaps split, rows sorted, tails cut."""
     t = np.arange(10.0)
+    tail = tmp_path / "tail.csv"
+    tail.write_text("t [s],p,q\n0,1,2\n1,2,3\n2,3")
+    with pytest.raises(StorageError, match=r"line 4.*'tail'"):
+        read_log(tail, channels=P)
+    log = read_log(tail, channels=P, repair=("tail",))
+    assert (len(log.record), log.report.repairs[0].rows) == (2, (4,))
     same = write(tmp_path / "same.csv", [0, 1, 1, 2], [0, 1, 3, 4])
     assert read_log(same, channels=P, repair=("duplicates",)).record["p"].tolist() == [0, 2, 4]
     holes = write(tmp_path / "holes.csv", t, np.where(t == 4, np.nan, 2.0 * t))
@@ -236,35 +212,3 @@ def test_a_map_is_read_from_toml(tmp_path):
     assert map_.channels["q"] == Column("q", "rad/s")
     assert map_.time == Clock("t", "us")
     assert map_.layout.delimiter == ";"
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("[channels.p]\nunits = 'deg'", "available: column, unit, sign"),
-        ("[chanels.p]\n", "available: time, channels, file"),
-        ("[channels.p]\nunit = 'furlong'", "available: rad, deg"),
-        ("[channels.p]\nsign = 2", "one of 1, -1"),
-        ("[channels.p]\nunit = 'us'\nrange = 0", "above 0"),
-        ("[time]\nunit = 's'", "column or a rate"),
-        ("[time]\ncolumn = 't'\nunit = 'fortnight'", "available: s, ms, us"),
-        ("channels = 3", "table"),
-        ("[channels", "TOML"),
-    ],
-)
-def test_a_wrong_map_says_what_is_wrong(tmp_path, text, says):
-    """Every mistake in a map names the file and what there is instead."""
-    path = tmp_path / "map.toml"
-    path.write_text(text)
-    with pytest.raises((InputError, StorageError), match=r"map\.toml") as caught:
-        Map.from_toml(path)
-    assert says in str(caught.value)
-
-
-def test_the_report_is_plain_data(tmp_path):
-    """A report goes into JSON, and the record's provenance holds it."""
-    path = write(tmp_path / "a.csv", [0, 1, 2], [1, 2, 3])
-    log = read_log(path, channels=P)
-    assert json.loads(json.dumps(log.report.to_dict())) == log.record.provenance["log"]
-    assert log.where("p") == f"{path}, column 'p', lines 2 to 4"
-    assert str(path) in str(log.report)

@@ -10,7 +10,8 @@ from helisim.base.errors import HelisimError, InputError, LogError, RecordError,
 from helisim.logs import Clock, Column, Map, read_log, read_logs
 from remedies import said
 
-MAP = Map({"p": Column("p", "rad/s"), "q": Column("q"), "lat": Column("u", "1")}, Clock("t", "s"))
+P, SECONDS = {"p": Column("p", "rad/s")}, Clock("t", "s")
+MAP = Map({"p": Column("p", "rad/s"), "q": Column("q"), "lat": Column("u", "1")}, SECONDS)
 
 
 def write(path, time, *columns, header="t,p,q,u"):
@@ -47,16 +48,10 @@ def test_everything_that_is_wrong_is_said_at_once(tmp_path):
     message = str(raised.value)
     assert message.startswith("5 things are wrong:")
     assert all(f"- {finding.text}" in message for finding in findings)
-
-
-def test_what_the_options_say_mends_all(tmp_path):
-    """The options of the findings, given together, read both logs."""
-    channels = {"p": Column("p", "rad/s"), "q": Column("q", "rad/s")}
+    channels = Map({**MAP.channels, "q": Column("q", "rad/s")}, MAP.time)
     repairs = ("missing", "gaps", "duplicates")
-    logs = read_logs(
-        faulty(tmp_path), channels=Map(channels, MAP.time), resample_hz=50.0, repair=repairs
-    )
-    assert [len(log.records) for log in logs] == [1, 2]
+    logs = read_logs(paths, channels=channels, resample_hz=50.0, repair=repairs)
+    assert [len(log.records) for log in logs] == [1, 2]  # the options, given together, mend all
 
 
 def test_a_dead_channel_is_refused_only_where_it_must_move(tmp_path):
@@ -105,7 +100,7 @@ def test_a_wrong_unit_of_time_is_refused_with_the_reason(tmp_path, unit, declare
     t = unit * np.arange(200) / 50.0
     path = write(tmp_path / "a.csv", t, np.sin(t), header="t,p")
     with pytest.raises(LogError, match="its steps are") as raised:
-        read_log(path, channels={"p": Column("p", "rad/s")}, time=Clock("t", declared))
+        read_log(path, channels=P, time=Clock("t", declared))
     right = {1e3: "ms", 1e6: "us", 1e-3: "s"}[unit]
     assert said(raised.value.findings[0]) == f"--time t:{right}"
 
@@ -120,7 +115,7 @@ def jittery(folder, share, seed=0, rate=100.0):
 def test_small_jitter_is_resampled_unasked_and_told(tmp_path):
     """Stamps off by up to a tenth of a step: the report has the rms of it and the rate."""
     path = jittery(tmp_path, 0.2)
-    log = read_log(path, channels={"p": Column("p", "rad/s")}, time=Clock("t", "s"))
+    log = read_log(path, channels=P, time=SECONDS)
     log.check_uniform()
     (finding,) = log.report.repairs
     assert finding.kind == "jitter"
@@ -139,9 +134,7 @@ def test_small_jitter_is_resampled_unasked_and_told(tmp_path):
 
 def test_large_jitter_is_refused_with_its_size(tmp_path):
     """Stamps off by up to half a step either way: only on request."""
-    log = read_log(
-        jittery(tmp_path, 1.0), channels={"p": Column("p", "rad/s")}, time=Clock("t", "s")
-    )
+    log = read_log(jittery(tmp_path, 1.0), channels=P, time=SECONDS)
     assert not log.report.repairs
     with pytest.raises(LogError, match=r"irregular: .*4[0-3] %.*resample the log") as raised:
         log.check_uniform()
@@ -152,7 +145,7 @@ def test_stamps_of_few_digits_are_no_fault(tmp_path):
     """Written to microseconds, 60 Hz are uniform to a rate of six digits."""
     t = np.round(np.arange(6000) / 60.0, 6)
     path = write(tmp_path / "a.csv", t, np.sin(3.0 * t), header="t,p")
-    log = read_log(path, channels={"p": Column("p", "rad/s")}, time=Clock("t", "s"))
+    log = read_log(path, channels=P, time=SECONDS)
     log.check_uniform()
     assert log.report.resampled_hz == 60.0
     assert log.record["p"] == pytest.approx(np.sin(3.0 * log.record.time), abs=1e-5)
@@ -163,9 +156,8 @@ def test_a_gap_is_not_jitter(tmp_path):
     path = jittery(tmp_path, 0.2)
     lines = path.read_text().splitlines()
     path.write_text("\n".join([*lines[:1000], *lines[1200:]]) + "\n")
-    channels, time = {"p": Column("p", "rad/s")}, Clock("t", "s")
     with pytest.raises(LogError, match="split the log at its gaps"):
-        read_logs([path], channels=channels, time=time)
-    (log,) = read_logs([path], channels=channels, time=time, repair="gaps")
+        read_logs([path], channels=P, time=SECONDS)
+    (log,) = read_logs([path], channels=P, time=SECONDS, repair="gaps")
     assert [finding.kind for finding in log.report.repairs] == ["jitter", "gap"]
     assert len(log.records) == 2

@@ -64,7 +64,7 @@ _NO_MOVE = 1e-12
 """Of a channel's largest value: it is constant if it varies by less, which is rounding."""
 _WRAP = 1.5 * np.pi  # rad: an angle that jumps by more between two samples went around
 _LONG_ENOUGH = 20.0  # s, of a part whose clocks are looked at
-_SAY = "say which column is which channel (a map has more); a first look at the log guesses which"
+_SAY = "say which column is which channel; a look at the log guesses which"
 
 
 def read_log(
@@ -328,7 +328,7 @@ def _by_name(source: Source, wanted: Sequence[str], findings: Findings) -> dict[
             found[name] = Column(find_column(name, source.names, "column"))
         except UnknownNameError as error:
             text = f"{source.path}: {error}; {_SAY}"
-            remedy = Option("channel", f"{name}=COLUMN:UNIT")
+            remedy = (Option("channel", f"{name}=COLUMN:UNIT"), Option("map"))
             findings.refuse("no such column", text, remedy=remedy)
         except InputError as error:
             findings.refuse_error(source.path, error)
@@ -342,7 +342,7 @@ def _stated(source: Source) -> dict[str, Column]:
         name = split_heading(heading)[0] if source.counts == "line" else heading
         if name.lower() not in TIME_NAMES and source.stated_unit(heading):
             found.setdefault(name, Column(heading))
-    remedy = Option("channel", "NAME=COLUMN:UNIT")
+    remedy = (Option("channel", "NAME=COLUMN:UNIT"), Option("map"))
     if not found:
         said = "no column states its unit, as 'p [deg/s]' does"
         raise InputError(f"{source.path}: {said}; {_SAY}", remedy=remedy)
