@@ -5,27 +5,24 @@ import helisim as hs
 vehicle = hs.load("jr700")
 flights = hs.fly(vehicle, hs.Sweep(axis="lat"), count=10, seed=1)
 
-The house, from the ground up; each room imports only from those above it in this list, but
-`ident` knows neither `physics`, `vehicle` nor `sim`: a flight record is all that it sees.
+The packages, each importing only from those above it in this list; `ident` knows no simulator, a
+flight record is all that it sees (docs/architecture.md):
 
-    errors, units   what can go wrong, and conversion factors; `registration`: gymnasium's names
-    records         flight records: channels, provenance, quality, files; `logs`: anyone's logs
-    physics         the force laws, compiled to callbacks that MuJoCo calls at every step
-    vehicle         a folder with an MJCF and parameters, as a model that is trimmed and linearised
-    ident           from flight records to models with bounds, by the frequency-response method:
-                    `responses` | `model`, `fitting`, `verifying`
-    laws            control laws as data: a file that is read, linearised and flown
-    handling        what a closed loop is judged by: margins, disturbance rejection, ADS-33
-    look            a first look at logs of which nothing is known: what to identify, and how;
-                    `systemid`: what autopilots' logs of it say themselves, their loops too
-    sim             what is flown and recorded: pilot, manoeuvre, weather, faults; `rigs`: benches
-    design          from an identified model to a control law that meets specifications
-    sitl            an outside autopilot in the loop: ArduPilot flies the vehicle, lock step
-    paper           published values and the paper's errata: compared with, never fed to `ident`
-    study           the experiment: models, truth, flights, results; `campaign`: many replicates
-    output          results as tables, plots, a report, a Rerun recording; computes nothing
-    cli             each command parses, calls the library once, prints, exits
-    gym             beside it: Gymnasium environments, in which an agent flies
+    base        errors, notes, units, files, settings, linear systems
+    records     flight records: channels, provenance, quality, files
+    logs        anyone's logs as records
+    physics     force laws, compiled to callbacks that MuJoCo calls at every step
+    vehicle     a folder with an MJCF and parameters, as a model that is trimmed and linearised
+    ident       from flight records to models with bounds, by the frequency-response method
+    sim         flights and their records: plan, pilot, manoeuvre, weather, faults, missions
+    handling    criteria and margins of closed loops, predicted or measured
+    design      from an identified model to a control law that meets specifications
+    sitl        ArduPilot in the loop, in lock step
+    look        a first look at logs: what to identify, and how
+    study       the experiment, campaigns, published numbers and the paper's errata
+    show        tables, plots, pages, Rerun recordings; computes nothing
+    gym, hand   an agent, or a hand, that flies
+    cli         each command parses, calls the library, prints, exits
 """
 
 import ast
@@ -57,7 +54,7 @@ SHOWN_BY = "helisim.show.notebook"
 def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'helisim' has no attribute {name!r}")
-    if _HOMES[name] == __name__:  # a room of the house
+    if _HOMES[name] == __name__:  # a package
         return import_module(f"{__name__}.{name}")
     return getattr(import_module(_HOMES[name]), name)
 
@@ -66,13 +63,13 @@ def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
 
 
-class _House(ModuleType):
-    """Keeps a public name what it is where a room has the same, as `look` does."""
+class _Package(ModuleType):
+    """Keep a public name where a package has the same, as `look` does."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if not (isinstance(value, ModuleType) and name in _HOMES):
             super().__setattr__(name, value)
 
 
-sys.modules[__name__].__class__ = _House
+sys.modules[__name__].__class__ = _Package
 _register()
