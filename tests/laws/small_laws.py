@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from helisim.design.laws import (
     AttitudeAxis,
     AttitudeCommand,
@@ -9,6 +11,7 @@ from helisim.design.laws import (
     Lead,
     Lowpass,
     Notch,
+    StateSpaceLaw,
     YawAxis,
 )
 
@@ -38,3 +41,15 @@ FULL = replace(
     delay=0.004,
 )
 """With all that the law can do."""
+
+INPUTS = ("p", "phi", "psi", "LAT", "COL")
+
+
+def random_law(seed: int = 1, **changes) -> StateSpaceLaw:
+    """A stable law of five states."""
+    rng = np.random.default_rng(seed)
+    a = rng.standard_normal((5, 5))
+    a *= 0.9 / np.max(np.abs(np.linalg.eigvals(a)))
+    shapes = {"b": (5, 5), "c": (4, 5), "d": (4, 5), "windup": (5, 4), "start": (5, 4)}
+    matrices = {name: 0.1 * rng.standard_normal(shape) for name, shape in shapes.items()}
+    return StateSpaceLaw(**{"period": 0.002, "inputs": INPUTS, "a": a, **matrices, **changes})

@@ -190,17 +190,7 @@ def _step(
     radius: float,
     bent: Vector | None = None,
 ) -> tuple[Vector, float]:
-    """Return the step that the linear program asks for, and the improvement it foresees.
-
-    Args:
-        here: where it begins.
-        slopes: of distances and cost.
-        goal: what is wanted.
-        box: lowest and highest coordinates.
-        radius: of trust, of each coordinate.
-        bent: (n_distance,) by which a step before found distances off their slopes: a second
-            step that allows for it follows a curved boundary, where the first would creep.
-    """
+    """Return the step that the linear program asks for, and the improvement it foresees."""
     jacobian, gradient = slopes
     wanted = np.isfinite(goal.distances)
     short = goal.distances[wanted] - here.trial.distances[wanted]

@@ -382,13 +382,6 @@ def _followed(a: Matrix, b: Matrix, c: Matrix, s: Matrix, q: Matrix) -> tuple[Ma
 
     They solve P S = A P + B G, C P = Q; (n_state, n_w) and (n_command, n_w).
 
-    Args:
-        a: of the model, (n_state, n_state).
-        b: (n_state, n_command).
-        c: of the outputs that follow, (n_follow, n_state).
-        s: (n_w, n_w).
-        q: (n_follow, n_w).
-
     Raises:
         InputError: the model can't follow.
     """

@@ -258,10 +258,6 @@ def sample_parameters(
     A known parameter errs by its stated error, the same in all fits that were given the same
     value of it, and takes the free ones with it as each fit says.
 
-    Args:
-        fits: with covariances.
-        rng: of the random numbers.
-
     Raises:
         InputError: a fit doesn't state its covariance, or the data don't see a parameter.
     """

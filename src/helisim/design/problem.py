@@ -211,13 +211,7 @@ class Problem:
     def loops(
         self, at: Vector, which: Sequence[int] = (0,), frequency: Vector = FREQUENCY
     ) -> list[Loop]:
-        """Return the loops that a law closes.
-
-        Args:
-            at: coordinates of the law, (n_free,).
-            which: of the models.
-            frequency: (n_freq,) rad/s.
-        """
+        """Return the loops that a law closes."""
         law: Any = _Cached(self.law_at(at).linear(self.period))
         return [self.close(self.models[k], law, frequency) for k in which]
 
@@ -500,10 +494,6 @@ def infeasible(problem: Problem, at: Vector) -> InfeasibleError:
 
     One specification that alone can't be met while the others hold; or else all that stand in each
     other's way, as near as may be.
-
-    Args:
-        problem: that can't be solved.
-        at: coordinates of the law whose worst specification is best, (n_free,).
     """
 
     def trial(there: Vector, near: bool = False) -> Trial | None:

@@ -289,12 +289,6 @@ def fly_proof(
 ) -> ProofFlights:
     """Fly the proof of the controller that a vehicle has.
 
-    Args:
-        vehicle: with its controller and a pilot who leaves the sticks alone; see `hands_off`.
-        plan: how.
-        loop: of the vehicle, by which amplitudes are chosen.
-        on_flight: called after each flight.
-
     Raises:
         DivergedError: the vehicle doesn't stay in its envelope; says in which flight.
     """
@@ -322,12 +316,6 @@ def fly_events(
     vehicle: Vehicle, plan: ProofPlan, loop: ClosedLoop, on_flight: OnFlight = None
 ) -> dict[str, FlightRecord]:
     """Fly a step of each stick, as "step_lat", and through the "gust", in still air.
-
-    Args:
-        vehicle: with its controller and a pilot who leaves the sticks alone.
-        plan: of the proof.
-        loop: of the vehicle, by which steps are as large as they stay linear.
-        on_flight: called after each flight.
 
     Raises:
         DivergedError: the vehicle doesn't stay in its envelope; says in which flight.
@@ -373,13 +361,7 @@ def _flown(
 
 
 def stops(vehicle: Vehicle, plan: FlightPlan, *, seed: int = 1) -> Stops:
-    """Return what comes to its limits in a flight of a plan, at the simulation's own rate.
-
-    Args:
-        vehicle: with its controller.
-        plan: of the flight.
-        seed: of turbulence.
-    """
+    """Return what comes to its limits in a flight of a plan, at the simulation's own rate."""
     flight = next(simulate(vehicle, plan, seed=seed, jobs=1))
     share = {name: float(np.mean(there)) for name, there in at_limits(vehicle, flight)}
     commands = [*flight.swashplate.unmix(*flight.servo_commands[:, :3].T)]
@@ -416,10 +398,6 @@ class Deviation(NamedTuple):
 
 def deviations(record: FlightRecord, start: float) -> Mapping[str, Deviation]:
     """Return the deviations of phi, theta and psi from their means before an event.
-
-    Args:
-        record: of the flight.
-        start: s, of the event, from the flight's beginning.
 
     Raises:
         InputError: the record doesn't hold the time before and behind it.
@@ -519,12 +497,7 @@ class ComparedCriterion:
 
 
 def with_usual(specs: Iterable[Spec | Criterion], axes: Sequence[str]) -> tuple[Spec, ...]:
-    """Return specifications, and margins, rejection and bandwidth of axes that have none, to check.
-
-    Args:
-        specs: those of a design; a bare criterion is checked only.
-        axes: of control.
-    """
+    """Return specifications, and margins, rejection and bandwidth of axes without, to check."""
     found = [one if isinstance(one, Spec) else Spec(one, "check") for one in specs]
     there = {(type(one.criterion), one.criterion.axis) for one in found}
     for kind in (StabilityMargins, DisturbanceRejection, AttitudeBandwidth):
@@ -747,13 +720,7 @@ def over_air(vehicle: Vehicle, weather: Weather) -> tuple[Loop | None, tuple[str
 def measured_loop(
     flights: ProofFlights, *, draws: int = DRAWS, seed: int = 1
 ) -> tuple[MeasuredLoop, tuple[str, ...]]:
-    """Return the loop that the sweeps of a proof show, and what is to be doubted of it.
-
-    Args:
-        flights: of the proof.
-        draws: of the loop.
-        seed: of the draws.
-    """
+    """Return the loop that the sweeps of a proof show, and what is to be doubted of it."""
     parts, remarks, edge = [], [], TRIM_TIME + _EDGE  # at the edges a sweep's derivative jumps
     for name, records in flights.sweeps.items():
         inner = [one.slice(one.time[0] + edge, one.time[-1] - edge) for one in records]

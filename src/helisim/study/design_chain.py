@@ -217,12 +217,7 @@ def identify_for_design(
 
 
 def servos_of(vehicle: Vehicle | None, seed: int = 1) -> RigTest | None:
-    """Return what is known of a vehicle's servos: by its bench, or else as it says itself.
-
-    Args:
-        vehicle: None is of nobody's records, of which nothing is known.
-        seed: of the bench test.
-    """
+    """Return what is known of a vehicle's servos: by its bench, or else as it says itself."""
     if vehicle is None:
         return None
     if _BENCH in rig_names(vehicle.folder):

@@ -97,14 +97,7 @@ def axis_states(wait, filters):
 
 @kernel()
 def model_next(state, settings, block, wanted):
-    """Return the command model's angle and rate at the next tick.
-
-    Args:
-        state: of the law.
-        settings: of the law.
-        block: where the axis's settings begin.
-        wanted: rad, of ped rad/s.
-    """
+    """Return the command model's angle and rate at the next tick."""
     at = int(settings[block + ATTITUDE.state])
     angle, rate = state[at + MODEL], state[at + MODEL + 1]
     return (
@@ -119,15 +112,7 @@ def model_next(state, settings, block, wanted):
 
 @kernel()
 def move_model(state, settings, block, angle, rate):
-    """Move the command model on to the next tick, and what waits to be compared with.
-
-    Args:
-        state: of the law.
-        settings: of the law.
-        block: where the axis's settings begin.
-        angle: of the model at the next tick, rad.
-        rate: likewise, rad/s.
-    """
+    """Move the command model on to the next tick, and what waits to be compared with."""
     at = int(settings[block + ATTITUDE.state])
     wait = int(settings[block + ATTITUDE.wait])
     line = at + LINE
@@ -184,14 +169,6 @@ def follow(state, settings, block, reached, sensed, crossed):
 
     What goes ahead is of the model's mean rate and acceleration until the next tick, for the
     command is held so long.
-
-    Args:
-        state: of the law; the filters' move on.
-        settings: of the law.
-        block: where the axis's settings begin.
-        reached: angle and rate of the model at the next tick.
-        sensed: angle and rate of this axis.
-        crossed: errors of angle and rate of the other cyclic axis.
     """
     at, period = int(settings[block + ATTITUDE.state]) + MODEL, settings[GENERAL.period]
     rate = wrap_to_pi(reached[0] - state[at]) / period
@@ -212,14 +189,6 @@ def with_integral(state, settings, block, command, rate):
     """Return an axis's command with its integral, within its limit, and whether it would wind up.
 
     Half a period of the integral's rate makes the rule trapezoidal.
-
-    Args:
-        state: of the law; the integral moves on, unless the command is at its limit and the
-            integral would push it further.
-        settings: of the law.
-        block: where the axis's settings begin.
-        command: without the integral, unitised.
-        rate: of the integral, 1/s.
     """
     period, limit = settings[GENERAL.period], settings[block + ATTITUDE.limit]
     at = int(settings[block + ATTITUDE.state]) + INTEGRAL

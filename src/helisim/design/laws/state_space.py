@@ -208,16 +208,7 @@ def state_space_settings(
     limits: Sequence[float],
     plate: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the settings of the compiled law, (n_settings,).
-
-    Args:
-        matrices: a, b, c, d, windup and start.
-        places: of the inputs in `Seen`, (n_in,).
-        steady: the inputs in the trim, (n_in,).
-        trim: col, lon, lat, ped.
-        limits: of these four.
-        plate: numbers of the swashplate, (21,).
-    """
+    """Return the settings of the compiled law, (n_settings,)."""
     counts = [len(matrices[0]), len(places)]
     return np.concatenate(
         [counts, trim, limits, plate, places, steady, *(one.ravel() for one in matrices)],
