@@ -96,11 +96,11 @@ def cut(
         if time.size < 2 or span < options.min_duration:
             short.append((*rows, time.size, span))
             continue
-        through = [(line.columns, line.between(start, stop)) for line in lines]
         if rate is None:
-            values = _filled(inside, through)
+            values = _filled(inside, lines, start, stop)
         else:
-            values = _resampled([line for _, line in through], time, rate, factor)[:, order]
+            through = [line.between(start, stop) for line in lines]
+            values = _resampled(through, time, rate, factor)[:, order]
         uneven = unevenness(inside, options.max_gap) if rate is None else None
         made.append(Cut(time, values, Part(*rows, time.size, float(time[0]), span, uneven)))
     if short:
@@ -108,14 +108,14 @@ def cut(
     return made, PASSBAND * rate / 2.0 if rate is not None and factor > 1 else None
 
 
-def _filled(samples: Samples, through: "Sequence[tuple[tuple[int, ...], Interpolant]]") -> Array:
+def _filled(samples: Samples, lines: "Sequence[_Line]", start: float, stop: float) -> Array:
     """Return values, (n_time, n_channel), with what is missing interpolated."""
     values = samples.values.copy()
-    for columns, line in through:
-        for k in columns:
+    for line in lines:
+        for k in line.columns:
             holes = np.isnan(samples.values[:, k])
-            if holes.any():
-                values[holes, k] = line(samples.time[holes])[:, 0]
+            if holes.any():  # such a line is of one channel
+                values[holes, k] = line.between(start, stop)(samples.time[holes])[:, 0]
     return values
 
 
