@@ -1,9 +1,17 @@
+"""Plants of fits: what is sensed, at ticks too, and their samples by the covariances."""
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from exact_fits import OMEGA as WIDE
+from exact_fits import found as fitted
 from helisim import ident
 from helisim.base.errors import InputError
-from helisim.design.plant import Plant, turned
+from helisim.base.linear import LinearSystem
+from helisim.design.plant import Plant, sample_parameters, turned
+from helisim.handling.loop import NoResponse
 
 OMEGA = np.geomspace(1.0, 40.0, 60)
 TRUE = {"N_r": -1.2, "N_ped": 40.0, "tau_r_base": 0.05}
@@ -60,3 +68,123 @@ def test_nothing_to_begin_at_is_refused(yaw):
     )
     with pytest.raises(InputError, match=r"servo command \(col, lon, lat, ped\).*PED"):
         Plant((stick,))
+
+
+SERVO = ident.blocks.second_order("servo", omega=200.0, zeta=1.0)
+HOVER = ident.in_series(ident.structures.rollpitch_speeds, inputs={"lat": SERVO, "lon": SERVO})
+ROLL = {
+    **{"tau_f": 0.045, "L_b": 540.0, "M_a": 315.0, "A_b": -0.35, "B_a": 0.53, "A_lat": 0.066},
+    **{"A_lon": 0.37, "B_lat": 0.38, "B_lon": -0.06, "A_u": 1.1e-3, "L_p": -0.02, "M_q": -0.02},
+}
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 3])
+@pytest.mark.parametrize("rest", [0.0, 0.6, 1.5])
+def test_a_delayed_lag_is_sampled_as_in_the_textbook(ticks, rest):
+    """Of systems with a delay: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., 2.3.
+
+    With dx/dt = -k x + u(t - d T - tau), x+ = e^(-k T) x + G0 u(-d) + G1 u(-d - 1), where
+    G0 = (1 - e^(-k (T - tau))) / k, G1 = e^(-k (T - tau)) (1 - e^(-k tau)) / k.
+    """
+    k, period, tau = 0.9, 2.0, rest
+    one = np.ones((1, 1))
+    lag = LinearSystem(-k * one, one, one, 0.0 * one, None, ("u",), ("x",))
+    now = replace(lag, delays={"u": ticks * period + tau}).discretise(period)
+    a, b, c, d = now.a, now.b, now.c, now.d
+    answer = [d[0, 0]] + [(c @ np.linalg.matrix_power(a, n) @ b)[0, 0] for n in range(8)]
+    first = (1.0 - np.exp(-k * (period - tau))) / k
+    then = np.exp(-k * (period - tau)) * (1.0 - np.exp(-k * tau)) / k
+    expected = np.zeros(9)
+    for n in range(9 - ticks - 1):
+        expected[n + ticks + 1] += first * np.exp(-k * period * n)
+        if n + ticks + 2 < 9:
+            expected[n + ticks + 2] += then * np.exp(-k * period * n)
+    np.testing.assert_allclose(answer, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.002, 0.0047])
+def test_its_response_is_that_of_what_it_samples(latency):
+    """But for the gain of a hold, sin x / x, whose phase is among the delays; and that of az.
+
+    The integral of the roll rate is the model's own attitude: no second one is added.
+    """
+    rolling = fitted(HOVER, **ROLL, tau_lat=0.0047, tau_lon=-0.0152)
+    heaving = fitted(ident.structures.heave, Z_w=-0.9, Z_col=-42.0, tau_col=0.0083)
+    late = {"p": 0.0035, "q": 0.0035, "lon": 0.0198}
+    plant = Plant((rolling, heaving), late=late, latency=latency, tilt=(0.07, -0.01))
+    now = plant.sampled
+    point = np.exp(1j * WIDE * now.period)[:, None, None]
+    states = np.linalg.solve(point * np.eye(len(now.a)) - now.a, now.b[None])
+    at_ticks = np.moveaxis(now.c @ states + now.d, 0, -1)
+    held = np.sinc(WIDE * now.period / (2.0 * np.pi))
+    expected = plant.response(WIDE) * held
+    # what a sampler folds down from 3000 rad/s: the more, the less a signal is smoothed
+    folded = dict.fromkeys(plant.outputs, 1e-5) | {"w": 1e-3, "az": 0.02}
+    for name, found, wanted in zip(plant.outputs, at_ticks, expected):
+        np.testing.assert_allclose(found, wanted, rtol=folded[name], atol=1e-12, err_msg=name)
+    assert len(rolling.structure.states) == 12
+    waiting = len(now.a) - 12 - 1
+    assert waiting <= 2 + 5 + 2 * 3
+
+
+def test_a_model_that_leads_a_little_is_read_later():
+    """Its command then moves at once what is sensed: 0.3 ms of the period's 2 have passed."""
+    fit = fitted(ident.structures.yaw_base, N_r=-1.0, N_ped=40.0, tau_r_base=0.0407)
+    plant = Plant((fit,), late={"r": 0.04})
+    now = plant.sampled
+    assert now.d[0, 0] == pytest.approx((1.0 - np.exp(-0.0003)) * 40.0, rel=1e-9)
+    ahead = Plant((fit,), late={"r": 0.042})
+    with pytest.raises(NoResponse, match=r"'ped' moves leads it by 2\.3 ms, more than the period"):
+        _ = ahead.sampled
+
+
+def test_a_model_of_which_another_tells_a_part_has_no_poles():
+    whole = fitted(
+        ident.structures.rollpitch, **{k: ROLL[k] for k in list(ROLL)[:9]}, tau_lat=0.0, tau_lon=0.0
+    )
+    part = fitted(
+        ident.structures.yaw_base.renamed({"ped": "lat", "r": "p"}),
+        N_r=-1.0,
+        N_ped=40.0,
+        tau_r_base=0.0,
+    )
+    with pytest.raises(NoResponse, match="'rollpitch' tells p/lon, q/lat, q/lon only"):
+        _ = Plant((part, whole)).sampled
+
+
+@pytest.fixture(scope="module")
+def fit(yaw):
+    """A fit of two parameters, given a third with an error, with a covariance of the test's."""
+    structure = ident.structures.yaw_base.with_fixed({"tau_r_base": 0.05}, {"tau_r_base": 0.002})
+    carried, own = np.array([[0.03], [-0.5]]), np.array([[0.01, 0.06], [0.06, 4.0]])
+    found = ident.identify(yaw.response(OMEGA), structure)
+    return replace(found, carried=carried, covariance=own + carried @ carried.T)
+
+
+def test_drawn_parameters_scatter_as_the_covariance_says(fit):
+    """5000 draws: a variance is then known to 2 % of itself, one standard deviation."""
+    rng = np.random.default_rng(1)
+    drawn = np.array([list(sample_parameters([fit], rng)[0].values()) for _ in range(5_000)])
+    found = np.cov(drawn.T)
+    errors = np.append(np.sqrt(np.diagonal(fit.covariance)), 0.002)
+    whole = np.block([[fit.covariance, fit.carried * 0.002], [fit.carried.T * 0.002, 4e-6]])
+    np.testing.assert_allclose(
+        found / np.outer(errors, errors), whole / np.outer(errors, errors), atol=0.07
+    )
+    np.testing.assert_allclose(drawn.mean(axis=0), list(fit.values.values()), atol=0.1, rtol=2e-3)
+
+
+def test_fits_that_share_a_known_value_share_its_error(fit):
+    one, other = sample_parameters([fit, fit], np.random.default_rng(2))
+    assert one["tau_r_base"] == other["tau_r_base"] != 0.05
+    assert one["N_ped"] != other["N_ped"]
+
+
+@pytest.mark.parametrize(
+    ("covariance", "message"),
+    [(None, "'yaw_base' doesn't state its covariance"), ([np.inf, 1.0], "don't see N_r")],
+)
+def test_a_fit_whose_errors_are_not_known_is_refused(fit, covariance, message):
+    known = None if covariance is None else np.diag(covariance)
+    with pytest.raises(InputError, match=message):
+        sample_parameters([replace(fit, covariance=known)], np.random.default_rng(1))

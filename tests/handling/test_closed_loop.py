@@ -1,16 +1,18 @@
-"""Poles and steps of a sampled loop, against closed forms and the vehicle's own closing."""
+"""Closed loops at their ticks: closed forms, python-control, and what is not known."""
 
 from dataclasses import dataclass
 
+import control
 import numpy as np
 import pytest
 
+import helisim as hs
+from exact_fits import found as fitted
+from helisim import ident
 from helisim.base.errors import InputError
-from helisim.base.linear import LinearSystem, zero_order_hold
+from helisim.base.linear import LinearSystem
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import NoResponse
-from helisim.vehicle.linearize import OUTPUTS
-from helisim.vehicle.sampled import close
 
 PERIOD, GAIN = 0.01, 20.0
 
@@ -85,40 +87,6 @@ def test_what_a_command_moves_at_once_is_in_the_loop():
     np.testing.assert_allclose(history.signals["phi"], GAIN / (1.0 + GAIN), rtol=1e-12)
 
 
-def test_it_is_the_loop_that_a_vehicle_closes_by_itself(jr700):
-    """Its own closing, `vehicle.sampled.close`, is another way to the same loop."""
-    gyro = jr700.gyro
-    base = jr700.linearize("IN1").system
-    a, b = zero_order_hold(np.asarray(base.A), np.asarray(base.B), gyro.period)
-    shown = slice(len(OUTPUTS))
-    plant = ticked(
-        a,
-        b,
-        np.asarray(base.C)[shown],
-        np.asarray(base.D)[shown],
-        tuple(base.input_labels),
-        OUTPUTS,
-        gyro.period,
-    )
-    whole = close(jr700.linearize("IN1"), gyro).system
-    loop = ClosedLoop(plant, gyro)
-    own = np.linalg.eigvals(np.asarray(whole.A)).astype(complex)
-    own = np.log(own[np.abs(own) > 0.01]) / gyro.period  # apart from what is over within a tick
-    fast = loop.poles[np.abs(loop.poles) > 0.02]  # of its place nothing is held: poles near 0
-    own = own[np.abs(own) > 0.02]
-    np.testing.assert_allclose(np.sort_complex(fast)[-15:], np.sort_complex(own)[-15:], rtol=1e-6)
-    history = loop.step("pitch", size=0.1, duration=0.5)
-    state, stick = np.zeros(len(whole.A)), whole.input_labels.index("LON")
-    a, b, c, d = (np.array(getattr(whole, name)) for name in "ABCD")
-    moved = []
-    for _ in history.time:
-        moved.append(c @ state + d[:, stick] * 0.1)
-        state = a @ state + b[:, stick] * 0.1
-    for name in ("q", "theta", "p", "lon"):
-        expected = np.array(moved)[:, whole.output_labels.index(name)]
-        np.testing.assert_allclose(history.signals[name], expected, atol=1e-10)
-
-
 def test_responses_alone_have_no_poles():
     class Seen:
         inputs, outputs = ("lat",), ("phi",)
@@ -138,3 +106,54 @@ def test_other_ticks_and_an_unknown_stick_are_refused():
         _ = ClosedLoop(INTEGRAL, slow).poles
     with pytest.raises(NoResponse, match="the law has no stick 'PED': it has phi, LAT"):
         ClosedLoop(INTEGRAL, HOLD).step("yaw", size=1.0, duration=1.0)
+
+
+OMEGA = np.geomspace(0.5, 100.0, 30)
+
+
+@pytest.fixture(scope="module")
+def loop():
+    """Yaw and heave with a law of random matrices that sees and moves both."""
+    yaw = fitted(ident.structures.yaw_base, N_r=-0.8, N_ped=48.0, tau_r_base=0.014)
+    heave = fitted(ident.structures.heave, Z_w=-0.9, Z_col=-40.0, tau_col=0.0107)
+    plant = hs.Plant((yaw, heave), latency=0.004)
+    rng = np.random.default_rng(1)
+    shapes = {"b": (3, 4), "c": (4, 3), "d": (4, 4)}
+    law = hs.StateSpaceLaw(
+        period=0.002,
+        inputs=("r", "az", "PED", "COL"),
+        a=np.diag([0.9, 0.5, 0.99]),
+        **{name: 0.02 * rng.standard_normal(shape) for name, shape in shapes.items()},
+    )
+    return ClosedLoop(plant, law.linear(0.002), OMEGA)
+
+
+@pytest.mark.filterwarnings("ignore:Unused output")
+def test_closed_loop_is_what_python_control_connects(loop):
+    """`interconnect` of the two exported systems by their names: poles and responses."""
+    plant, law = loop.plant.sampled.system, loop.law.sampled.system
+    system = loop.system()
+    own = control.interconnect(
+        [plant, law], inputs=["PED", "COL"], outputs=["r", "az", "psi", "ped"]
+    )
+    assert np.poly(system.A) == pytest.approx(np.poly(own.A), abs=1e-9)
+    for z in np.exp(1j * OMEGA * 0.002):
+        found = system(z)[[system.output_labels.index(name) for name in own.output_labels]]
+        # each a sum of hundreds of terms
+        assert found == pytest.approx(own(z), rel=1e-8, abs=1e-12)
+
+
+def test_closed_and_cut_loops_have_the_responses_of_the_frame(loop):
+    """`command` and `broken`, found frequency by frequency from the models' own responses."""
+    points = np.exp(1j * OMEGA * 0.002)
+    system, cut = loop.system(), loop.system(cut="yaw")
+    row, column = system.output_labels.index("psi"), system.input_labels.index("PED")
+    closed = np.array([system(z)[row, column] for z in points])
+    row, column = cut.output_labels.index("ped"), cut.input_labels.index("ped")
+    broken = -np.array([cut(z)[row, column] for z in points])
+    for found, wanted in ((closed, loop.command("ped")), (broken, loop.broken("ped"))):
+        # az answers as fast at any frequency, so the ticks fold its fast part onto the slow: 3e-3
+        off = np.abs(found - wanted.response) / np.abs(wanted.response).max()
+        assert np.all(off < 5e-3)
+    with pytest.raises(NoResponse, match="no command 'lat'"):
+        loop.system(cut="lat")
