@@ -97,8 +97,7 @@ def select(
     limits = _limits(band, wanted)
     chosen, best = {}, []
     for name, (o, i) in places.items():
-        low, high = limits[name]
-        inside = (frf.frequency >= low * (1 - 1e-9)) & (frf.frequency <= high * (1 + 1e-9))
+        inside = within(frf.frequency, limits[name])
         usable = np.flatnonzero(inside & coherent(frf, o, i))
         if usable.size >= _FEWEST:
             chosen[name] = _log_spaced(frf.frequency, usable, count)
@@ -136,6 +135,11 @@ def select(
         pair=each(range(len(kept))),
         covariance=covariance,
     )
+
+
+def within(frequency: Real, band: Band) -> NDArray[np.bool_]:
+    """Return which frequencies, (n_freq,), a band holds but for rounding."""
+    return (frequency >= band[0] * (1 - 1e-9)) & (frequency <= band[1] * (1 + 1e-9))
 
 
 def coherence_weight(coherence: Real) -> Real:

@@ -17,8 +17,9 @@ from scipy.special import fdtri
 from helisim.base.note import Note, Option
 from helisim.base.units import DB_PER_NEPER
 from helisim.base.value import FrozenMap, Value
-from helisim.ident.cost import PHASE_WEIGHT, Cost
+from helisim.ident.cost import PHASE_WEIGHT, Cost, within
 from helisim.ident.evaluate import matrices
+from helisim.ident.fitted import FittedParameter
 from helisim.ident.rational import FAST, order
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.search import Minimum
@@ -28,27 +29,21 @@ from helisim.ident.transfer import Rational, rational_form, transfer_function
 DEGREES = 180.0 / math.pi
 RATIO_LIMIT = 2.0
 """Residuals of more than this many times the noise's power are the structure's own."""
-_NOT_KNOWN = 1.0
-"""A bound as large as the value itself: only then are lower orders tried."""
-_BELIEVED = 0.999
+_BELIEVED, _NOTHING = 0.999, 1e-4
 """Probability up to which noise alone explains what a higher order gains: a cancelling pair looks
-for the frequency where noise makes it most useful, so 95 % would believe too much."""
-_NOTHING = 1e-4
-"""Rise of the average cost that is none, however little noise there is: 0.002 dB."""
+for the frequency where noise makes it most useful, so 95 % would believe too much; and the rise of
+the average cost that is none, however little noise there is: 0.002 dB."""
 _FAR = 5.0
 """A pole so many times above the band's top is not in the data, unless its errors say so."""
-_RATIO = 10.0
-"""Of noise's power, from which what a model leaves is far more than noise."""
-_PERCENT = 5.0
-"""Relative error of a response beyond noise, from which it is worth a word."""
+_RATIO, _PERCENT = 10.0, 5.0
+"""Of noise's power, and of a response, from which what a model leaves is worth a word."""
 _HIGH = 50.0
 """Cost of a response, from which what it leaves is looked at: below, it is excellent."""
 _EXPLAINED = 0.75
 """Share of a response's cost that a delay, or an edge of the band, must take away."""
-_LEAST_PHASE = 0.35
-"""rad, at the band's upper edge: a smaller delay isn't worth a word."""
-_FLIPPED = 2.4
-"""rad, of half a turn, that a flipped response's phase is off at nearly all points."""
+_LEAST_PHASE, _FLIPPED = 0.35, 2.4
+"""rad: what a delay worth a word turns at the band's upper edge, and what the phase of a flipped
+response is off at nearly all points."""
 _EDGE = 0.34
 """Of a band's points, that count as its edge."""
 _DOUBTFUL = 0.75
@@ -142,11 +137,8 @@ def misfit(cost: Cost, x: Real, noise: Real | None, ratio: float | None) -> Misf
     )
 
 
-class Degenerate(NamedTuple):
-    """What is degenerate in a fit: what to do, a line each, and the parameters concerned."""
-
-    advice: tuple[str, ...] = ()
-    names: frozenset[str] = frozenset()
+Degenerate = tuple[tuple[str, ...], frozenset[str]]
+"""What is degenerate in a fit: what to do, a line each, and the parameters concerned."""
 
 
 def degenerate(
@@ -171,21 +163,21 @@ def degenerate(
         fitted: fits another structure to the same points, likewise.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        unknown = bounds >= _NOT_KNOWN * np.abs(best.x)
+        unknown = bounds >= np.abs(best.x)  # only then are lower orders tried
     if not np.any(unknown):
-        return Degenerate()
+        return (), frozenset()
     form = _polynomials(cost.structure)
     if form is None:
         return _far_poles(cost, best.x, unknown)
     lower = _lower_order(cost, best, form, squares, fitted)
     if lower is None:
-        return Degenerate()
+        return (), frozenset()
     zeros, poles, average = lower
     advice = (
         f"degenerate: {_reason(cost, best.x, form)}; fit tf:{zeros}/{poles} instead, whose J of "
         f"{average:.4g} is no worse but for noise"
     )
-    return Degenerate((advice,), frozenset(cost.structure.names))
+    return (advice,), frozenset(cost.structure.names)
 
 
 def _polynomials(structure: Structure) -> Rational | None:
@@ -261,7 +253,7 @@ def _far_poles(cost: Cost, x: Real, unknown: NDArray[np.bool_]) -> Degenerate:
 
     worst = fastest(values)
     if not worst > _FAR * top:
-        return Degenerate()
+        return (), frozenset()
     moving = []
     for name, lost in zip(cost.names, unknown):
         step = 1e-3 * (abs(values[name]) or structure.parameter(name).magnitude)
@@ -269,12 +261,12 @@ def _far_poles(cost: Cost, x: Real, unknown: NDArray[np.bool_]) -> Degenerate:
         if lost and name not in delays and not abs(moved - worst) <= 1e-4 * worst:
             moving.append(name)
     if not moving:
-        return Degenerate()
+        return (), frozenset()
     advice = (
         f"degenerate: a pole at {worst:.3g} rad/s is far above the band's {top:.3g} rad/s, and the "
         f"data do not see what puts it there; fix {' or '.join(moving)}, or leave that lag out"
     )
-    return Degenerate((advice,), frozenset([*moving, *(set(cost.names) & delays)]))
+    return (advice,), frozenset([*moving, *(set(cost.names) & delays)])
 
 
 def delay_names(structure: Structure) -> set[str]:
@@ -342,20 +334,6 @@ def _larger(structure: Structure, data: FrequencyResponse, band: tuple[float, fl
     return f"tf:{found[0]}/{found[1]}" if found != begun else ""
 
 
-def within(frequency: Real, band: tuple[float, float]) -> NDArray[np.bool_]:
-    """Return which frequencies, (n_freq,), a band holds but for rounding."""
-    return (frequency >= band[0] * (1 - 1e-9)) & (frequency <= band[1] * (1 + 1e-9))
-
-
-class Delay(NamedTuple):
-    """A parameter of a fit that is a delay: its name, value, s, limits, and whether it is fixed."""
-
-    name: str
-    value: float
-    limits: tuple[float, float]
-    fixed: bool
-
-
 class Residual(NamedTuple):
     """What a model leaves of a response.
 
@@ -373,7 +351,7 @@ class Residual(NamedTuple):
     ratio: NDArray[np.complex128]
     weight: Real
     coherence: Real
-    delay: Delay | None
+    delay: FittedParameter | None
 
     def cost(self, decibel: Real | float, phase: Real) -> Real:
         """Return each frequency's part of J of a ratio in dB and rad, (n_freq,)."""
@@ -432,10 +410,11 @@ def _delayed(left: Residual) -> Note | None:
         return None
     whose, remedy = "; the structure has none there: give it one", ()
     if left.delay is not None:
-        name, value, (low, high), fixed = left.delay
+        name, fixed, (low, high) = left.delay.name, left.delay.fixed, left.delay.definition.limits
+        value = left.delay.value - slope
         whose = f" than {name}{', which is fixed' if fixed else ''}"
-        if fixed or low < value - slope < high:
-            remedy = (Option("fix" if fixed else "start", f"{name}={value - slope:.3g}"),)
+        if fixed or low < value < high:
+            remedy = (Option("fix" if fixed else "start", f"{name}={value:.3g}"),)
         else:
             whose += f", beyond its bounds of {low:.3g} to {high:.3g} s"
     text = (

@@ -29,15 +29,14 @@ if TYPE_CHECKING:
 
 SINGULAR = 1e12
 """Condition of M from which it has no inverse."""
-_ACCURATE = 1e-12
-"""Part of their terms by which the states' equations may be missed: rounding leaves 1e-15."""
+_ACCURATE, _ROUNDING = 1e-12, 1e-15
+"""Part of their terms by which the states' equations may be missed; and the part of the largest
+terms that is nothing in any equation, which rounding leaves."""
 _INDEPENDENT = 1e5
 """Condition of the eigenvectors, whatever the states' units, up to which they are used. Those of
 the structures here have 1 to 30, and 1e8 where speeds and attitudes are nearly integrators."""
 _FEW = 2500
 """Frequencies times states squared, up to which inverses take no longer than eigenvectors."""
-_ROUNDING = 1e-15
-"""Part of the largest terms that is nothing in any equation."""
 _BLOCK = 64
 """Samples in a block of a simulation: only speed depends on it."""
 

@@ -93,7 +93,7 @@ def identify(
 
     best, agreeing = fitted(cost, searches)
     quality = accuracy(cost, best.x, standardised=standardised)
-    collapsed = degenerate(
+    advice, collapsed = degenerate(
         cost,
         best,
         quality.cramer_rao,
@@ -114,7 +114,7 @@ def identify(
             float(quality.insensitivity[k]),
             float(quality.standard_error[k]),
             min(value - low, high - value) <= edge,
-            one.name in collapsed.names,
+            one.name in collapsed,
         )
     options = {
         "band_rad_s": dict(band) if isinstance(band, Mapping) else band,
@@ -136,7 +136,7 @@ def identify(
         dropped=points.dropped,
         converged=best.converged,
         searches_agreeing=agreeing,
-        degenerate=collapsed.advice,
+        degenerate=advice,
         data=frf,
         options=plain(options),
     )

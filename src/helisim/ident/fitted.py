@@ -25,10 +25,8 @@ an estimate whose noise is more than the cost supposes.
 """
 INSENSITIVITY_LIMIT = 10.0
 """Percent of the value above which an insensitivity says "poor" (Tischler and Remple)."""
-_UNSURE_DIGITS = 4
-"""Significant digits of a value whose error is unknown."""
-_MOST_DIGITS = 7
-"""Significant digits of a value whose error is negligible, as on data without noise."""
+_UNSURE_DIGITS, _MOST_DIGITS = 4, 7
+"""Significant digits of a value whose error is unknown, and whose error is negligible."""
 
 Support = Literal["good", "poor", "not seen", "at bound", "degenerate", "fixed"]
 

@@ -32,10 +32,9 @@ from helisim.ident.evaluate import SINGULAR
 from helisim.ident.expression import value_at
 from helisim.ident.structure import Structure
 
-_CURVED = 0.25
-"""Second-order part of a root's change over its standard error, from which the error is marked."""
-_ROUNDING = 1e-13
-"""Part of the fastest root that is nothing in an error."""
+_CURVED, _ROUNDING = 0.25, 1e-13
+"""Second-order part of a root's change over its standard error, from which the error is marked; and
+the part of the fastest root that is nothing in an error."""
 _ORIGIN = 1e-9
 """Rad/s: a root nearer to zero than that is an integrator, or a zero at the origin."""
 _NOTHING = 1e-10

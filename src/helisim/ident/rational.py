@@ -10,36 +10,29 @@ geometric mean, so that the powers stay of one order. From there all of them des
 the smallest relative error, delays free.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
 
-_STEPS = 20
-"""Sanathanan-Koerner steps: most are done in five, lightly damped poles in noise take more."""
-_SETTLED = 1e-6
-"""A denominator that changes by less, as a fraction, has settled."""
-_DESCENT = 60
-"""Levenberg-Marquardt steps."""
-_ARRIVED = 1e-6
-"""A descent has arrived where its squared error falls by less, as a fraction."""
+_STEPS, _SETTLED = 20, 1e-6
+"""Sanathanan-Koerner steps: most are done in five, lightly damped poles in noise take more; and the
+fraction by which a denominator that has settled changes."""
+_DESCENT, _ARRIVED = 60, 1e-6
+"""Levenberg-Marquardt steps, and the fraction by which the squared error falls at the end."""
 STEP = 0.5
 """rad: how far two delays of a grid turn the phase at the top of the band from each other."""
-_LONGEST = 0.5
-"""s up to which delays are looked for in any band."""
-_CYCLES = 2.0
-"""Delays are looked for up to so many cycles of the band's top."""
-_LEAD = 0.3
-"""s by which a channel may lead: recorders skew their channels against each other."""
+_LONGEST, _CYCLES, _LEAD = 0.5, 2.0, 0.3
+"""Delays are looked for up to so many s in any band, and so many cycles of the band's top; and down
+to such a lead, s: recorders skew their channels against each other."""
 
 ORDERS = ((0, 1), (0, 2), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4))
 """Zeros and poles that are tried, the smallest first."""
-_BETTER = 0.5
-"""Of the error of fewer coefficients, that more must leave at most."""
-_ENOUGH = 0.03
-"""Relative error, rms, at which fewer coefficients are enough for a start."""
+_BETTER, _ENOUGH = 0.5, 0.03
+"""Of the error of fewer coefficients, that more must leave at most; and the relative error, rms, at
+which fewer are enough for a start."""
 _INSIDE = (0.3, 2.0)
 """Of the band's edges, between which all poles must be: others can't be told from the data."""
 FAST = 0.4
@@ -49,8 +42,7 @@ _POINTS = 3
 """Frequencies a coefficient, at least."""
 
 
-@dataclass(frozen=True, eq=False)
-class Rationals:
+class Rationals(NamedTuple):
     """Rational fits that began at each of several delays.
 
     Attributes:

@@ -18,7 +18,7 @@ from helisim.base.note import Note
 from helisim.base.settings import convert, placed
 from helisim.base.value import FrozenMap, Value
 from helisim.ident import diagnosis
-from helisim.ident.cost import coherence_weight, enough
+from helisim.ident.cost import coherence_weight, enough, within
 from helisim.ident.diagnosis import Misfit, Residual
 from helisim.ident.evaluate import Matrices, matrices, proper_part, response, state_space
 from helisim.ident.fitted import FittedParameter, finite, latex_table, text_table
@@ -223,7 +223,7 @@ class Fit(Value, Displayed):
         for name, band in self.bands.items():
             output, _, input_ = name.partition("/")
             at = data.index(output, input_)
-            inside = diagnosis.within(data.frequency, band) & data.usable()[at]
+            inside = within(data.frequency, band) & data.usable()[at]
             predicted = model.response[*model.index(output, input_), inside]
             measured = data.response[*at, inside]
             if not inside.any() or not np.all(np.abs(predicted) * np.abs(measured) > 0.0):
@@ -231,11 +231,7 @@ class Fit(Value, Displayed):
             coherence = data.coherence[*at, inside]
             tables = ("delays", name), ("input_delays", input_), ("output_delays", output)
             texts = (getattr(self.structure, table).get(key) for table, key in tables)
-            known = [self.parameters[text] for text in texts if text in self.parameters]
-            delays = (
-                diagnosis.Delay(one.name, one.value, one.definition.limits, one.fixed)
-                for one in known
-            )
+            delays = (self.parameters[text] for text in texts if text in self.parameters)
             yield Residual(
                 name,
                 data.frequency[inside],

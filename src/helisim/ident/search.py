@@ -21,31 +21,24 @@ from helisim.ident.transfer import Rational, rational_form
 
 _APPROACH_STEPS = 60
 """Evaluations of the search through relative errors, which only has to find the valley."""
-_GOOD_ENOUGH = 100.0
-"""Average cost (the guideline's limit) from which a minimum that two starts share is believed."""
+_GOOD_ENOUGH, _NO_NOISE = 100.0, 1e-2
+"""Average cost from which a minimum that two starts share is believed, the guideline's limit; and
+that is none where nothing is known of the noise: 0.02 dB everywhere."""
 _NOISE = 2.0
 """Squared standardised residuals, as a multiple of the expected, up to which noise explains them:
 half of it would be 1 if the points' errors were known exactly."""
-_NO_NOISE = 1e-2
-"""Average cost that is none where nothing is known of the noise: 0.02 dB everywhere."""
 _SAME_COST = 1e-4
 """Two searches found the same minimum when their costs agree to this fraction."""
-_SPREAD = 0.7
-"""Standard deviation of the starts' natural logarithm: a factor of 2 either way."""
-_HANDFUL = 8
-"""Scattered starts of which the best one is searched from: each costs as much as one step."""
-_CROWD = 16
-"""Scattered starts that race each other, from the third start on."""
-_LAP = 6
-"""Steps of a race after which the slower half drops out."""
-_FLIPPED = 0.2
-"""Share of the unbounded parameters that a race tries with the other sign."""
+_SPREAD, _FLIPPED = 0.7, 0.2
+"""Standard deviation of the starts' natural logarithm: a factor of 2 either way; and the share of
+the unbounded parameters that a race tries with the other sign."""
+_HANDFUL, _CROWD, _LAP = 8, 16, 6
+"""Scattered starts of which the best one is searched from, each costs as much as one step; that
+race each other, from the third start on; and steps of a race at which the slower half drops out."""
 _BESIDE = 4
 """Steps of the delays by which a minimum is looked past: two radians at the top of the band."""
-_VALLEYS = 4
-"""Different rational fits that are searched from."""
-_NEARLY = 1.5
-"""Rational fits whose error is so many times the best one's are searched from too."""
+_VALLEYS, _NEARLY = 4, 1.5
+"""Different rational fits that are searched from, and of what error over the best one's."""
 
 Real = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain, combinations, islice
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,14 +33,8 @@ _LARGEST = 12
 _SEARCHES = 3
 
 
-class _Trial(NamedTuple):
-    """Data as they would be, or another structure, and what that means."""
-
-    kind: str
-    text: str
-    remedy: tuple[Option, ...]
-    data: FrequencyResponse
-    structure: Structure
+_Trial = tuple[Note, FrequencyResponse, Structure]
+"""What is changed, and the data or the structure as they would be."""
 
 
 def suspicions(fit: Fit) -> tuple[Note, ...]:
@@ -71,11 +64,11 @@ def _tried(fit: Fit) -> tuple[Note, ...]:
     base = _cost(fit, data, fit.structure)
     better = []
     trials = chain(_orders(fit, data), _delays(fit, data), _swaps(fit, data), _factors(fit, data))
-    for trial in islice(trials, _TRIALS):
-        cost = _cost(fit, trial.data, trial.structure)
+    for note, *changed in islice(trials, _TRIALS):
+        cost = _cost(fit, *changed)
         if cost < _BETTER * base:
-            text = f"{trial.text}: J would be {cost:.3g}, not {base:.3g}"
-            better.append((cost, Note(trial.kind, text, trial.remedy)))
+            text = f"{note.text}: J would be {cost:.3g}, not {base:.3g}"
+            better.append((cost, replace(note, text=text)))
     better.sort(key=lambda pair: pair[0])
     return tuple(one for cost, one in better[:_TOLD] if cost < _CLOSE * better[0][0] + 1.0)
 
@@ -105,7 +98,7 @@ def _orders(fit: Fit, data: FrequencyResponse) -> Iterator[_Trial]:
     for zeros, poles in ((form.zeros, form.poles + 1), (form.zeros + 1, form.poles + 1)):
         larger = transfer_function(input=input_, output=output, zeros=zeros, poles=poles)
         remedy = (Option("structure", f"tf:{zeros}/{poles}"),)
-        yield _Trial("order", f"with {zeros} zeros and {poles} poles", remedy, data, larger)
+        yield Note("order", f"with {zeros} zeros and {poles} poles", remedy), data, larger
 
 
 def _delays(fit: Fit, data: FrequencyResponse) -> Iterator[_Trial]:
@@ -127,7 +120,8 @@ def _delays(fit: Fit, data: FrequencyResponse) -> Iterator[_Trial]:
                 f"with a delay of {' and '.join(n for n, _ in group)} longer by about {delay:g} s"
             )
             text += "" if known else "; the structure has none there: give it one"
-            yield _Trial("delay", text, remedy, replace(data, response=response), fit.structure)
+            changed = replace(data, response=response)
+            yield Note("delay", text, remedy), changed, fit.structure
 
 
 def _swaps(fit: Fit, data: FrequencyResponse) -> Iterator[_Trial]:
@@ -150,7 +144,7 @@ def _swaps(fit: Fit, data: FrequencyResponse) -> Iterator[_Trial]:
             text = f"with the columns of {one} and {other} swapped"
             pairs = ((one, other), (other, one))
             remedy = tuple(Option("channel", f"{x}=COLUMN_OF_{y}") for x, y in pairs)
-            yield _Trial("columns", text, remedy, replace(data, **changed), fit.structure)
+            yield Note("columns", text, remedy), replace(data, **changed), fit.structure
 
 
 def _factors(fit: Fit, data: FrequencyResponse) -> Iterator[_Trial]:
@@ -168,7 +162,7 @@ def _factors(fit: Fit, data: FrequencyResponse) -> Iterator[_Trial]:
 
     def trial(kind: str, text: str, name: str, column: str, factor: float) -> _Trial:
         remedy = (Option("channel", f"{name}=COLUMN:{column}"),)
-        return _Trial(kind, text, remedy, scaled(name, factor), fit.structure)
+        return Note(kind, text, remedy), scaled(name, factor), fit.structure
 
     for name in (*outputs, *inputs):
         yield trial("sign", f"with {name}'s sign the other way", name, "UNIT:sign=-1", -1.0)
