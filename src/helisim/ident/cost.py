@@ -310,7 +310,7 @@ class Cost:
         return self._jacobian(x, 1.0 / (self.points.measured * self.spread))
 
     @staticmethod
-    def _parts(errors: NDArray) -> Real:
+    def _parts(errors: NDArray[np.complex128]) -> Real:
         if not np.all(np.isfinite(errors)):
             return np.full(2 * errors.size, _HOPELESS)
         return np.concatenate([errors.real, errors.imag])

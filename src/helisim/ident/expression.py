@@ -273,7 +273,7 @@ class Program:
         self._linear = np.zeros((len(affine), len(names)))
         for row, slopes in enumerate(affine.values()):
             for place, slope in slopes.items():
-                self._linear[row, place] = slope
+                self._linear[row, place] = value_at(slope, ())
 
     def ordered(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Return parameters as `fill` takes them, (n_parameter,).

@@ -159,7 +159,8 @@ class FittedParameter(Value):
         if missing:
             raise InputError(f"{place} lacks {' and '.join(missing)}")
         fields = {key: convert(hint, given[key], f"{place}.{key}") for key, hint in hints.items()}
-        return cls(definition, **{k: math.inf if x is None else x for k, x in fields.items()})
+        plain: dict[str, Any] = {k: math.inf if x is None else x for k, x in fields.items()}
+        return cls(definition, **plain)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; what isn't finite becomes None."""

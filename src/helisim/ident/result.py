@@ -484,7 +484,7 @@ class Fit(Value, Displayed):
         return cls(
             structure=structure,
             parameters=parameters,
-            correlation=_matrix(filed["correlation"], (free, free), "correlation"),
+            correlation=np.asarray(_matrix(filed["correlation"], (free, free), "correlation")),
             costs=costs,
             bands=bands,
             dropped=filed["dropped"],
@@ -577,8 +577,8 @@ def _misfit(table: Any) -> Misfit:
     given = convert(_Table, table, "misfit")
     if any(key not in given for key in keys):
         raise InputError(f"misfit needs {', '.join(keys)}; it has {', '.join(given)}")
-    sizes = (convert(Mapping[str, float], given[key], key) for key in keys[:2])
-    found = Misfit(*sizes, convert(float | None, given["ratio"], "ratio"))
+    magnitude, phase = (convert(Mapping[str, float], given[key], key) for key in keys[:2])
+    found = Misfit(magnitude, phase, convert(float | None, given["ratio"], "ratio"))
     if {*found.magnitude} != {*found.phase}:
         raise InputError("misfit has other responses in magnitude_db than in phase_deg")
     return found

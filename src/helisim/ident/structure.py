@@ -193,7 +193,10 @@ class Structure(Value):
             for table in DELAYS
             for name, cell in getattr(self, table).items()
         ]
-        found = [Entry(*at, self._expression(cell, place)) for *at, cell, place in cells]
+        found = [
+            Entry(matrix, row, column, self._expression(cell, place))
+            for matrix, row, column, cell, place in cells
+        ]
         return tuple(entry for entry in found if entry.expression.text not in _ZERO)
 
     @cached_property
@@ -683,7 +686,7 @@ def _dot(one: _Cells, other: _Cells, sign: str = "1") -> _Cells:
 
 
 def _plus(one: _Cells, other: _Cells) -> _Cells:
-    return np.frompyfunc(_sum, 2, 1)(one, other)
+    return np.asarray(np.frompyfunc(_sum, 2, 1)(one, other), dtype=object)
 
 
 def _product(*factors: str) -> str:

@@ -6,6 +6,7 @@ several scattered points and solves the input gains from the data first.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from helisim.base.errors import UnknownNameError
 from helisim.base.units import STANDARD_GRAVITY
@@ -153,7 +154,7 @@ def _built(
         "inputs": tuple(inputs.split()) or old["inputs"],
         "outputs": tuple(outputs.split()) or old["outputs"],
     }
-    made = {}
+    made: dict[str, Any] = {}
     for key, (rows, columns) in MATRICES.items():
         changed = matrices.get(key, {})
         same = key == "M" or (key == "H0" and not changed)
@@ -172,9 +173,8 @@ def _built(
     heavy = {"g", "-g"} & {cell for line in made["F"] for cell in line}
     constants = {"g": STANDARD_GRAVITY} if heavy else {}
     tables = {table: getattr(like, table, {}) for table in ("input_delays", "output_delays")}
-    return Structure(
-        name, found, **axes, **made, **(delays or tables), constants=constants, meaning=meaning
-    )
+    made |= axes | dict(delays or tables)
+    return Structure(name, found, **made, constants=constants, meaning=meaning)
 
 
 heave = _built(

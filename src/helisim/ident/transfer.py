@@ -35,8 +35,8 @@ _NOTATION = re.compile(rf"({_BRACKETS}*|\s*1)\s*/({_BRACKETS}+|\s*1)\s*")
 _DAMPING = (-2.0, 5.0)
 """Bounds of a damping ratio: from far to the right of the axis to two real ones a hundred apart."""
 _FREQUENCIES, _TIMES = (1e-3, 1e4), (1e-4, 1e3)
-"""Bounds of a natural frequency, rad/s, and of a time constant, s: beyond any record of a vehicle on
-both sides."""
+"""Bounds of a natural frequency, rad/s, and of a time constant, s: beyond any record of a
+vehicle on both sides."""
 _APART = 3.0
 """Factors of one kind start so many times apart: from equal starts they would move together."""
 _KINDS = {

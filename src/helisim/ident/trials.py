@@ -64,8 +64,8 @@ def _tried(fit: Fit) -> tuple[Note, ...]:
     base = _cost(fit, data, fit.structure)
     better = []
     trials = chain(_orders(fit, data), _delays(fit, data), _swaps(fit, data), _factors(fit, data))
-    for note, *changed in islice(trials, _TRIALS):
-        cost = _cost(fit, *changed)
+    for note, changed, structure in islice(trials, _TRIALS):
+        cost = _cost(fit, changed, structure)
         if cost < _BETTER * base:
             text = f"{note.text}: J would be {cost:.3g}, not {base:.3g}"
             better.append((cost, replace(note, text=text)))
