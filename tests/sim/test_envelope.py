@@ -1,14 +1,14 @@
 """The flight envelope: a limit ends a flight where it is exceeded; a healthy one stays."""
 
 import copy
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from helisim.base.errors import DivergedError, IdentificationError, InputError
+from helisim.base.errors import DivergedError, IdentificationError
 from helisim.cli import main
 from helisim.ident import RecordQualityWarning, frequency_response
 from helisim.physics.native import installed
@@ -332,14 +332,6 @@ def test_a_bad_limit_is_one_line(tmp_path, capsys, text, says):
     assert says in error
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("name", [one.name for one in fields(FlightEnvelope)])
-def test_limits_that_can_not_be_are_refused(name):
-    """NaN, infinite and negative; None watches none of it."""
-    for bad in (float("nan"), float("inf"), -1.0):
-        with pytest.raises(InputError, match=name):
-            FlightEnvelope(**{name: bad})
 
 
 def test_a_flight_that_starts_beyond_a_limit_is_no_record(jr700):

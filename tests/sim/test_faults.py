@@ -10,13 +10,26 @@ import pytest
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
-from helisim.records.channels import RATES, SERVOS
-from helisim.sim import Doublet, Sweep
-from helisim.sim.faults import GyroDropout, GyroRestart, ServoStuck, ServoWeak, write_faults
+from helisim.records.channels import RATES, SERVOS, channel
+from helisim.records.record import FlightRecord
+from helisim.sim import Doublet, FlightPlan, Sweep
+from helisim.sim.faults import (
+    ClockDrift,
+    GyroDropout,
+    GyroRestart,
+    RecordGap,
+    SampleLoss,
+    SensorDropout,
+    SensorSpikes,
+    ServoStuck,
+    ServoWeak,
+    parse_fault,
+    write_faults,
+)
 from helisim.sim.flight import simulate
 from helisim.sim.fly import fly
 from helisim.sim.limits import FlightEnvelope
-from helisim.sim.plan import FlightPlan, Pilot
+from helisim.sim.plan import Pilot
 from helisim.vehicle import load
 from helisim.vehicle.motion import addresses
 from plates import H3_120
@@ -274,36 +287,6 @@ def test_provenance_tells_the_faults(jr700):
     ]
 
 
-@pytest.mark.parametrize(
-    ("make", "error", "says"),
-    [
-        (lambda: ServoStuck(servo="rear", at=1.0), UnknownNameError, "servo_front"),
-        (
-            lambda: ServoStuck(servo="servo_tail", at=-1.0),
-            InputError,
-            "at must be a number 0",
-        ),
-        (lambda: ServoStuck(servo="servo_tail", at=float("nan")), InputError, "nan"),
-        (lambda: ServoStuck(servo="servo_tail", at=1.0, position=2.0), InputError, "got 2"),
-        (lambda: ServoWeak(servo="servo_tail", at=1.0), InputError, "rate_limit, travel"),
-        (
-            lambda: ServoWeak(servo="servo_tail", at=1.0, travel=0.0),
-            InputError,
-            "number above 0",
-        ),
-        (lambda: GyroRestart(at=1.0, lasts=0.0), InputError, "lasts must be a number above 0"),
-        (lambda: GyroRestart(at=1.0, output="off"), UnknownNameError, "neutral, held"),
-        (lambda: GyroDropout(at=1.0, lasts=1.0, rates="u"), UnknownNameError, "p, q, r"),
-        (lambda: GyroDropout(at=1.0, lasts=1.0, rates=()), InputError, "at least one name"),
-        (lambda: GyroDropout(at=1.0, lasts=1.0, reads="nan"), UnknownNameError, "zero, held"),
-    ],
-)
-def test_a_fault_that_can_not_be_is_refused(make, error, says):
-    """In one line that says what can be."""
-    with pytest.raises(error, match=says):
-        make()
-
-
 def test_faults_that_can_not_be_in_one_flight_are_refused(jr700):
     """Too late, two of one part, or no fault at all."""
     stuck = ServoStuck(servo="servo_tail", at=2.0)
@@ -345,3 +328,174 @@ def test_both_integrators_fly_the_same_fault(fault):
     gap = np.abs(one[after] - other[after]).max()
     assert gap < 0.005 * np.abs(one[after]).max()
     assert np.abs(one[after] - plain[after]).max() > 10.0 * gap
+
+
+# What a flight computer does wrong, against the record that it should have written
+
+
+COUNT = 6001
+NAMES = ("p", "r", "LAT")
+
+
+def made():
+    """Return a minute of three smooth channels at 100 Hz."""
+    time = np.arange(COUNT) / 100.0
+    values = np.column_stack([np.sin(3.0 * time), np.cos(2.0 * time), 0.1 * np.sin(time)])
+    return FlightRecord(time, values, tuple(channel(name) for name in NAMES), {"seed": 1})
+
+
+def faulty(fault, seed=0):
+    return fault.apply(made(), np.random.default_rng(seed))
+
+
+def test_a_dropout_holds_or_reads_zero_for_as_long_as_said():
+    """The named channels for the time said, nothing else."""
+    good = made()
+    for reads, wanted in (("held", good["p"][1999]), ("zero", 0.0)):
+        bad = faulty(SensorDropout(channels="p", at=20.0, lasts=0.5, reads=reads))
+        out = (good.time >= 20.0) & (good.time < 20.5)
+        assert np.count_nonzero(out) == 50
+        assert np.all(bad["p"][out] == wanted)
+        assert np.array_equal(bad["p"][~out], good["p"][~out])
+        assert np.array_equal(bad.select(("r", "LAT")), good.select(("r", "LAT")))
+
+
+def test_spikes_have_their_size_and_their_rate():
+    """Single samples are off by the size either way; as many a minute as said."""
+    bad, good = faulty(SensorSpikes(channels=("p", "r"), size=5.0, per_minute=60.0)), made()
+    for name in ("p", "r"):
+        off = bad[name] - good[name]
+        hit = np.abs(off) > 1e-9
+        assert np.abs(off[hit]) == pytest.approx(5.0, abs=1e-12)
+        assert {-1.0, 1.0} == set(np.sign(off[hit]))
+        assert abs(np.count_nonzero(hit) - 60) < 4.5 * np.sqrt(60.0)  # 4.5 standard errors
+    assert np.array_equal(bad["LAT"], good["LAT"])
+    assert not np.array_equal(bad["p"] - good["p"], bad["r"] - good["r"])
+
+
+@pytest.mark.parametrize("burst", [1, 5])
+def test_samples_are_lost_by_share_and_burst(burst):
+    """What is left has its own stamps and values; losses come as bursts at least so long."""
+    bad, good = faulty(SampleLoss(share=0.05, burst=burst)), made()
+    lost = np.isin(good.time, bad.time, invert=True)
+    bursts = 0.05 * COUNT / burst
+    # bursts are nearly Poisson: 4.5 of their standard error
+    assert abs(np.count_nonzero(lost) - 0.05 * COUNT) < 4.5 * burst * np.sqrt(bursts)
+    assert np.array_equal(bad.values, good.values[~lost])
+    edges = np.diff(np.concatenate([[0], lost, [0]]).astype(int))
+    runs = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
+    assert runs[:-1].min() >= burst
+
+
+def test_a_gap_is_where_it_was_said():
+    """From its start until its end, and nowhere else."""
+    bad = faulty(RecordGap(at=20.0, lasts=0.5))
+    assert len(bad) == COUNT - 50
+    steps = np.diff(bad.time)
+    assert steps.max() == pytest.approx(0.51, abs=1e-9)
+    assert bad.time[np.argmax(steps)] == pytest.approx(19.99, abs=1e-9)
+
+
+def test_a_fast_clock_counts_more():
+    """Of the recorder: every stamp; of a second computer: its channels slip against the others."""
+    good = made()
+    bad = faulty(ClockDrift(ppm=500.0))
+    assert bad.duration == pytest.approx(60.0 * 1.0005, rel=1e-12)
+    assert np.array_equal(bad.values, good.values)
+    slipped = faulty(ClockDrift(ppm=500.0, channels="p"))
+    assert np.array_equal(slipped.time, good.time)
+    true = np.sin(3.0 * good.time / 1.0005)
+    # a cubic spline through a sine of 3 rad/s at 100 Hz: (w h)^4 / 384 = 2e-9
+    assert slipped["p"] == pytest.approx(true, abs=1e-8)
+    assert np.array_equal(slipped.select(("r", "LAT")), good.select(("r", "LAT")))
+
+
+def test_a_seed_repeats_them_and_flights_differ(jr700):
+    """In flight: the same seed, the same losses; each flight its own; the truth as ever."""
+    faults = [SensorSpikes(channels="r", size=3.0, per_minute=30.0), SampleLoss(share=0.02)]
+    doublet = Doublet(axis="ped", duration=12.0)
+    plain = fly(jr700, doublet, count=2, seed=4, jobs=1)
+    bad = fly(jr700, FlightPlan(excitation=doublet, faults=faults), count=2, seed=4, jobs=1)
+    again = fly(jr700, FlightPlan(excitation=doublet, faults=faults), count=2, seed=4, jobs=2)
+    for one, other, good in zip(bad, again, plain):
+        assert np.array_equal(one.time, other.time)
+        assert np.array_equal(one.values, other.values)
+        kept = np.isin(good.time, one.time)
+        assert 0 < np.count_nonzero(~kept) < 100
+        assert np.array_equal(one["p"], good["p"][kept])
+        assert np.abs(one["r"] - good["r"][kept]).max() == pytest.approx(3.0)
+    assert not np.array_equal(bad[0].time, bad[1].time)
+    assert [one["kind"] for one in bad[0].provenance["faults"]] == ["SensorSpikes", "SampleLoss"]
+
+
+def test_a_fault_needs_its_channels_and_some_samples():
+    """A channel that isn't recorded, and a recorder that writes nothing."""
+    with pytest.raises(UnknownNameError, match="p, r, LAT"):
+        faulty(SensorDropout(channels="q", at=1.0, lasts=1.0))
+    with pytest.raises(InputError, match="lose less"):
+        faulty(RecordGap(at=0.0, lasts=100.0))
+
+
+# Faults as text
+
+
+EXAMPLES = {
+    "servo_front:stuck@30": ServoStuck(servo="servo_front", at=30.0),
+    "servo_left:stuck@3.5,position=-0.1": ServoStuck(servo="servo_left", at=3.5, position=-0.1),
+    "servo_tail:weak@2,rate_limit=1,travel=0.2": ServoWeak(
+        servo="servo_tail", at=2.0, rate_limit=1.0, travel=0.2
+    ),
+    "gyro:restart@30,lasts=0.5,output=held": GyroRestart(at=30.0, lasts=0.5, output="held"),
+    "gyro:dropout@30,lasts=0.2,rates=p+q,reads=held": GyroDropout(
+        at=30.0, lasts=0.2, rates=("p", "q"), reads="held"
+    ),
+    "p:spikes,size=5": SensorSpikes(channels="p", size=5.0),
+    "servo_tail:spikes,size=0.2,per_minute=2": SensorSpikes(
+        channels="servo_tail", size=0.2, per_minute=2.0
+    ),
+    "u+v+w:dropout@30,lasts=1": SensorDropout(channels=("u", "v", "w"), at=30.0, lasts=1.0),
+    "recorder:loss,share=0.01,burst=3": SampleLoss(share=0.01, burst=3),
+    "recorder:gap@30,lasts=0.5": RecordGap(at=30.0, lasts=0.5),
+    "recorder:drift,ppm=-200": ClockDrift(ppm=-200.0),
+    " recorder : drift , ppm = 50 , channels = p + q": ClockDrift(ppm=50.0, channels=("p", "q")),
+}
+
+
+@pytest.mark.parametrize("text", EXAMPLES)
+def test_a_text_is_the_fault_it_says(text):
+    """Each form of the notation, and back and forth through the plain data of a plan."""
+    fault = parse_fault(text)
+    assert fault == EXAMPLES[text]
+    plan = FlightPlan(excitation=Sweep(axis="lat"), faults=(fault,))
+    assert FlightPlan.from_dict(plan.to_dict()) == plan
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "a fault is PART:KIND"),
+        ("servo_front", "such as servo_front:stuck@30"),
+        ("servo_front:", "a fault is PART:KIND"),
+        ("servo_rear:stuck@3", "did you mean servo_"),
+        ("servo_front:broken@3", "available: stuck, weak, spikes, dropout"),
+        ("gyro:stuck@3", "available: restart, dropout"),
+        ("p:stuck@3", "available: spikes, dropout"),
+        ("recorder:spikes,size=1", "available: loss, gap, drift"),
+        ("servo_front:stuck@soon", "at must be a number .*got 'soon'"),
+        ("servo_front:stuck", "needs at"),
+        ("gyro:dropout@3", "needs lasts"),
+        ("p:spikes@3,size=1", "available: channels, size, per_minute"),
+        ("gyro:restart@3,for=1", "unknown setting .* 'for'; available: at, lasts, output"),
+        ("gyro:restart@3,lasts", "NAME=VALUE"),
+        ("gyro:restart@3,lasts=long", "lasts must be a number"),
+        ("servo_front:stuck@3,servo=servo_left", "servo is 'servo_front' already"),
+        ("servo_front:stuck@3,at=4", "at is given twice"),
+        ("recorder:loss,share=0.1,burst=1.5", "burst must be an integer"),
+        ("gyro:restart@inf", "got inf"),
+    ],
+)
+def test_a_text_that_is_no_fault_is_refused(text, says):
+    """In one line that says which there are."""
+    with pytest.raises(InputError, match=says) as caught:
+        parse_fault(text)
+    assert "\n" not in str(caught.value)

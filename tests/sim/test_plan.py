@@ -185,22 +185,6 @@ def test_faults_in_a_file_may_be_as_on_the_command_line(tmp_path):
     assert (gap.at, gap.lasts) == (1.0, 0.5)
 
 
-@pytest.mark.parametrize(
-    "parts",
-    [
-        {"excitation": "lat"},
-        {"excitation": SHORT, "pilot": None},
-        {"excitation": SHORT, "weather": "light"},
-        {"excitation": SHORT, "recorder": 100.0},
-        {"excitation": SHORT, "faults": ["gyro:restart@3"]},
-    ],
-)
-def test_a_part_of_another_kind_is_refused(parts):
-    """Where the plan is made, and not where it is flown."""
-    with pytest.raises(InputError, match=list(parts)[-1][:5]):
-        FlightPlan(**parts)
-
-
 def test_a_file_that_is_not_there_or_no_toml(tmp_path):
     """The error names it."""
     (tmp_path / "a.toml").write_text("[excitation", encoding="utf-8")

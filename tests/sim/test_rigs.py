@@ -173,23 +173,6 @@ def test_a_servo_at_its_limit_is_refused(jr700):
         bench_test(jr700, k_delta=2.68, steps=PedalSteps(sizes=(0.05,)))
 
 
-@pytest.mark.parametrize(
-    ("settings", "match"),
-    [
-        (lambda: PedalSteps(sizes=()), "one step"),
-        (lambda: PedalSteps(sizes=(0.6,)), "0.5"),
-        (lambda: PedalSteps(hold=0.0), "hold"),
-        (lambda: TableSweep(band=(5.0, 2.0)), "band"),
-        (lambda: TableSweep(duration=5.0), "duration"),
-        (lambda: TableSweep(amplitude=float("nan")), "amplitude"),
-    ],
-)
-def test_impossible_tests_are_refused(settings, match):
-    """Each message names the setting."""
-    with pytest.raises(InputError, match=match):
-        settings()
-
-
 def made_up(gap, gain, ratio, delay, lead, lead_filter):
     """A sweep r and the PI loop's exact answer to it, from the analytic response."""
     time = np.arange(6000) * 0.01
