@@ -5,8 +5,8 @@ python scripts/run_campaign.py [FOLDER [REPLICATES]]
 
 import sys
 
-from helisim.study.campaign import campaign_from, read_dataset, run_campaign
-from helisim.study.campaign.summary import render, summarise
+from helisim.study.campaign import campaign_from
+from helisim.study.replicates import read_dataset, render, run_campaign, summarise
 
 
 def main(folder: str = "noise", replicates: int = 5) -> None:

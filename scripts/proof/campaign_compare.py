@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from helisim.study.campaign import read_dataset
+from helisim.study.replicates import read_dataset
 
 _SAME = ("replicate", "seed", "flights", "method", "model", "parameter")
 

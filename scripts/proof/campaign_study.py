@@ -18,10 +18,9 @@ import pyarrow as pa
 
 from helisim.ident import identify
 from helisim.sim import Recorder
-from helisim.study.campaign import read_dataset
-from helisim.study.campaign.summary import Summary, errors, render, summarise
 from helisim.study.models import MODELS
 from helisim.study.paper import published
+from helisim.study.replicates import Summary, errors, read_dataset, render, summarise
 from helisim.study.truth import exact_response
 from helisim.vehicle import load
 

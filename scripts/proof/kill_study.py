@@ -25,8 +25,9 @@ from helisim.base.errors import HelisimError
 from helisim.base.files import read_json
 from helisim.records.storage import read_table
 from helisim.sim import Sweep, fly_to
-from helisim.study.campaign import campaign_from, run_campaign
+from helisim.study.campaign import campaign_from
 from helisim.study.experiment import reproduce
+from helisim.study.replicates import run_campaign
 from helisim.vehicle import load
 
 COMMANDS = ("fly", "campaign", "reproduce")

@@ -4,7 +4,7 @@ import pytest
 
 from command import fails
 from helisim.base.errors import InputError, ModelError
-from helisim.study.campaign.plan import read_campaign
+from helisim.study.campaign import read_campaign
 from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.parameters import glossary, number_of, to_toml, word_of
 from own_vehicle import copied, edited

@@ -16,8 +16,8 @@ from helisim.cli import main
 from helisim.physics.layout import ACTUATORS
 from helisim.records.storage import read_record, write_record
 from helisim.sim.rigs import suspension_test
-from helisim.study.campaign import run_campaign
-from helisim.study.campaign.plan import read_campaign
+from helisim.study.campaign import read_campaign
+from helisim.study.replicates import run_campaign
 from helisim.vehicle.assembly import assemble, mass_and_gravity
 from helisim.vehicle.folder import model_folder
 from own_vehicle import copied, edited, renamed

@@ -226,8 +226,7 @@ def campaign(o: Options) -> int:
       count = 3
       relative = true
     """
-    from helisim.study.campaign import read_dataset
-    from helisim.study.campaign.summary import render, summarise
+    from helisim.study.replicates import read_dataset, render, summarise
 
     path = o.file
     if not path.is_dir() and path.suffix != ".parquet":
@@ -240,7 +239,9 @@ def campaign(o: Options) -> int:
 
 
 def _fly_campaign(o: Options) -> Path:
-    from helisim.study.campaign import local, on_dask, read_campaign, run_campaign
+    from helisim.study.campaign import read_campaign
+    from helisim.study.executors import local, on_dask
+    from helisim.study.replicates import run_campaign
 
     campaign = read_campaign(o.file)
     folder = o.out or o.file.with_suffix("")

@@ -7,10 +7,10 @@ import pytest
 
 from helisim.records.channels import AXES
 from helisim.sim import fly
-from helisim.study.campaign import campaign_from, read_campaign, read_dataset, run_campaign
-from helisim.study.campaign.replicate import by_method
+from helisim.study.campaign import campaign_from, read_campaign
 from helisim.study.comparison import frequency_response, identify_model
 from helisim.study.models import YAW_BASE
+from helisim.study.replicates import by_method, read_dataset, run_campaign
 from script import SCRIPTS
 
 CAMPAIGNS = SCRIPTS / "campaigns"
@@ -111,7 +111,7 @@ def test_pooled_sweeps_are_the_campaigns():
     assert campaign.axes == ("lat", "ped")
     (model,) = campaign.chosen
     assert model == replace(YAW_BASE, sweeps=("ped", "lat"))
-    assert campaign.to_dict()["sweeps"] == {"yaw_base": ("ped", "lat")}
+    assert campaign.to_dict()["sweeps"] == {"yaw_base": ["ped", "lat"]}
     # a campaign that leaves them goes on with the folders that were begun before there were any
     assert "sweeps" not in campaign_from({}).to_dict()
 
@@ -119,15 +119,15 @@ def test_pooled_sweeps_are_the_campaigns():
 @pytest.mark.parametrize(
     ("sweeps", "says"),
     [
-        (["ped"], "campaign.sweeps must be a section"),
-        ({"yaw": ["ped"]}, "unknown model of campaign.sweeps 'yaw'; available: yaw_base, "),
-        ({"heave": []}, "campaign.sweeps.heave must be a list with one item or more"),
+        (["ped"], "campaign.sweeps must be a table"),
+        ({"yaw": ["ped"]}, "unknown model of sweeps 'yaw'; available: yaw_base, "),
+        ({"heave": []}, "sweeps.heave must be a list with one item or more"),
         ({"heave": ["up"]}, f"'up'; available: {', '.join(AXES)}"),
         ({"heave": ["col", "col"]}, "names something twice"),
     ],
 )
 def test_sweeps_that_cant_be_are_refused(sweeps, says):
     """What was received, what is expected, which names exist."""
-    with pytest.raises(ValueError, match=r"campaign\.sweeps") as caught:
+    with pytest.raises(ValueError, match=r"sweeps") as caught:
         campaign_from({"campaign": {"sweeps": sweeps}})
     assert says in str(caught.value)

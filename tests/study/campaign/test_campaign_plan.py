@@ -179,7 +179,7 @@ def test_a_plan_is_plain_data():
         ("[campain]", "unknown section 'campain'; available: campaign, set, vary"),
         ("campaign = 3", "campaign must be a section"),
         ("[campaign]\nreplicate = 3", "unknown key of [campaign] 'replicate'"),
-        ("[campaign]\nreplicates = 0", "replicates must be an integer of 1 or more, got 0"),
+        ("[campaign]\nreplicates = 0", "replicates must be an integer 1 or more, got 0"),
         ("[campaign]\nreplicates = 2.5", "2.5"),
         ("[campaign]\nreplicates = true", "True"),
         ('[campaign]\nseed = "a"', "seed must be"),
@@ -192,7 +192,7 @@ def test_a_plan_is_plain_data():
         ('[campaign]\nmodels = ["heave", "heave"]', "twice"),
         ('[campaign]\nmodels = ["yaw_gyro"]', "takes values from yaw_base"),
         ('[campaign]\nmethods = ["indirect"]', "available: designed, direct, joint"),
-        ("[campaign]\nflights = 3\nidentified_after = [4]", "available: 1, 2, 3"),
+        ("[campaign]\nflights = 3\nidentified_after = [4]", "must be 1 to 3 flights, got 4"),
         ("[campaign]\nidentified_after = 4", "identified_after must be a list"),
         ("[campaign]\npoints = 4", "leave out points"),
         ('[campaign]\ndesign = "monte carlo"', "needs points"),
@@ -207,10 +207,13 @@ def test_a_plan_is_plain_data():
         ("[vary.sweep]\nduration = ['30', '60']", "sweep.duration must be a number"),
         ("[vary.sweep]\nduration = [30, 30]", "twice"),
         ("[vary.sweep]\nduration = []", "no values"),
-        ("[vary.sweep]\nduration = [30, nan]", "nan is no finite number"),
+        ("[vary.sweep]\nduration = [30, nan]", "duration must be a finite number, got nan"),
         ("[vary.sweep]\nduration = [30, true]", "mixes"),
         ("[vary.sweep]\namplitude = [0.1, 0.7]", "(0, 0.5]"),
-        ("[vary.sweep]\nduration.lat = [30, 60]", "sweep.duration has no parts"),
+        (
+            "[vary.sweep]\nduration.lat = [30, 60]",
+            "sweep has no duration.lat: duration has no parts",
+        ),
         ("[vary.sweep]\nband = [[1, 2, 3], [1, 2, 4]]", "a list of 2 numbers"),
         ("[vary.sweep]\nduration = { low = 30 }", "expected { value"),
         ("[vary.sweep]\nduration = { low = 30, high = 60 }", "needs levels"),
@@ -218,8 +221,11 @@ def test_a_plan_is_plain_data():
         ("[vary.sweep]\nduration = { low = 30, high = 60, count = 1 }", "count must be"),
         ("[vary.sweep]\nduration = { low = 30, high = 60, step = 3 }", "unknown key"),
         ("[vary.sweep]\nduration = { low = 0, high = 60, scale = 'log' }", "0 < low < high"),
-        ("[vary.sweep]\nduration = { low = 1, high = 60, scale = 'dB' }", "'linear' or 'log'"),
-        ("[vary.sweep]\nduration = { mean = 60, std = 0 }", "std must be positive"),
+        (
+            "[vary.sweep]\nduration = { low = 1, high = 60, scale = 'dB' }",
+            "unknown sweep.duration.scale 'dB'; available: linear, log",
+        ),
+        ("[vary.sweep]\nduration = { mean = 60, std = 0 }", "std must be a number above 0"),
         ("[vary.sweep]\nduration = { values = [1, 2], relative = 1 }", "true or false"),
         ("[set.sweep]\nduration = 30\n[vary.sweep]\nduration = [30, 60]", "both set and varied"),
         ("[vary.weather]\nturbulence = [0, -1]", "wind at 20 ft of 0 to 150 m/s"),
@@ -227,10 +233,10 @@ def test_a_plan_is_plain_data():
         ("[vary.weather]\nturbulence = [0, 'light']", "mixes numbers and text"),
         (
             "[set.weather]\ngust = 3",
-            "weather.gust has fields: name one, such as",
+            "weather.gust must be a table (Gust), got 3",
         ),
         ("[set.weather]\ngust.up = 3", "unknown setting of weather.gust 'up'; available: north"),
-        ("[set.weather]\ngust.rise = 0", "[weather.gust] a gust needs a positive rise"),
+        ("[set.weather]\ngust.rise = 0", "weather.gust.rise must be a number above 0 s, got 0"),
         ("[set.weather]\nturbulence = { value = 2, relative = true }", "drop relative"),
         ("[vary.recorder]\nnoise = [0.1, 0.2]", "recorder.noise.p"),
         ("[vary.recorder]\nnoise.x = [0.1, 0.2]", "unknown channel 'x'"),
@@ -258,7 +264,7 @@ def test_the_file_is_named_in_its_errors(tmp_path):
     with pytest.raises(HelisimError, match=r"noise\.toml: not TOML"):
         read_campaign(path)
     path.write_text("[campaign]\nreplicates = 0")
-    with pytest.raises(InputError, match=r"noise\.toml: replicates"):
+    with pytest.raises(InputError, match=r"noise\.toml: campaign\.replicates"):
         read_campaign(path)
     path.write_text(PLAN)
     assert len(read_campaign(path)) == 24

@@ -12,10 +12,11 @@ from helisim.base.errors import InputError, StorageError, WorkerError
 from helisim.cli import main
 from helisim.records.provenance import versions
 from helisim.sim import Recorder
-from helisim.study.campaign import campaign_from, read_dataset, run_campaign
-from helisim.study.campaign.executors import ONE_THREAD
+from helisim.study.campaign import campaign_from
 from helisim.study.comparison import identify_model
+from helisim.study.executors import ONE_THREAD
 from helisim.study.models import HEAVE
+from helisim.study.replicates import read_dataset, run_campaign
 from helisim.study.truth import true_values
 
 PLAN = """
@@ -214,7 +215,7 @@ def test_a_worker_that_would_give_other_numbers_is_refused(tmp_path, monkeypatch
 
     def elsewhere(work, tasks):
         monkeypatch.setattr(
-            "helisim.study.campaign.run.versions", lambda: {**versions(), "numpy": "1.0"}
+            "helisim.study.replicates.versions", lambda: {**versions(), "numpy": "1.0"}
         )
         yield from here(work, tasks)
 

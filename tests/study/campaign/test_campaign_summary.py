@@ -5,7 +5,7 @@ import pyarrow as pa
 import pytest
 
 from helisim.base.errors import UnknownNameError
-from helisim.study.campaign.summary import render, summarise
+from helisim.study.replicates import render, summarise
 
 TRUTH = -2.0
 

@@ -7,10 +7,9 @@ import pytest
 import helisim as hs
 from helisim.design.exact import air_met
 from helisim.study.campaign import campaign_from
-from helisim.study.campaign.dataset import Dataset
-from helisim.study.campaign.replicate import fly_and_identify
 from helisim.study.comparison import identify_model
 from helisim.study.models import HEAVE
+from helisim.study.replicates import Dataset, fly_and_identify
 from helisim.study.truth import mean_derivatives
 
 PLAN = {

@@ -13,7 +13,9 @@ import pytest
 from mortal import always_die, die_once, fail, square
 
 from helisim.base.errors import InputError, WorkerError
-from helisim.study.campaign import campaign_from, local, on_dask, run_campaign
+from helisim.study.campaign import campaign_from
+from helisim.study.executors import local, on_dask
+from helisim.study.replicates import run_campaign
 
 pytestmark = pytest.mark.study
 
@@ -76,7 +78,7 @@ import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from pathlib import Path
 from mortal import linger
-from helisim.study.campaign import local
+from helisim.study.executors import local
 if __name__ == "__main__":
     list(local(2)(linger, [Path({str(tmp_path)!r})] * 2))
 """

@@ -1,4 +1,4 @@
-"""Who does the work: processes of this machine, or a Dask cluster. Both survive a lost worker."""
+"""Executors of a campaign: processes of this machine, or a Dask cluster; workers may be lost."""
 
 import os
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -8,12 +8,9 @@ from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
 from signal import SIG_IGN, SIGINT, signal
 from threading import Thread
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from helisim.base.errors import InputError, WorkerError
-
-Task = TypeVar("Task")
-Result = TypeVar("Result")
 
 ONE_THREAD: Mapping[str, str] = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1"
@@ -24,16 +21,11 @@ the number of threads that compute it, and there is a worker for each processor 
 _LOSSES = 3
 """Workers that may be lost in a row, with nothing finished between, before that is believed."""
 
-Results = Generator[Result, None, None]
+Work = Callable[[Any], Any]
+Results = Generator[Any, None, None]
 """What an executor yields; closing it stops the work."""
-
-
-class Executor(Protocol):
-    """Applies a function to tasks, in any order, and yields what it returns."""
-
-    def __call__(self, work: Callable[[Task], Result], tasks: Sequence[Task], /) -> Results[Result]:
-        """Yield the results as they come."""
-        ...
+Executor = Callable[[Work, Sequence[Any]], Results]
+"""Applies a function to tasks, in any order, and yields what it returns."""
 
 
 def local(jobs: int | None = None) -> Executor:
@@ -46,38 +38,35 @@ def local(jobs: int | None = None) -> Executor:
     if not isinstance(count, int) or count < 1:
         raise InputError(f"jobs must be an integer of 1 or more, got {count}")
 
-    def execute(work: Callable[[Task], Result], tasks: Sequence[Task], /) -> Results[Result]:
+    def execute(work: Work, tasks: Sequence[Any], /) -> Results:
         waiting = dict(enumerate(tasks))
         losses = 0
         while waiting:
             try:
-                for number, result in _in_processes(work, waiting, min(count, len(waiting))):
-                    del waiting[number]
-                    losses = 0
-                    yield result
+                with _processes(min(count, len(waiting))) as pool:
+                    futures = {pool.submit(work, task): k for k, task in waiting.items()}
+                    for future in as_completed(futures):
+                        result = future.result()
+                        del waiting[futures[future]]
+                        losses = 0
+                        yield result
             except BrokenProcessPool:
                 losses += 1
                 if losses >= _LOSSES:
                     raise WorkerError(
                         f"{_LOSSES} worker processes in a row died (out of memory?) with "
-                        f"{len(waiting)} replicates left; run again with fewer jobs to go on"
+                        f"{len(waiting)} replicates left; run again with fewer jobs to go on",
+                        remedy="jobs",
                     ) from None
 
     return execute
 
 
-def _in_processes(
-    work: Callable[[Task], Result], tasks: Mapping[int, Task], count: int
-) -> Iterator[tuple[int, Result]]:
-    with _environment(ONE_THREAD), _processes(count) as pool:
-        futures = {pool.submit(work, task): number for number, task in tasks.items()}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-
-
 @contextmanager
 def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Lend a pool of processes; when the block raises, stop them at once."""
+    """Lend a pool of processes, each with one thread; stop them at once when the block raises."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)  # which new processes inherit
     others = set(active_children())
     pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_begin)
     try:
@@ -89,6 +78,11 @@ def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown()
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _begin() -> None:
@@ -103,21 +97,6 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
-
-
-@contextmanager
-def _environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Set variables of the environment, which new processes inherit, while the block runs."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def on_dask(scheduler: str | None = None, jobs: int | None = None) -> Executor:
@@ -137,10 +116,13 @@ def on_dask(scheduler: str | None = None, jobs: int | None = None) -> Executor:
         raise InputError("Dask isn't installed: pip install helisim[dask]") from None
     if scheduler is not None and jobs is not None:
         raise InputError("jobs are for a cluster started here: leave out jobs or scheduler")
+    started = {"n_workers": jobs, "threads_per_worker": 1, "host": "127.0.0.1"}
+    started |= {"dashboard_address": None}
 
-    def execute(work: Callable[[Task], Result], tasks: Sequence[Task], /) -> Results[Result]:
+    def execute(work: Work, tasks: Sequence[Any], /) -> Results:
         try:
-            with _client(distributed, scheduler, jobs) as client:
+            where = started if scheduler is None else {"address": scheduler}
+            with distributed.Client(**where) as client:
                 futures = client.map(work, tasks, pure=False)
                 try:
                     for _, result in distributed.as_completed(futures, with_results=True):
@@ -155,11 +137,3 @@ def on_dask(scheduler: str | None = None, jobs: int | None = None) -> Executor:
             ) from None
 
     return execute
-
-
-def _client(distributed: Any, scheduler: str | None, jobs: int | None) -> Any:
-    if scheduler is not None:
-        return distributed.Client(scheduler)
-    return distributed.Client(
-        n_workers=jobs, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
-    )
