@@ -11,7 +11,7 @@ from pathlib import Path
 
 import helisim as hs
 from helisim.show.terminal import render_check
-from helisim.study.calibrate import calibrated_text
+from helisim.study.new_vehicle import calibrated_text
 from helisim.study.tune import tune
 from helisim.vehicle.build import write_numbers
 from helisim.vehicle.parameters import to_toml

@@ -98,11 +98,11 @@ from helisim.sim import missions as missions
 from helisim.sim import read_plan as read_plan
 from helisim.sim import write_plan as write_plan
 from helisim.sitl.parameters import AutopilotParameters as AutopilotParameters
-from helisim.study.autopilot import autopilot_parameters as autopilot_parameters
 from helisim.study.check import check_vehicle as check_vehicle
 from helisim.study.design_chain import identify_for_design as identify_for_design
 from helisim.study.experiment import reproduce as reproduce
 from helisim.study.new_vehicle import new_vehicle as new_vehicle
+from helisim.study.tune import autopilot_parameters as autopilot_parameters
 from helisim.vehicle import Controller as Controller
 from helisim.vehicle import GyroSettings as GyroSettings
 from helisim.vehicle import Vehicle as Vehicle

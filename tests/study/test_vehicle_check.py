@@ -6,8 +6,10 @@ import shutil
 import pytest
 
 from helisim.base.errors import ModelError, UnknownNameError
+from helisim.base.note import Command, Option
 from helisim.cli import main
-from helisim.study.check import Problem, check_vehicle
+from helisim.study.check import check_vehicle
+from helisim.study.check_files import Problem
 from helisim.study.new_vehicle import new_vehicle
 from helisim.vehicle import load
 from helisim.vehicle.folder import vehicle_names
@@ -171,7 +173,7 @@ FILES = {
         TUNED,
         "kp_lat = { value = <number>",
         "kp_lat = { value = 0.954",
-        "`helisim tune own --write` solves the gains for [tuning].",
+        "; tune ",
         "",
     ),
 }
@@ -241,14 +243,16 @@ def test_what_is_wrong_with_the_mjcf(own, how):
     _is_said(own, message, *(at or [new]))
 
 
-def test_the_remedy_is_a_command_to_be_typed_where_one_is(own, monkeypatch):
+def test_the_remedy_is_a_command_to_be_typed_where_one_is(own, monkeypatch, capsys):
     """From below the folder, from beside it with a space in its path, and of a shipped vehicle."""
     (own / CALIBRATED).unlink()
     monkeypatch.chdir(own / "assets")
-    _is_said(own, f"`helisim calibrate {own} --write` makes it", "")
+    assert main(["vehicle", "check", str(own), "--quiet"]) == 2
+    assert f"to make it. (helisim calibrate {own} --write)" in capsys.readouterr().out
     spaced = own.rename(own.with_name("my own"))
     monkeypatch.chdir(own.parent)
-    _is_said(spaced, "`helisim calibrate 'my own' --write` makes it", "")
+    assert main(["vehicle", "check", str(spaced), "--quiet"]) == 2
+    assert "to make it. (helisim calibrate 'my own' --write)" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("value", ['"0.767"', "true"])
@@ -324,7 +328,9 @@ def test_a_file_that_is_not_made_yet(own, file, command):
     (own / file).unlink()
     (problem,) = check_vehicle(own).problems
     assert problem == Problem(
-        f"There is no such file. `helisim {command} own --write` makes it.", own / file
+        f"There is no such file: {command} the vehicle to make it.",
+        own / file,
+        remedy=Command(command, ("own",), (Option("write"),)),
     )
 
 
@@ -357,7 +363,7 @@ def test_numbers_in_the_mjcf_that_are_out_of_date(own):
     _change(own / PARAMETERS, "drag_area_x = { value = 0.03", "drag_area_x = { value = 0.04")
     (problem,) = check_vehicle(own).problems
     assert "the <general> 'rotor' has other numbers (user)" in problem.text.lower()
-    assert problem.text.endswith("`helisim vehicle build own` writes them.")
+    assert problem.remedy == Command("vehicle build", ("own",))
     assert (own / MJCF).read_text().splitlines()[problem.line - 1].lstrip().startswith("<general")
     assert main(["vehicle", "build", str(own), "--quiet"]) == 0
     assert check_vehicle(own).problems == ()

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from helisim.study.calibrate import calibrated_text
+from helisim.study.new_vehicle import calibrated_text
 from helisim.vehicle import load, read_parameters, standard_parameters
 from helisim.vehicle.calibrate import flapping_of, is_known, settled
 from helisim.vehicle.folder import model_folder

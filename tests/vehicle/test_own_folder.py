@@ -192,7 +192,7 @@ def test_a_campaign_takes_a_path_from_its_file(myheli, tmp_path):
 def test_a_folder_of_that_name_is_not_the_published_vehicle(tmp_path):
     """Nothing is published of someone's folder, even if it is called jr700."""
     own = copied(tmp_path / "jr700")
-    from helisim.study.calibrate import calibrated_text
+    from helisim.study.new_vehicle import calibrated_text
     from helisim.study.tune import tune
 
     with pytest.raises(ModelError, match=r"section \[targets\]"):

@@ -421,7 +421,7 @@ def parm(o: Options) -> int:
                                                         from what ArduPilot logged
     """
     from helisim.sitl.aircraft import TAILS
-    from helisim.study.autopilot import autopilot_parameters
+    from helisim.study.tune import autopilot_parameters
 
     if o.tail not in TAILS:
         raise UnknownNameError("tail", o.tail, TAILS)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from helisim.base.errors import InputError
 from helisim.base.text import single_line
-from helisim.cli.options import Options
+from helisim.cli.options import Options, worded
 from helisim.cli.shared import (
     Progress,
     loaded,
@@ -187,7 +187,7 @@ def calibrate(o: Options) -> int:
 
     example: helisim calibrate blade360 > calibrated.toml
     """
-    from helisim.study.calibrate import calibrated_text
+    from helisim.study.new_vehicle import calibrated_text
 
     with Progress(None, o.quiet, unit="trial") as advance:
         text = calibrated_text(o.vehicle, from_geometry=o.from_geometry, on_progress=advance)
@@ -290,7 +290,8 @@ def vehicle_check(o: Options) -> int:
 
     found = check_vehicle(o.vehicle)
     for problem in found.problems:
-        print(single_line(str(problem)))
+        remedy = worded((problem.remedy,)) if problem.remedy else ""
+        print(single_line(str(problem)) + remedy)
     if not o.quiet:
         print(render_check(found))
     return 2 if found.problems else 0

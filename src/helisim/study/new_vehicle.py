@@ -1,24 +1,37 @@
-"""Make a vehicle of one's own from another: a folder that flies at once, to be changed in place."""
+"""The files of a vehicle's folder: a new one like another, and what calibration solves for."""
 
 import os
 import re
 import secrets
 import shutil
 import textwrap
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
-from helisim.base.errors import InputError, StorageError
-from helisim.base.files import make_folder, toml_key, toml_value
-from helisim.study.paper import published_of
+from helisim.base.errors import InputError, ModelError, StorageError
+from helisim.base.files import make_folder, read_toml, toml_key, toml_value
+from helisim.study.paper import published, published_of
 from helisim.vehicle import (
-    Parameters,
-    PhysicalParameter,
+    calibrate,
     read_parameters,
     standard_parameters,
 )
-from helisim.vehicle.blade import stated
-from helisim.vehicle.calibrate import DIRECT, HOVER, SOLVED, UNKNOWNS, is_known
+from helisim.vehicle.assembly import mass_and_gravity
+from helisim.vehicle.blade import INERTIA, REDUCTION, lock_number, stated, with_both
+from helisim.vehicle.calibrate import (
+    DIRECT,
+    HOVER,
+    SOLVED,
+    UNKNOWNS,
+    estimated_targets,
+    is_known,
+    lacking,
+    settled,
+    spared,
+    stated_targets,
+)
 from helisim.vehicle.folder import (
     PARAMETER_FILES,
     ROLES,
@@ -29,7 +42,15 @@ from helisim.vehicle.folder import (
     read_roles,
     vehicle_names,
 )
-from helisim.vehicle.parameters import glossary, sections, term, to_toml
+from helisim.vehicle.parameters import (
+    Parameters,
+    PhysicalParameter,
+    completed,
+    glossary,
+    sections,
+    term,
+    to_toml,
+)
 from helisim.vehicle.rate_command import STARTS
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
@@ -66,7 +87,8 @@ def new_vehicle(
         around = "; the folder around it is `to`" if os.path.basename(name) != name else ""
         raise InputError(
             "a vehicle's name has letters, digits, _ and -, and begins with a letter, got "
-            f"{name!r}{around}"
+            f"{name!r}{around}",
+            remedy="to" if around else (),
         )
     if len(name) > _LONGEST:
         raise InputError(
@@ -90,6 +112,15 @@ def new_vehicle(
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     return folder
+
+
+def _text(name: str) -> str:
+    return _texts_of_files()[name]
+
+
+@cache
+def _texts_of_files() -> dict[str, str]:
+    return read_toml(Path(__file__).with_name("vehicle_texts.toml"))
 
 
 def _write(source: Path, folder: Path, name: str, texts: dict[str, str]) -> None:
@@ -132,13 +163,13 @@ def _texts(source: Path, name: str) -> dict[str, str]:
         if key not in entries and known is not None:
             entries[key] = PhysicalParameter(key, value, known.unit, _origin(key, like))
     given = {key: entries[key] for key in sorted(entries, key=_rank)}
-    header = _PARAMETERS.format(name=name, like=like)
+    header = _text("parameters").format(name=name, like=like)
     text = to_toml(Parameters(given), header, comment=_Comments())
     return {
         "parameters.toml": text + _roles_text(read_roles(source), mjcf),
-        "calibrated.toml": to_toml(Parameters(calibrated), _CALIBRATED.format(like=like)),
-        "tuned.toml": to_toml(Parameters(tuned), _TUNED.format(like=like)),
-        "README.md": _README.format(name=name, like=like, mjcf=mjcf),
+        "calibrated.toml": to_toml(Parameters(calibrated), _text("calibrated").format(like=like)),
+        "tuned.toml": to_toml(Parameters(tuned), _text("tuned").format(like=like)),
+        "README.md": _text("readme").format(name=name, like=like, mjcf=mjcf),
     }
 
 
@@ -188,7 +219,7 @@ def _rank(name: str) -> tuple[int, int]:
 
 def _roles_text(roles: Roles, mjcf: str) -> str:
     """Return `[roles]` as text: of the vehicle that is copied, or the usual ones as remarks."""
-    lines = ["", *(f"# {line}" for line in _ROLES.splitlines())]
+    lines = ["", *(f"# {line}" for line in _text("roles").splitlines())]
     if roles == Roles():
         lines += ["# [roles]", f'# mjcf = "{mjcf}"', '# scene = "scene.xml"']
         for kind, known in ROLES.items():
@@ -205,66 +236,71 @@ def _roles_text(roles: Roles, mjcf: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-_PARAMETERS = """\
-{name}: what is measured and chosen. It begins as {like}: change what is yours, line by line,
-and say in `source` where each value is from. Units are SI: a wrong one is refused, with what to
-write.
-What follows by solving stands in calibrated.toml and tuned.toml; README.md has the next steps.
+def calibrated_text(
+    vehicle: str | os.PathLike[str],
+    *,
+    from_geometry: bool = False,
+    on_progress: Callable[[str], None] | None = None,
+) -> str:
+    """Return a vehicle's `calibrated.toml`, solved from its derivatives.
 
-Inputs are unitised: sticks and servo commands go from -0.5 to 0.5, and "rad" of blade pitch is
-radian for one unit. "1" is a pure number."""
+    Where parameters.toml says itself what would be solved for, the blade's inertia too, nothing
+    but the pitch of the blades in hover is, and no derivative is needed.
 
-_CALIBRATED = """\
-Made with the vehicle from {like}; `helisim calibrate --write` solves it anew from [targets]."""
+    Args:
+        vehicle: name of a shipped one, or path of a folder.
+        from_geometry: True estimates the derivatives that it doesn't state, in closed form.
+        on_progress: called with the vehicle's name after each trial.
 
-_TUNED = """\
-Made with the vehicle from {like}; `helisim tune --write` solves it anew from [tuning]."""
+    Raises:
+        UnknownNameError: no such vehicle.
+        ModelError: a derivative is missing or malformed, or they can't be met.
+    """
+    folder = model_folder(vehicle)
+    files = (folder / "parameters.toml", folder / "tuned.toml")
+    given = completed(read_parameters(*(path for path in files if path.is_file())))
+    if is_known(given) and not stated_targets(given):
+        return to_toml(settled(folder, given), _text("known"))
+    if is_shipped(folder) and not from_geometry:
+        known = published(folder.name)
+        targets, source, whose = known.targets, known.source, "published"
+    else:
+        whose = "estimated" if from_geometry else "stated"
+        try:
+            targets, source = _own(folder, given, from_geometry=from_geometry)
+        except ModelError as error:
+            raise ModelError(f"{files[0]}: {error}", remedy=error.remedy) from None
+    solved = calibrate(folder, given, targets, source, on_progress=on_progress)
+    both = {name: one.entry(name) for one in (given, solved) for name in one}
+    whole = with_both(Parameters(both))
+    inertia, radius, lock = whole[INERTIA], whole["main_rotor.radius"], lock_number(whole)
+    header = _text("solved").format(
+        derivatives=whose,
+        lock=lock,
+        felt=lock / whole[REDUCTION],
+        inertia=inertia,
+        mass=3.0 * inertia / radius**2,
+        radius=radius,
+    )
+    return to_toml(solved, header)
 
-_ROLES = """\
-Names in the MJCF are yours: say here which of them is what. A role that is left out has the name
-on its left. The kinds are body, site, geom, actuator, sensor and keyframe."""
 
-_README = """\
-# {name}
-
-A helicopter for helisim, made from {like}. It flies at once, and is yours to change:
-
-1. `parameters.toml`: geometry, rotors, servos, gyro, each line with what it is and where to get it.
-   Units are SI; a wrong one is refused.
-2. `{mjcf}`: the rigid body for MuJoCo: mass and place of each part, the IMU, what is drawn. The
-   fuselage is given what the other parts lack of the moments of inertia in the parameters.
-3. Look at what is wrong, every problem at once, each with its line:
-
-       helisim vehicle check {name}
-
-4. Solve for what the derivatives in `[targets]` fix, then for the gains that `[tuning]` asks for:
-
-       helisim calibrate {name} --write
-       helisim tune {name} --write
-
-   Both write the numbers into the MJCF too, so that it flies in stock MuJoCo.
-
-5. After any other change of the parameters, write them into the MJCF:
-
-       helisim vehicle build {name}
-
-6. Fly it:
-
-       helisim linearize {name}
-       helisim trim {name} --speeds 0:20:2
-       helisim fly {name} --axis lat --out lat.parquet
-       helisim recover {name}
-       helisim view {name}
-
-In Python: `helisim.load("path/to/{name}")`.
-
-| file | what |
-|---|---|
-| `parameters.toml` | measured and chosen |
-| `calibrated.toml` | solved by `helisim calibrate` |
-| `tuned.toml` | solved by `helisim tune` |
-| `{mjcf}` | MJCF of the vehicle alone |
-| `scene.xml`, `scenery.xml` | the vehicle over its pad, to look at |
-| `assets/` | drawn shapes |
-| `rigs/` | benches that hold it on the ground, where {like} has them |
-"""
+def _own(
+    folder: Path, given: Parameters, *, from_geometry: bool
+) -> tuple[Mapping[str, float], str]:
+    """Return a vehicle's own targets, those that it states before those that are estimated."""
+    stated = stated_targets(given)
+    if not from_geometry:
+        missing = lacking(stated, given)
+        if missing:
+            raise ModelError(
+                f"section [targets] lacks {', '.join(missing)}; each is "
+                '{ value = NUMBER, unit = "UNIT", source = "WHERE FROM" }; what is missing can be '
+                "estimated from the geometry",
+                remedy="from_geometry",
+            )
+        return dict(stated), "[targets] of parameters.toml"
+    estimated = dict(estimated_targets(given, *mass_and_gravity(folder)))
+    for name in spared(given):
+        del estimated[name]
+    return {**estimated, **stated}, "[targets] and closed forms of the geometry"

@@ -13,6 +13,7 @@ from helisim import ident
 from helisim.base.display import Displayed
 from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.base.files import read_json, write_json
+from helisim.base.note import Command, Option
 from helisim.base.settings import check, from_plain, placed, setting, to_plain
 from helisim.base.value import FrozenMap, Value
 from helisim.ident.verification import VerificationFigures
@@ -342,7 +343,10 @@ def read_run(folder: str | Path) -> Run:
     """
     folder = Path(folder)
     if not (folder / RESULTS).is_file():
-        raise StorageError(f"{folder} has no {RESULTS}; give a folder that helisim reproduce wrote")
+        raise StorageError(
+            f"{folder} has no {RESULTS}; give a folder that helisim reproduce wrote",
+            remedy=Command("reproduce", (), (Option("out", str(folder)),)),
+        )
     results = read_results(folder / RESULTS)
     models = read_models(folder / FITS) if (folder / FITS).is_file() else ()
     return Run(results, models, read_kept_sweeps(folder, results.left_out))

@@ -3,23 +3,28 @@
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from helisim.base.errors import HelisimError, ModelError, TrimError
-from helisim.study.check.elements import element_problems
-from helisim.study.check.figures import Figures, implausible
-from helisim.study.check.parameter_files import ParameterFiles
-from helisim.study.check.problem import Problem, command, sentence
-from helisim.study.check.rigid_body import body_problems
+from helisim.study.check_files import (
+    ParameterFiles,
+    Problem,
+    at_a_glance,
+    body_problems,
+    element_problems,
+    implausible,
+    solving,
+)
 from helisim.study.paper import published
 from helisim.study.tune import LOOPS, Margins, margins
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.build import unwritten
 from helisim.vehicle.calibrate import DIRECT, SOLVED
 from helisim.vehicle.folder import is_shipped, mjcf_file, model_folder
+from helisim.vehicle.motion import root_body
 
 _MISSED = 1e-3
 """Of a target: published ones have four digits, and calibration leaves 1e-8."""
@@ -29,6 +34,54 @@ _FASTEST_GROWTH = 0.2
 """1/s, of what the gyro leaves to the pilot, who has a second or two."""
 _LEAST_GAIN, _LEAST_PHASE = 6.0, 30.0
 """dB and degrees: below them a loop rings with the next delay that is found."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """What a vehicle is in the hover.
+
+    Attributes:
+        mass: kg.
+        disc_loading: N/m^2.
+        tip_speed: m/s, of the main blades.
+        solidity: of the main rotor.
+        blade_loading: thrust coefficient over solidity.
+        lock_number: density x lift slope x chord x radius^4 over a blade's flapping inertia.
+        collective: pitch of the main blades, rad.
+        power: W, of the main rotor's shaft.
+        figure_of_merit: ideal over real power.
+        poles: rad/s, of the base helicopter's modes that are not at zero and slower than its
+            servos, slowest first; one of each pair.
+    """
+
+    mass: float
+    disc_loading: float
+    tip_speed: float
+    solidity: float
+    blade_loading: float
+    lock_number: float
+    collective: float
+    power: float
+    figure_of_merit: float
+    poles: tuple[complex, ...]
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> "Figures":
+        """Return those of a vehicle in its hover."""
+        own, model = vehicle.parameters, vehicle.model
+        mass = float(model.body_subtreemass[root_body(model)])
+        weight = mass * float(np.linalg.norm(model.opt.gravity))
+        disc = math.pi * own["main_rotor.radius"] ** 2
+        pitch = own["main_rotor.pitch_trim"] + own["main_rotor.pitch_range"] * vehicle.trim.col
+        ideal = weight**1.5 / math.sqrt(2.0 * own["air.density"] * disc)
+        return cls(
+            mass=mass,
+            **at_a_glance(own, weight),
+            collective=pitch,
+            power=vehicle.power,
+            figure_of_merit=ideal / vehicle.main_power,
+            poles=_poles(vehicle),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,30 +161,32 @@ def _flown(folder: Path, mjcf: Path, problems: list[Problem]) -> Vehicle | None:
     except TrimError as error:
         text = (
             f"it does not hover: {error}; look at the mass in the MJCF, the rotors' radius and "
-            f"speed, and solve for the rest with {command('calibrate', folder, '--write')}"
+            "speed, and calibrate the rest"
         )
-        problems.append(Problem(sentence(text), mjcf))
+        problems.append(Problem(text, mjcf, remedy=solving("calibrate", folder)))
     except HelisimError as error:
         problems.append(Problem.of(str(error), mjcf))
     return None
 
 
-def _folder(vehicle: Vehicle) -> Path:
+def _place(vehicle: Vehicle) -> Path:
     """Return a vehicle's folder as a command takes it: of a shipped one its name."""
     return Path(vehicle.name) if is_shipped(vehicle.folder) else vehicle.folder
 
 
 def _stale(vehicle: Vehicle, files: ParameterFiles) -> Iterator[Problem]:
     """Yield what calibration is to have made true and isn't."""
-    remedy = f"{command('calibrate', _folder(vehicle), '--write')} solves for it anew"
+    remedy = solving("calibrate", _place(vehicle))
     for control in ("col", "ped"):
         value = getattr(vehicle.trim, control)
         if abs(value) > _OFF_CENTRE:
             rotor = "main_rotor" if control == "col" else "tail_rotor"
-            text = (
-                f"the hover needs {control} = {value:.4g}, where calibration centres it; {remedy}"
+            text = f"the hover needs {control} = {value:.4g}, which calibration centres"
+            yield Problem(
+                text,
+                *files.place(f"{rotor}.pitch_trim"),
+                remedy=remedy,
             )
-            yield Problem(sentence(text), *files.place(f"{rotor}.pitch_trim"))
     targets = {key: one.value for key, one in files.entries.items() if key.startswith("targets.")}
     if not targets and is_shipped(vehicle.folder):
         known = published(vehicle.name).targets
@@ -141,41 +196,50 @@ def _stale(vehicle: Vehicle, files: ParameterFiles) -> Iterator[Problem]:
         if wanted is not None and not math.isclose(wanted, found, rel_tol=_MISSED):
             text = (
                 f"{name} is {found:.5g} with calibrated.toml, and [targets] wants {wanted:.5g}; "
-                f"{remedy}"
+                "calibrate anew"
             )
-            yield Problem(sentence(text), *files.place(f"targets.{name}"))
+            yield Problem(text, *files.place(f"targets.{name}"), remedy=remedy)
 
 
 def _unwritten(vehicle: Vehicle, mjcf: Path) -> Iterator[Problem]:
     """Yield what the MJCF has of other parameters, by which stock MuJoCo would fly it."""
-    remedy = f"{command('vehicle build', _folder(vehicle))} writes them"
+    remedy = solving("vehicle build", _place(vehicle))
     try:
         for change in unwritten(vehicle.folder):
             element, names = change.element, ", ".join(change.numbers)
             named = f" {element.name!r}" if element.name else ""
             text = (
                 f"the <{element.tag}>{named} has other numbers ({names}) than the parameters give, "
-                f"by which stock MuJoCo would fly it; {remedy}"
+                f"by which stock MuJoCo would fly it; write them anew"
             )
-            yield Problem(sentence(text), element.file, element.line)
+            yield replace(Problem.at(text, element), remedy=remedy)
     except HelisimError as error:
         yield Problem.of(str(error), mjcf)
 
 
 def _restless(vehicle: Vehicle, loops: Mapping[str, Margins], folder: Path) -> Iterator[Problem]:
     """Yield a gyro that doesn't hold its vehicle, or only just."""
-    remedy = f"{command('tune', _folder(vehicle), '--write')} solves the gains for [tuning]"
-    system = vehicle.linearize("IN2").system
-    poles = np.abs(np.linalg.eigvals(np.asarray(system.A)))
-    growth = float(np.log(poles.max()) / system.dt)
+    remedy, linear = solving("tune", _place(vehicle)), vehicle.linearize("IN2")
+    poles = np.abs(np.linalg.eigvals(linear.a))
+    growth = float(np.log(poles.max()) / linear.period)
     if growth > _FASTEST_GROWTH:
-        text = f"with its gyro a motion grows by {growth:.3g} 1/s in the hover; {remedy}"
-        yield Problem(sentence(text), folder / "tuned.toml")
+        text = f"with its gyro a motion grows by {growth:.3g} 1/s in the hover; tune the gains"
+        yield Problem(text, folder / "tuned.toml", remedy=remedy)
         return
     for axis, left in loops.items():
         if left.gain_db < _LEAST_GAIN or left.phase_deg < _LEAST_PHASE:
             text = (
                 f"the {axis} loop has margins of {left.gain_db:.1f} dB and {left.phase_deg:.0f} "
-                f"degrees, fewer than {_LEAST_GAIN:g} dB or {_LEAST_PHASE:g} degrees; {remedy}"
+                f"degrees, fewer than {_LEAST_GAIN:g} dB or {_LEAST_PHASE:g} degrees; tune it"
             )
-            yield Problem(sentence(text), folder / "tuned.toml")
+            yield Problem(text, folder / "tuned.toml", remedy=remedy)
+
+
+def _poles(vehicle: Vehicle) -> tuple[complex, ...]:
+    poles = np.linalg.eigvals(vehicle.linearize("IN1").a)
+    slowest_servo = min(
+        vehicle.parameters["servo.swash_frequency"], vehicle.parameters["servo.tail_frequency"]
+    )
+    size = np.abs(poles)
+    kept = poles[(size > 1e-3) & (size < 0.9 * slowest_servo) & (poles.imag >= 0.0)]
+    return tuple(complex(pole) for pole in kept[np.argsort(np.abs(kept))])
