@@ -5,7 +5,7 @@ and `[vary.SECTION]`, what varies. A section is the vehicle's parameters or a va
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from functools import cache, cached_property
 from itertools import product
 from os import PathLike
@@ -18,7 +18,6 @@ from scipy.stats import norm, qmc
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import read_toml
 from helisim.base.settings import (
-    changed,
     check,
     convert,
     from_plain,
@@ -272,7 +271,16 @@ def _applied(section: str, plain: T, changes: Mapping[str, Change]) -> T:
             old = made() if made else old
             old = old.get(inner, 0.0) if isinstance(old, Mapping) else getattr(old, inner, None)
         new[name] = _changed(where, old, change)
-    return changed(plain, new, section)
+    table = {name: getattr(plain, name) for name in setting_names(plain)}
+    for name, value in new.items():
+        top, _, inner = name.partition(".")
+        old = table[top] if inner else None
+        if is_dataclass(old):
+            old = {one: getattr(old, one) for one in setting_names(old)}
+        elif not isinstance(old, Mapping | None):
+            raise InputError(f"{section} has no {name}: {top} has no parts")
+        table[top] = {**(old or {}), inner: value} if inner else value
+    return from_plain(type(plain), table, section)
 
 
 def _changed(where: str, old: Any, change: Change, value: Any = None) -> Any:
