@@ -72,25 +72,3 @@ def test_the_command_line_lists_all_on_request(capsys):
     assert "--names" not in first
     assert len(names) > 50
     assert "main_rotor.hub_stiffness" in names
-
-
-@pytest.mark.parametrize(
-    ("words", "meant"),
-    [
-        (["flyy"], "did you mean fly?"),
-        (
-            ["fly", "--axis", "lat", "--out", "a.csv", "--durration", "3"],
-            "did you mean --duration?",
-        ),
-        (["completion", "zhs"], "did you mean zsh?"),
-    ],
-)
-def test_slips_in_commands_and_options_are_seen(capsys, words, meant):
-    """The nearest command, option or shell is named, in one line, with status 2."""
-    try:
-        status = main(words)
-    except SystemExit as end:
-        status = end.code
-    assert status == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert meant in line

@@ -2,13 +2,11 @@
 
 import json
 import math
-import os
 import subprocess
 import sys
 
 import pytest
 
-from command import fails
 from helisim import load, read_record
 from helisim.cli import main
 from helisim.study import models
@@ -96,61 +94,6 @@ def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
     assert "missed:" in printed
     assert "heave: Z_w" in " ".join(printed.split())
     assert (tmp_path / "results.json").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["--axis", "roll", "--out", "a.csv"], "available: col, lon, lat, ped"),
-        (["--axis", "lat", "--duration", "-3", "--out", "a.csv"], "-3"),
-        (["--axis", "lat", "--duration", "nan", "--out", "a.csv"], "nan"),
-        (["--axis", "lat", "--duration", "long", "--out", "a.csv"], "long"),
-        (["--axis", "lat", "--out", "a.xlsx"], "available: .parquet, .csv"),
-        (["--axis", "lat", "--out", "no/such/a.csv"], "not a folder"),
-        (["--axis", "lat", "--out", "a.csv", "--rerun", "a.txt"], ".rrd"),
-        (["--axis", "lat", "--out", "a.csv", "--seed", "-1"], "-1"),
-        (["--axis", "lat", "--out", "a.csv", "--set", "main_rotor.radius"], "NAME=VALUE"),
-        (["--axis", "lat", "--out", "a.csv", "--set", "main_rotor.radius=nan"], "finite"),
-        (["--axis", "lat", "--out", "a.csv", "--set", "main_rotor.radius=-1"], "positive"),
-        (["--axis", "lat", "--out", "a.csv", "--set", "rotor.radius=1"], "main_rotor.radius"),
-        (["--axis", "lat", "--out", "a.csv", "--amplitude", "7"], "(0, 0.5]"),
-        (["--axis", "lat"], "--out"),
-        (["--axis", "lat", "--out", "a.csv", "--fault", "servo_rear:stuck@3"], "servo_tail"),
-        (["--axis", "lat", "--out", "a.csv", "--fault", "gyro:restart@300"], "over at 90 s"),
-        (["--axis", "lat", "--out", "a.csv", "--set", "gyro.flight_mode=5"], "one of 1, 2, 3"),
-        (["--axis", "lat", "--out", "a.csv", "--turbulence", "heavy"], "light, moderate, severe"),
-        (["--axis", "lat", "--out", "a.csv", "--turbulence", "-2"], "-2"),
-        (["--axis", "lat", "--out", "a.csv", "--wind", "nan"], "nan"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(tmp_path, monkeypatch, capsys, arguments, says):
-    """Every mistake ends in one line that says what to do, and leaves no file."""
-    monkeypatch.chdir(tmp_path)
-    assert says in fails(capsys, "fly", *arguments)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_other_commands_fail_as_clearly(tmp_path, monkeypatch, capsys):
-    """The same holds for the other commands, and for no command at all."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "file").touch()
-    assert "COMMAND" in fails(capsys)
-    assert "fly" in fails(capsys, "hover")
-    assert "IN1" in fails(capsys, "linearize", "--inputs", "IN3")
-    assert "--flights" in fails(capsys, "reproduce", "--flights", "0")
-    assert "file" in fails(capsys, "reproduce", "--out", "file/here")
-    assert "timestep" in fails(capsys, "reproduce", "--timestep", "0")
-    assert "jobs" in fails(capsys, "reproduce", "--jobs", "0")
-    assert "jobs" in fails(capsys, "reproduce", "--jobs", "-1", "--reuse")
-
-
-@pytest.mark.skipif(
-    not os.path.exists("/proc/self/mem"), reason="needs a folder that nobody can write: /proc"
-)
-def test_a_folder_that_cannot_be_written_is_said_before_the_flight(capsys):
-    """An unwritable folder ends in one line, before any time is spent flying."""
-    assert "/proc" in fails(capsys, "fly", "--axis", "lat", "--out", "/proc/a.csv")
-    assert "/proc" in fails(capsys, "reproduce", "--out", "/proc/reproduction")
 
 
 def test_the_module_runs_as_a_program():

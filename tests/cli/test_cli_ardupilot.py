@@ -3,7 +3,6 @@
 import pytest
 
 import helisim as hs
-from command import fails
 from exact_fits import found
 from helisim import ident
 from helisim.cli import main
@@ -31,21 +30,3 @@ def test_it_writes_and_shows_the_file(model, tmp_path, capsys):
     assert values["nominal_rpm"] == pytest.approx(1700.0)
     assert main(["ardupilot", str(out)]) == 0
     assert "Nped            30" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("MODEL", "--out", "OUT"), "--rpm is missing"),
-        (("MODEL", "MODEL"), "--out FILE is missing"),
-        (("MODEL",), "no number of a state-space helicopter"),
-        (("MODEL", "--out", "OUT", "--rpm", "0"), "rotor_speed must be above 0"),
-        (("MODEL", "--out", "OUT", "--rpm", "9", "--set", "Nx=1"), "model 'Nx'"),
-        (("MODEL", "--out", "OUT", "--rpm", "9", "--full", "roll=1"), "command 'roll'"),
-        (("MODEL", "--out", "OUT", "--rpm", "9", "--late", "r"), "--late takes NAME=VALUE"),
-    ],
-)
-def test_a_mistake_is_one_line(words, message, model, tmp_path, capsys):
-    places = {"MODEL": model, "OUT": tmp_path / "heli.json"}
-    assert message in fails(capsys, "ardupilot", *(places.get(word, word) for word in words))
-    assert not (tmp_path / "heli.json").exists()

@@ -73,29 +73,6 @@ def test_a_law_that_raises_is_told_with_its_traceback(folder, capsys):
     assert hs.read_record(folder / "ped.parquet").ended
 
 
-@pytest.mark.parametrize(
-    ("word", "says"),
-    [
-        ("laws_of_the_folder", "--controller takes MODULE:NAME"),
-        ("laws_of_the_folder:", "--controller takes MODULE:NAME"),
-        ("nowhere/laws.py:law", "can't import it: nowhere/laws.py: no such file"),
-        ("./json.py:law", "another module is called 'json'; rename the file"),
-        ("nowhere_to_be_found:law", "No module named 'nowhere_to_be_found'"),
-        ("laws_of_the_folder:roll", "has no attribute 'roll'"),
-        ("laws_of_the_folder:number", "must be a function of (seen, state, settings)"),
-    ],
-)
-@pytest.mark.parametrize("command", [FLY, ["linearize"]], ids=["fly", "linearize"])
-def test_what_is_no_law_is_one_line(folder, capsys, command, word, says):
-    """Exit status 2, nothing written."""
-    assert main([*command, "--controller", word]) == 2
-    printed = capsys.readouterr()
-    assert printed.err.count("\n") == 1
-    assert says in printed.err
-    assert printed.out == ""
-    assert not (folder / "ped.parquet").exists()
-
-
 @pytest.mark.usefixtures("folder")
 def test_the_linear_model_is_that_of_the_law(capsys):
     """Its state is among the model's."""

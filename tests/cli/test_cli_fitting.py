@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import helisim
-from command import fails
 from helisim.cli import main, parser
 from helisim.ident import frequency_response, identify, load_fit, reduce, structures, verify
 from swept_logs import csv_writer, write_clean
@@ -204,47 +203,3 @@ def test_a_reduction_keeps_what_it_is_told_to(tmp_path, sweep_csv):
         main(["identify", str(path), *options, *more])
         kept.append("Z_w" not in json.loads(model.read_text())["reduction"]["dropped"])
     assert kept == [False, True]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["--band", "1"], "LO HI"),
-        (["--band", "w/col=1"], "p/lat=LO:HI"),
-        (["--band", "1:2,3:4"], "twice"),
-        (["--band", "w/lat=1:4"], "w/col"),
-        (["--band", "w/col=20:1"], "lower < upper"),
-        (["--windows", "5,x"], "--windows"),
-        (["--windows", "500"], "does not fit"),
-        (["--overlap", "2"], "overlap"),
-        (["--estimator", "local", "--windows", "5"], "no windows"),
-        (["--estimator", "local", "--overlap", "0.5"], "local has none"),
-        (["--searches", "0"], "searches"),
-        (["--points", "2"], "frequencies"),
-        (["--weighting", "none"], "coherence"),
-        (["--bounds", "Z_w"], "NAME=LO:HI"),
-        (["--bounds", "Z_w=1"], "NAME=LO:HI"),
-        (["--bounds", "Z_w=1:-1"], "lower < upper"),
-        (["--bounds", "Z_q=1:2"], "Z_w"),
-        (["--bounds", "Z_w=nan:nan"], "Z_w"),
-        (["--bounds", "Z_w=-2:-1", "--start", "Z_w=5"], "start"),
-        (["--fix", "Z_w=-1+-x"], "--fix"),
-        (["--fix", "Z_w=-1+--2"], "a number 0 or more"),
-        (["--known", "delay"], "--known"),
-        (["--known", "col=delay", "--known", "col=delay"], "twice"),
-        (["--known", "lat=delay"], "'lat'"),
-        (["--known", "col=spring"], "second_order"),
-        (["--keep", "Z_w"], "--reduce"),
-        (["--reduce", "--keep", "Z_q"], "Z_w"),
-        (["--reduce", "--rise", "-1"], "rise"),
-    ],
-)
-def test_a_bad_option_is_one_line_and_status_2(sweep_csv, capsys, arguments, says):
-    """Every mistake ends in one line that says what to do."""
-    assert says in fails(capsys, "identify", sweep_csv(), "--structure", "heave", *arguments)
-
-
-def test_a_response_has_no_band_of_its_own_where_all_are_estimated(sweep_csv, capsys):
-    """`frf` estimates over one band: another by response would do nothing."""
-    signals = ["--inputs", "col", "--outputs", "w"]
-    assert "one for all" in fails(capsys, "frf", sweep_csv(), *signals, "--band", "w/col=1:9")

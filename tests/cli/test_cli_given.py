@@ -99,34 +99,6 @@ def test_columns_are_named_on_the_command_line(tmp_path):
     assert model_of(tmp_path, path, *options).values == pytest.approx(HEAVE, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["w.txt", "other.txt"], "from one file"),
-        (["w.txt", "log.csv"], "logs can't be beside"),
-        (["w/col=w.txt", "w/col=other.txt"], "given twice"),
-        (["w.txt", "--resample", "50"], "--resample"),
-        (["w.txt", "--reference", "COL", "--from", "3"], "--from, --reference"),
-        (["w.txt", "--columns", "frequency:Hz,volume:dB"], "'volume'"),
-        (["w.txt", "--columns", "frequency:Hz,magnitude:dB"], "3 cells, expected 2"),
-        (["p/lat=w.txt"], "'w'"),
-        (["w/col=none.txt"], "none.txt"),
-        (["none.json"], "none.json"),
-        (["bare.dat", "--columns", "frequency:Hz,magnitude,phase:deg"], "magnitude"),
-    ],
-)
-def test_a_bad_file_is_one_line_and_status_2(
-    tmp_path, sweep_csv, monkeypatch, capsys, arguments, says
-):
-    """The message says what can't be beside what, and which option does nothing."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("w.txt", "other.txt"):
-        columns(tmp_path / name, "# freq_Hz mag_dB phase_deg\n")
-    columns(tmp_path / "bare.dat")
-    sweep_csv(name="log.csv")
-    assert says in fails(capsys, "identify", *arguments, "--structure", "heave")
-
-
 @pytest.mark.parametrize("command", ["look", "frf", "verify"])
 def test_json_is_no_log(tmp_path, sweep_csv, capsys, command):
     """What reads logs says where a response in JSON belongs."""

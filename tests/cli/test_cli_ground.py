@@ -39,27 +39,6 @@ def test_the_plan_has_the_ground_that_is_asked_for(capsys, tmp_path, text, meant
     assert FlightPlan.from_dict(tomllib.loads(capsys.readouterr().out)).ground == Ground(slope=0.3)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("hilly", "unknown setting of --ground 'hilly'"),
-        ("slope=steep", "takes a number, got 'slope=steep'"),
-        ("heave=0.3/6/1", "got 'heave=0.3/6/1'"),
-        ("slope=0.1/6", "takes a number"),
-        ("heave=0.3", "takes AMPLITUDE/PERIOD"),
-        ("slope=0.1,deck", "a slope or a deck, not both"),
-        ("thickness=1", "unknown setting of --ground"),
-        ("length=-1", "length must be a number above 0 m"),
-    ],
-)
-def test_what_is_no_ground_is_refused_in_a_line(capsys, text, said):
-    """Exit status 2, and nothing is flown."""
-    assert main([*FLY, "--ground", text, "--print-plan"]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
-
-
 def test_a_flight_is_recorded_over_its_ground(tmp_path, capsys):
     """It takes off from a deck; the record says from which."""
     out = tmp_path / "deck.parquet"

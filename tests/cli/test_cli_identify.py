@@ -221,42 +221,6 @@ def test_structures_are_listed(capsys):
     assert all(name in printed for name in structures.BUILT_IN)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["--structure", "heavy"], "heave"),
-        (["--structure", "none.toml"], "none.toml"),
-        (["--structure", "tf:3/2", "--inputs", "col", "--outputs", "w"], "zeros <= poles"),
-        (["--structure", "tf:1/2"], "--inputs"),
-        (["--structure", "rollpitch", "--inputs", "col", "--outputs", "w"], "--rename"),
-        (["--structure", "heave", "--fix", "Z_q=1"], "Z_w"),
-        (["--structure", "heave", "--fix", "Z_w"], "NAME=VALUE"),
-        (["--structure", "heave", "--rename", "col"], "OLD=NEW"),
-        (["--structure", "heave", "--band", "20", "1"], "band"),
-        (["--structure", "heave", "--json", "no/such.json"], "not a folder"),
-        (["--structure", "heave", "--json", "model.txt"], ".json"),
-        (["--structure", "heave", "--map", "none.toml"], "none.toml"),
-        (["--structure", "heave", "--channel", "w"], "--channel"),
-        (["--structure", "heave", "--channel", "w=w:furlong"], "deg/s"),
-        (["--structure", "heave", "--channel", "w=w:ft:trim=x"], "trim=x"),
-        (["--structure", "heave", "--channel", "w=w:deg"], "m/s"),
-        (["--structure", "heave", "--time", "clock:s"], "'clock'"),
-        (["--structure", "heave", "--rate", "-5"], "rate"),
-        (["--structure", "heave", "--repair", "everything"], "duplicates"),
-        (["--structure", "heave", "--resample", "0"], "resample"),
-        (["--structure", "heave", "--responses", "q/lat"], "w/col"),
-        (["--structure", "heave", "--reference", "COL"], "'COL'"),
-        ([], "--structure"),
-    ],
-)
-def test_a_bad_option_is_one_line_and_status_2(sweep_csv, monkeypatch, capsys, arguments, says):
-    """Every mistake ends in one line that says what to do, and leaves no file."""
-    path = sweep_csv()
-    monkeypatch.chdir(path.parent)
-    assert says in fails(capsys, "identify", path, *arguments)
-    assert list(path.parent.iterdir()) == [path]
-
-
 @pytest.mark.parametrize("command", ["identify", "frf", "verify", "structures"])
 def test_help_has_an_example(capsys, command):
     """--help of every command explains it and gives an example."""

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import helisim as hs
-from command import fails
 from helisim.cli import main
 from helisim.design.laws import read_law
 from helisim.sim import Recorder
@@ -42,27 +41,6 @@ def test_show_as_json_is_the_matrices(law, capsys):
     data = json.loads(capsys.readouterr().out)
     assert data["a"] == [[0.9, 0.0], [0.0, 1.0]]
     assert (data["inputs"], data["period"]) == (["p", "LAT"], 0.004)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("show", "none.toml"), "none.toml: no such file"),
-        (("show", "LAW", "--period", "0.002"), "sampled each 4 ms and can't tick each 2 ms"),
-        (("show", "LAW", "--period", "0"), "--period must be above 0"),
-        (("lqg", "FOLDER", "--out", "law.txt"), "unknown suffix"),
-        (("lqg", "FOLDER", "--out", "OUT", "--gain", "psi=1"), "--gain 'psi'; available: theta"),
-        (
-            ("lqg", "FOLDER", "--out", "OUT", "--error", "phi=-1"),
-            "phi.error must be a number above 0",
-        ),
-        (("lqg", "FOLDER", "--out", "OUT", "--effort", "lat"), "--effort takes NAME=VALUE"),
-    ],
-)
-def test_a_mistake_is_one_line(words, message, law, tmp_path, capsys):
-    places = {"LAW": law, "FOLDER": tmp_path, "OUT": tmp_path / "lqg.toml"}
-    assert message in fails(capsys, "law", *(places.get(word, word) for word in words))
-    assert not (tmp_path / "lqg.toml").exists()
 
 
 @pytest.mark.slow

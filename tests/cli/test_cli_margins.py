@@ -7,7 +7,6 @@ import pytest
 
 from autopilot_logs import dataflash, ulog
 from closed_loops import flown, known_loop
-from command import fails
 from helisim.cli import main
 from helisim.records.storage import write_record
 
@@ -79,26 +78,3 @@ def test_logs_of_autopilots(record, tmp_path, suffix, write, injected, total):
     assert main(["margins", str(path), *given, *words, *more]) == 0
     figures = {one["figure"]: one for one in json.loads(out.read_text())["figures"]}
     assert figures["phase_margin"]["value"] == pytest.approx(51.4, abs=3.0)  # three deviations
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--axis", "pet"], "unknown axis 'pet'"),
-        (["--at", "wings"], "unknown place of a cut 'wings'"),
-        (["--total", "lat"], "--total and --returned need --injected"),
-        (["--injected", "lat_disturbance"], "--axis 0"),
-        (["--axis", "lat", "--injected", "lat_disturbance"], "what follows 'lat_disturbance'"),
-        (["--axis", "lat", "--injected", "foo", "--total", "lat_sum"], "'foo'"),
-        (["--band", "9", "4"], "0 < lower < upper"),
-        (["--late", "lat"], "--late takes NAME=VALUE"),
-        (["--late", "lta=0.004"], "unknown channel that is late 'lta'"),
-        (["--draws", "1"], "draws is 1"),
-        (["--json", "found.txt"], ".json"),
-    ],
-)
-def test_what_is_wrong_is_said_in_a_line(record, tmp_path, capsys, words, said):
-    """Status 2, one line, nothing written."""
-    path = tmp_path / "loop.parquet"
-    write_record(record, path)
-    assert said in fails(capsys, "margins", path, "--quiet", *words)

@@ -75,31 +75,3 @@ def test_missions_are_listed(capsys):
     out = capsys.readouterr().out
     assert "autorotation: Lose the engine" in out
     assert "height=30.0" in out
-
-
-@pytest.mark.parametrize(
-    ("mission", "says"),
-    [
-        ("pirouete", "unknown mission 'pirouete'; available: "),
-        (
-            "forward,sped=3",
-            "unknown setting of mission forward 'sped'; available: duration, sp",
-        ),
-        ("forward,speed=-3", "speed must be a number above 0 m/s, got -3"),
-        (
-            "forward,speed=fast",
-            "mission forward.speed must be a number above 0 m/s, got 'fast'",
-        ),
-        ("forward,speed", "mission forward takes NAME=VALUE, got 'speed'"),
-        ("autorotation,speed=200", "level flight at "),
-        ("math:sqrt", "is no subclass of helisim.Mission"),
-        ("nowhere:Mine", "can't import it: No module named"),
-    ],
-)
-def test_a_mission_that_can_not_be_is_one_line(tmp_path, capsys, mission, says):
-    """Status 2, what was received and what is expected, and nothing is written."""
-    assert main(["fly", "--mission", mission, "--out", "a.parquet"]) == 2
-    error = capsys.readouterr().err
-    assert says in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "a.parquet").exists()

@@ -1,6 +1,5 @@
 """`helisim parm`: the derivation printed, the file written, bad input in one line."""
 
-from command import fails
 from helisim.cli import main
 from helisim.sitl.parameters import read_parameters
 
@@ -13,11 +12,3 @@ def test_it_prints_the_derivation_and_writes_the_file(tmp_path, capsys):
     assert shown == path.read_text()
     assert "the command that holds 1 rad/s of p" in shown
     assert read_parameters(path)["FRAME_CLASS"] == 6.0
-
-
-def test_what_is_wrong_is_said_in_a_line(tmp_path, capsys):
-    """No such vehicle, no sweeps in the folder, another kind of file: exit status 2."""
-    assert "nothere" in fails(capsys, "parm", "nothere")
-    assert "no flight records" in fails(capsys, "parm", "jr700", "--from", tmp_path)
-    assert ".parm" in fails(capsys, "parm", "jr700", "--out", tmp_path / "jr700.txt")
-    assert not list(tmp_path.iterdir())

@@ -67,24 +67,6 @@ def test_another_protocol(capsys, counting, monkeypatch):
     assert "a packet of 5 bytes with the magic number 25960; expected 18458 or 29569" in said
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--wait", "0"], "--wait must be above 0 s"),
-        (["--wait", "nan"], "--wait must be above 0 s"),
-        (["--send", "battery"], "unknown field of an answer 'battery'; available: airspeed"),
-        (["--port", "99999"], "a UDP port is 1 to 65535, got 99999"),
-        (["--address", "nowhere.invalid"], "can't be bound"),
-        (["nosuch"], "unknown vehicle 'nosuch'"),
-        (["--port", "0", "--tail", "gyr"], "unknown tail 'gyr'; available: direct, gyro"),
-        (["--port", "0", "--rate", "1200"], "whole microseconds apart"),
-        (["--port", "0", "--set", "outputs.left_channel=1"], "can't move both front and left"),
-    ],
-)
-def test_what_can_not_be_is_refused(capsys, arguments, said):
-    assert said in fails(capsys, "sitl", *arguments)
-
-
 def served(frames, *arguments):
     """Run the command while a played autopilot flies; return its status and port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
@@ -140,29 +122,3 @@ def test_what_was_flown_is_written(capsys, tmp_path):
     assert served(10, "--record", tmp_path / "short.parquet")[0] == 0
     assert "Not written: a flight of" in capsys.readouterr().out
     assert not (tmp_path / "short.parquet").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--record", "flown.txt"], "flown.txt: unknown suffix"),
-        (["--rerun", "flown.parquet"], "flown.parquet: unknown suffix"),
-        (["--view"], "neither DISPLAY nor WAYLAND_DISPLAY is set"),
-    ],
-)
-def test_what_can_not_be_written_or_shown_is_refused(capsys, blind, arguments, said):
-    assert said in fails(capsys, "sitl", *arguments)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ([], "neither DISPLAY nor WAYLAND_DISPLAY is set"),
-        (["9012", "--wind", "3", "--ground", "flat"], "neither DISPLAY nor WAYLAND_DISPLAY"),
-        (["--axis", "lat"], "--sitl lets ArduPilot fly: leave out manoeuvre, sticks"),
-        (["--keyboard"], "--sitl lets ArduPilot fly: leave out manoeuvre, sticks"),
-        (["--duration", "10"], "--sitl lets ArduPilot fly: leave out manoeuvre, sticks"),
-    ],
-)
-def test_what_can_not_be_watched_is_refused(capsys, blind, arguments, said):
-    assert said in fails(capsys, "view", "--sitl", *arguments)

@@ -111,24 +111,3 @@ def test_other_speeds_are_refused(text):
     """With what was given and what is expected."""
     with pytest.raises(InputError, match=r"--speeds takes FROM:TO:STEP .* got "):
         speeds_of(text)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["--speeds", "0,60"], "no level flight at 60 m/s|the level flight at 60 m/s needs"),
-        (["--height", "-1"], "height above 0 m"),
-        (["--inputs", "IN3", "--json", "a.json"], "IN1"),
-        (["--figure", "a.pdf"], r"\.svg, \.png"),
-        (["--json", "a.txt"], r"\.json"),
-    ],
-)
-def test_a_mistake_is_one_line_and_leaves_nothing(tmp_path, monkeypatch, capsys, arguments, says):
-    """A speed out of reach names itself; no file stays behind."""
-    monkeypatch.chdir(tmp_path)
-    assert main(["trim", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == 1
-    assert re.search(says, captured.err)
-    assert list(tmp_path.iterdir()) == []

@@ -670,6 +670,7 @@ def from_text(hint: Any, text: str) -> Any:
     """Return the plain value that a text is for a type; the text itself where it is none."""
     options = _alternatives(hint)
     lists = [o for o in options if get_origin(o) is tuple or _is(get_origin(o), Sequence)]
+    single = {str, int, float}.intersection(options)
     if text.casefold() in (OFF, "none") and NoneType in options and str not in options:
         return None
     if bool in options and text.casefold() in _TRUTH:
@@ -681,8 +682,8 @@ def from_text(hint: Any, text: str) -> Any:
             except ValueError:
                 continue
     for one in lists:
-        (inner, *_), many = get_args(one), str not in options
+        inner = get_args(one)[0]
         mark = "+" if inner is str else ":"
-        if mark in text or many:
+        if mark in text or not single:
             return [from_text(inner, part.strip()) for part in text.split(mark)]
     return text

@@ -179,7 +179,11 @@ def located(logs: "Sequence[Log]") -> Iterator[None]:
             f"{log.report.parts[-1].last_row}"
             for log in logs
         ]
-        message = f"{'; '.join(places)}: {text}"
+        for path in {f"{log.report.path}, " for log in logs}:
+            said = "; ".join(places)
+            first, found, rest = said.partition(path)
+            places = [first + found + rest.replace(path, "")]
+        message = f"{places[0]}: {text}"
         raise IdentificationError(message, remedy=error.remedy) from None
 
 

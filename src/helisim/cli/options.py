@@ -253,8 +253,8 @@ def worded(remedy: Sequence[Option | Command]) -> str:
 
 def _typed(one: Option | Command) -> str:
     if isinstance(one, Option):
-        value = f" {quote(one.value)}" if one.value else ""
-        return f"--{one.name.replace('_', '-')}{value}"
+        word = one.value if one.value.replace(" ", "").isupper() else quote(one.value)  # LO HI
+        return f"--{one.name.replace('_', '-')}{f' {word}' if one.value else ''}"
     return " ".join(["helisim", one.name, *map(quote, one.arguments), *map(_typed, one.options)])
 
 
