@@ -179,12 +179,11 @@ def located(logs: "Sequence[Log]") -> Iterator[None]:
             f"{log.report.parts[-1].last_row}"
             for log in logs
         ]
-        for path in {f"{log.report.path}, " for log in logs}:
-            said = "; ".join(places)
-            first, found, rest = said.partition(path)
-            places = [first + found + rest.replace(path, "")]
-        message = f"{places[0]}: {text}"
-        raise IdentificationError(message, remedy=error.remedy) from None
+        said = "; ".join(places)
+        for log in logs:  # each path once
+            before, path, after = said.partition(f"{log.report.path}, ")
+            said = before + path + after.replace(path, "") if path else said
+        raise IdentificationError(f"{said}: {text}", remedy=error.remedy) from None
 
 
 def describe(logs: "Sequence[Log]") -> str:

@@ -314,7 +314,9 @@ def reading_options(
         raise InputError(f"min_duration is {min_duration}, expected a time in s")
     limits = -np.inf if start is None else start, np.inf if stop is None else stop
     if not limits[0] < limits[1]:
-        raise InputError(f"the log's limits are {limits[0]:g} and {limits[1]:g} s, expected start < stop")
+        raise InputError(
+            f"the log's limits are {limits[0]:g} and {limits[1]:g} s, expected start < stop"
+        )
     rate = None if rate is None else check_rate(rate)
     names |= {"gaps"} if "frozen" in names else set()
     return Options(rate, names, max_gap, min_duration, limits)

@@ -164,7 +164,7 @@ def tune(
     tables = published_of(vehicle.folder, instead=_INSTEAD)
     settings: dict[str, float] = {}
     for starts, model in ((_YAW, YAW_OVERALL), (_CYCLIC, ROLLPITCH_IN2)):
-        target = {value.name: value.value for value in tables.table(model.name)}
+        target = {value.name: value.value for value in tables[model.name]}
         target = {name: value for name, value in target.items() if name in model.tolerances}
         settings |= _solve(vehicle, starts, model, target, shape, on_progress or (lambda _: None))
     source = "solved by helisim tune: eq. (8) and the IN2 column of Table 3"
