@@ -184,8 +184,8 @@ def test_dropped_messages_are_interpolated_and_said(tmp_path):
     assert fit["N_ped"].value == pytest.approx(TRUTH["yaw_base"]["N_ped"], rel=0.04)
 
 
-def test_several_logs_are_one_identification(tmp_path):
-    """Roll in one log, pitch in another: together a helicopter's roll and pitch."""
+def test_vehicles_and_logs_choose_the_structures(tmp_path):
+    """Roll and pitch in two logs are a helicopter's; a multicopter's are transfer functions."""
     paths = [SidLog().sweep(axis, **SHORT).save(tmp_path, f"{axis}.bin") for axis in (10, 11)]
     found = infer(paths)
     assert [fit.structure for fit in found.fits] == ["rollpitch"]
@@ -193,15 +193,10 @@ def test_several_logs_are_one_identification(tmp_path):
     assert [record.names[-2:] for record in records] == [("mixer_roll", "mixer_pitch")] * 2
     assert records[0]["mixer_roll"].any()
     assert not records[1]["mixer_roll"].any()
-
-
-def test_a_multicopter_gets_transfer_functions(tmp_path):
-    """And is told so: a helicopter's structures have flapping."""
     log = SidLog(parameters={"FRAME_CLASS": 1.0}).sweep(10, **SHORT).sweep(11, **SHORT)
     found = infer(log.save(tmp_path))
-    assert [(fit.structure, fit.inputs) for fit in found.fits] == [
-        ("tf:0/2", ("lat",)), ("tf:0/2", ("lon",)),
-    ]  # fmt: skip
+    expected = [("tf:0/2", ("lat",)), ("tf:0/2", ("lon",))]
+    assert [(fit.structure, fit.inputs) for fit in found.fits] == expected
     assert any("not a helicopter" in one for one in found.diagnostics)
 
 
@@ -218,26 +213,21 @@ def test_channels_and_rate_can_be_overruled(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("without", "said"),
+    ("axes", "without", "said", "set_"),
     [
-        (("SIDS", "SIDD"), "the mode SystemID was flown, but no SIDS and SIDD"),
-        (("RATE",), "no RATE messages beside the sweeps"),
+        ((10,), ("SIDS", "SIDD"), "the mode SystemID was flown, but no SIDS", "LOG_BITMASK"),
+        ((10,), ("RATE",), "no RATE messages beside the sweeps", "LOG_BITMASK"),
+        ((), (), "no SystemID messages", "SID_AXIS"),
     ],
 )
-def test_a_log_that_lacks_messages_says_what_to_set(tmp_path, without, said):
-    """SID_AXIS, LOG_BITMASK."""
-    path = SidLog(without=without).sweep(10, **SHORT).save(tmp_path)
+def test_a_log_that_lacks_messages_says_what_to_set(tmp_path, axes, without, said, set_):
+    """SID_AXIS, LOG_BITMASK, in one line."""
+    log = SidLog(without=without)
+    for axis in axes:
+        log.sweep(axis, **SHORT)
     with pytest.raises(LogError, match=said) as caught:
-        infer(path)
-    assert "LOG_BITMASK" in str(caught.value)
-
-
-def test_a_log_of_no_system_identification_says_what_to_fly(tmp_path):
-    """In one line."""
-    path = SidLog().save(tmp_path)
-    with pytest.raises(LogError, match="no SystemID messages") as caught:
-        infer(path)
-    assert "SID_AXIS" in str(caught.value)
+        infer(log.save(tmp_path))
+    assert set_ in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
