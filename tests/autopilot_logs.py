@@ -7,6 +7,8 @@ import struct
 
 import numpy as np
 
+from dataflash_logs import Log
+
 
 def ulog(topics):
     """Return a ULog.
@@ -41,31 +43,19 @@ def ulog(topics):
 
 
 def dataflash(messages):
-    """Return a DataFlash log.
+    """Return a DataFlash log that states no units.
 
     Args:
         messages: name -> (stamps in us, {field: (n_time,)}); fields called C... are uint16.
     """
-
-    def message(kind, payload):
-        return struct.pack("<BBB", 0xA3, 0x95, kind) + payload
-
-    def layout(kind, name, form, columns):
-        size = 3 + struct.calcsize("<" + form.replace("Z", "64s").replace("N", "16s"))
-        packed = struct.pack("<BB4s16s64s", kind, size, name, form.encode(), columns)
-        return message(0x80, packed)
-
-    first = message(
-        0x80,
-        struct.pack("<BB4s16s64s", 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns"),
-    )
-    data, rows = [first], []
+    log, rows = Log(with_units=False), []
     for kind, (name, (stamps, fields)) in enumerate(messages.items(), start=1):
         whole = [field.startswith("C") for field in fields]
-        form = "Q" + "".join("H" if one else "f" for one in whole)
-        names = ",".join(("TimeUS", *fields)).encode()
-        data.append(layout(kind, name.encode(), form, names))
+        letters = "".join("H" if one else "f" for one in whole)
+        log.define(kind, name, f"Q{letters}", ",".join(("TimeUS", *fields)))
         for stamp, *row in zip(np.asarray(stamps, dtype=np.int64).tolist(), *fields.values()):
             numbers = [round(float(x)) if one else float(x) for x, one in zip(row, whole)]
-            rows.append((stamp, message(kind, struct.pack(f"<{form}", stamp, *numbers))))
-    return b"".join(data + [row for _, row in sorted(rows, key=lambda one: one[0])])
+            rows.append((stamp, kind, numbers))
+    for stamp, kind, numbers in sorted(rows, key=lambda one: one[0]):
+        log.write(kind, stamp, *numbers)
+    return log.data

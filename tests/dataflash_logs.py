@@ -15,9 +15,8 @@ class Log:
     """A log that grows by messages."""
 
     def __init__(self, *, with_units=True):
-        self.messages, self.lines = [], []
+        self.messages = []
         self._forms = {128: "BB4s16s64s"}
-        self._text = {128: ("FMT", "BBnNZ")}
         self._with_units = with_units
         self.define(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
         if with_units:
@@ -35,7 +34,7 @@ class Log:
         form = "".join(LETTERS.get(letter, "") for letter in letters)
         length = struct.calcsize("<" + form) + 3 if length is None else length
         self.write(128, number, length, name.encode(), letters.encode(), labels.encode())
-        self._forms[number], self._text[number] = form, (name, letters)
+        self._forms[number] = form
         if units and self._with_units:
             self.write(253, 0, number, units.encode(), multipliers.encode())
 
@@ -45,31 +44,14 @@ class Log:
             struct.pack("<BBB", 0xA3, 0x95, number)
             + struct.pack("<" + self._forms[number], *values)
         )
-        name, letters = self._text[number]
-        if "a" not in letters:
-            self.lines.append(", ".join([name, *map(_cell, letters, values)]))
 
     @property
     def data(self):
         """The log's bytes."""
         return b"".join(self.messages)
 
-    @property
-    def text(self):
-        """The log as a ground station writes it in text."""
-        return "\n".join(self.lines) + "\n"
-
     def save(self, folder, name="a.bin"):
         """Write the log to a file, and return its path."""
         path = folder / name
         path.write_bytes(self.data)
         return path
-
-
-def _cell(letter, value):
-    """Return a number as ground stations write it in text: hundredths and degrees are scaled."""
-    if isinstance(value, bytes):
-        return value.decode("latin-1")
-    if letter in "cCeE":
-        return f"{value / 100.0:.2f}"
-    return f"{value / 1e7:.7f}" if letter == "L" else repr(value)

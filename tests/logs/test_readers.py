@@ -2,13 +2,13 @@
 
 import hashlib
 import json
-import struct
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+import autopilot_logs
 from helisim.base.errors import HelisimError, InputError, RecordError, StorageError
 from helisim.logs import Clock, Column, Layout, Map, read_log, source
 from helisim.logs import ulog as module
@@ -19,47 +19,26 @@ P = {"p": Column("p", "rad/s")}
 TIMES = pa.array([0.0, 0.1, 0.2])
 
 
+def stamped(count):
+    """Return stamps in us, and s since the first."""
+    t = np.arange(count) * RATE
+    return 1000 + np.round(1e6 * t), t
+
+
 def ulog(count=500):
-    """Return a ULog with a gyro at 250 Hz and sticks at 50 Hz (PX4 user guide, ULog format)."""
-
-    def message(kind, payload):
-        return struct.pack("<HB", len(payload), ord(kind)) + payload
-
-    data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1000)
-    data += message("B", bytes(40))
-    data += message("F", b"gyro:uint64_t timestamp;float[3] xyz;")
-    data += message("F", b"stick:uint64_t timestamp;float roll;")
-    for number, topic in enumerate((b"gyro", b"stick")):
-        data += message("A", struct.pack("<BH", 0, number) + topic)
-    for k in range(count):
-        stamp = 1000 + round(1e6 * k * RATE)
-        data += message("D", struct.pack("<HQfff", 0, stamp, np.sin(k * RATE), k, 0.0))
-        if k % 5 == 0:
-            data += message("D", struct.pack("<HQf", 1, stamp, np.cos(k * RATE)))
-    return data
+    """Return a ULog with a gyro at 250 Hz and sticks at 50 Hz."""
+    stamps, t = stamped(count)
+    gyro = np.column_stack([np.sin(t), np.arange(count), 0.0 * t])
+    topics = {"gyro": (stamps, {"xyz": gyro}), "stick": (stamps[::5], {"roll": np.cos(t[::5])})}
+    return autopilot_logs.ulog(topics)
 
 
 def dataflash(count=500):
-    """Return a DataFlash log of the same (ArduPilot, AP_Logger's FMT)."""
-
-    def message(kind, payload):
-        return struct.pack("<BBB", 0xA3, 0x95, kind) + payload
-
-    def layout(kind, name, form, columns):
-        size = 3 + struct.calcsize("<" + form.replace("Z", "64s").replace("N", "16s"))
-        packed = struct.pack("<BB4s16s64s", kind, size, name, form.encode(), columns)
-        return message(0x80, packed)
-
-    data = layout(128, b"FMT", "BBnNZ".replace("n", "4s"), b"Type,Length,Name,Format,Columns")
-    data = data[:9] + b"BBnNZ".ljust(16, b"\0") + data[25:]
-    data += layout(1, b"GYR", "Qff", b"TimeUS,X,Y")
-    data += layout(2, b"RCIN", "QH", b"TimeUS,C1")
-    for k in range(count):
-        stamp = 1000 + round(1e6 * k * RATE)
-        data += message(1, struct.pack("<Qff", stamp, np.sin(k * RATE), k))
-        if k % 5 == 0:
-            data += message(2, struct.pack("<QH", stamp, round(1500 + 400 * np.cos(k * RATE))))
-    return data
+    """Return a DataFlash log of the same, with pulses of the radio."""
+    stamps, t = stamped(count)
+    gyro = {"X": np.sin(t), "Y": np.arange(count)}
+    pulses = {"C1": 1500.0 + 400.0 * np.cos(t[::5])}
+    return autopilot_logs.dataflash({"GYR": (stamps, gyro), "RCIN": (stamps[::5], pulses)})
 
 
 def table(count=500):
