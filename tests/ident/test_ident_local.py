@@ -352,18 +352,6 @@ def test_the_scatter_of_a_difference_has_the_difference_of_the_weights():
     assert np.allclose(one.minus(one).variance(*at), rest, atol=1e-4)
 
 
-def test_weights_side_by_side_begin_at_the_first_line_of_any():
-    """Each keeps its place; where one has no weight there is none."""
-    one = np.array([3, 7]), np.full((1, 2, 2), 1.0 + 2.0j, dtype=np.complex64)
-    two = np.array([2, 9]), np.full((1, 2, 3), 5.0, dtype=np.complex64)
-    both = LineWeights.side_by_side([1, 4], [one, two])
-    assert list(both.part) == [1, 4]
-    assert list(both.first) == [2, 7]
-    z = 1.0 + 2.0j
-    assert np.array_equal(both.value[0, 0], [[0, z, z, 0, 0], [z, z, 0, 0, 0]])
-    assert np.array_equal(both.value[1, 0], [[5, 5, 5, 0, 0], [0, 0, 5, 5, 5]])
-
-
 # The bands
 
 FREQUENCY = np.geomspace(0.3, 6.0, 60)

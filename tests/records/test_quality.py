@@ -33,40 +33,26 @@ def test_a_spike_is_found_where_it_is(at, width, size, up, seed):
     assert found.tolist() == list(range(at, at + width))
 
 
-@pytest.mark.parametrize(
-    "signal",
-    [
-        SWEEP,
-        SWEEP + noise(0),
-        noise(1),
-        np.round(noise(2) / 0.005) * 0.005,
-        np.repeat(noise(3)[: COUNT // 2], 2),
-        np.where(TIME < 7.0, 0.0, 1.0) + noise(4, 1e-4),
-        np.where((TIME > 5.0) & (TIME < 5.05), 1.0, 0.0) + noise(5, 1e-4),
-        np.where(TIME < 5.0, 0.0, np.exp(-(TIME - 5.0) / 0.02)),
-        np.zeros(COUNT),
-        np.full(COUNT, 3.0),
-        np.zeros(0),
-        np.array([0.0, 9.0, 0.0]),
-    ],
-    ids=[
-        "sweep",
-        "noisy sweep",
-        "noise",
-        "resolution",
-        "every sample twice",
-        "step",
-        "pulse of five samples",
-        "jump and decay",
-        "zero",
-        "constant",
-        "nothing",
-        "too short to tell",
-    ],
-)
+SIGNALS = {
+    "sweep": SWEEP,
+    "noisy sweep": SWEEP + noise(0),
+    "noise": noise(1),
+    "resolution": np.round(noise(2) / 0.005) * 0.005,
+    "every sample twice": np.repeat(noise(3)[: COUNT // 2], 2),
+    "step": np.where(TIME < 7.0, 0.0, 1.0) + noise(4, 1e-4),
+    "pulse of five samples": np.where((TIME > 5.0) & (TIME < 5.05), 1.0, 0.0) + noise(5, 1e-4),
+    "jump and decay": np.where(TIME < 5.0, 0.0, np.exp(-(TIME - 5.0) / 0.02)),
+    "zero": np.zeros(COUNT),
+    "constant": np.full(COUNT, 3.0),
+    "nothing": np.zeros(0),
+    "too short to tell": np.array([0.0, 9.0, 0.0]),
+}
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
 def test_a_signal_is_no_spike(signal):
     """Fast, coarse, held or stepped: what a sensor may see is left alone."""
-    assert not spikes(signal).any()
+    assert not spikes(SIGNALS[signal]).any()
 
 
 def test_white_noise_has_no_spikes():
@@ -84,27 +70,20 @@ def test_a_dead_sensor_is_found_where_it_is(first, length, seed):
 
 
 def test_rest_is_not_death():
-    """At its start a channel may rest; one that is coarse or slow always repeats; nor may less."""
-    resting = np.where(TIME < 3.0, 0.0, SWEEP + noise(0))
-    assert frozen_runs(resting) == ()
-    barely = np.where(TIME < 3.0, 1e-12 * np.sin(TIME * (TIME > 0.05)), SWEEP)
-    assert frozen_runs(barely) == ()
-    slow = np.repeat(noise(1)[: COUNT // 20], 20)
-    assert frozen_runs(slow) == ()
-    brief = SWEEP + noise(2)
+    """At its start a channel may rest; one that is coarse or slow always repeats; nor may less.
+
+    One that repeats each number twenty times is dead after two hundred, not before.
+    """
+    slow, brief = np.repeat(noise(1)[: COUNT // 20], 20), SWEEP + noise(2)
     brief[500:509] = brief[500]
-    assert frozen_runs(brief) == ()
-    assert frozen_runs(np.zeros(COUNT)) == ()
-
-
-def test_a_slow_sensor_can_die_too():
-    """One that repeats each number twenty times is dead after two hundred, not before."""
-    slow = np.repeat(noise(1)[: COUNT // 20], 20)
+    barely = np.where(TIME < 3.0, 1e-12 * np.sin(TIME * (TIME > 0.05)), SWEEP)
+    resting = np.where(TIME < 3.0, 0.0, SWEEP + noise(0))
+    for alive in (resting, barely, slow, brief, np.zeros(COUNT)):
+        assert frozen_runs(alive) == ()
     slow[600:780] = slow[600]
     assert frozen_runs(slow) == ()
     slow[600:900] = slow[600]
-    (run,) = frozen_runs(slow)
-    assert run == Run(600, 899)
+    assert frozen_runs(slow) == (Run(600, 899),)
 
 
 @pytest.mark.filterwarnings("error")
