@@ -141,7 +141,7 @@ def window_lengths(
                 f"the longest window, {longest:.4g} s, resolves frequencies from "
                 f"{2.0 * np.pi / longest:.4g} rad/s, but the band starts at {low:.4g} rad/s; "
                 "lengthen the window or raise the band's lower edge",
-                remedy="windows=S,band=LO HI",
+                remedy="windows=S,band",
             )
         return tuple(float(length) for length in lengths)
     longest = min(shortest / 2.0, sum(durations) / 5.0)
@@ -152,7 +152,7 @@ def window_lengths(
             f"together {sum(durations):.4g} s, which allows windows of {longest:.4g} s "
             f"and so frequencies from {lowest:.4g} rad/s, but the band starts at {low:.4g} "
             "rad/s; raise the band's lower edge, leave short records out or add longer ones",
-            remedy="band=LO HI,min_duration=S",
+            remedy="band,min_duration=S",
         )
     floor = max(20.0 * 2.0 * np.pi / high, longest / WINDOW_SPREAD)
     if floor >= longest:

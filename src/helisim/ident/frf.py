@@ -273,7 +273,7 @@ def _check_band(flights: Sequence[FlightRecord], band: tuple[float, float]) -> N
         raise InputError(
             f"the band ends at {high:.4g} rad/s, but samples resolve only {nyquist:.4g} rad/s; "
             "lower the band's upper edge or record faster",
-            remedy="band=LO HI",
+            remedy="band",
         )
 
 
