@@ -195,9 +195,7 @@ def friction(par, speed):
 def throttle_for(par, torque):
     """Return the throttle at which the engine holds the nominal speed against a torque.
 
-    Args:
-        par: parameters, (n_param,) by `PARAM`.
-        torque: at the main shaft, of both rotors, N m.
+    torque: at the main shaft, of both rotors, N m.
 
     Returns:
         0 to 1; more than 1 where the engine is too weak.

@@ -403,10 +403,7 @@ def last_tick(view):
 def delayed_control(view, ordinal, now):
     """Return a control as it was one delay of its actuator before `now`, linear between ticks.
 
-    Args:
-        view: of the vehicle.
-        ordinal: of the control, one of `CONTROL`.
-        now: s.
+    ordinal: of the control, one of `CONTROL`; now: s.
     """
     m, offsets = view.m, view.offsets
     actuator = view.rotor - ROTOR + ordinal
@@ -426,11 +423,7 @@ def delayed_control(view, ordinal, now):
 def past_controls(view, actuator, earlier, later):
     """Return an actuator's control at two past times: each its newest sample not after it.
 
-    Args:
-        view: of the vehicle.
-        actuator: its id; it has a delay.
-        earlier: s.
-        later: s.
+    actuator: its id; it has a delay; earlier: s; later: s.
     """
     first = ints(view.m, view.offsets.actuator_historyadr)[actuator]
     count = ints(view.m, view.offsets.actuator_history)[2 * actuator]

@@ -103,10 +103,8 @@ class TipPathPlane(Value):
         size, as identified ones do, come from springs that are not the same all around; of these
         the mean belongs to the air.
 
-        Args:
-            flapping: eq. (8).
-            speed: of the rotor, rad/s.
-            direction: 1 for blades that turn clockwise seen from above, -1 for others.
+        flapping: eq. (8); speed: of the rotor, rad/s; direction: 1 for blades that turn clockwise
+        seen from above, -1 for others.
 
         Raises:
             ModelError: no blade has this equation.
@@ -247,10 +245,7 @@ def lock_reduction(lift_slope: float, solidity: float, inflow: float) -> float:
     1 + a sigma / (16 lambda) in hover (Curtiss and Shupe, 1971; Padfield, Helicopter Flight
     Dynamics, ch. 3): tilting blades blow the air that would hold them.
 
-    Args:
-        lift_slope: a, 1/rad.
-        solidity: sigma.
-        inflow: lambda, in hover.
+    lift_slope: a, 1/rad; solidity: sigma; inflow: lambda, in hover.
     """
     return 1.0 + lift_slope * solidity / (16.0 * inflow)
 
@@ -327,9 +322,7 @@ def changed(parameters: Parameters, changes: Mapping[str, float | str]) -> Param
     What is replaced by name stands. Of [flapping] the rest is that of the same blade, on the same
     springs, under the same swashplate; a new time constant is that of a blade of other inertia.
 
-    Args:
-        parameters: of a vehicle, all of them.
-        changes: values or words by name.
+    parameters: of a vehicle, all of them; changes: values or words by name.
 
     Raises:
         UnknownNameError: no such parameter.

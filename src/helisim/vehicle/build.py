@@ -43,13 +43,9 @@ _ATTRIBUTE = re.compile(rb"""(\s+)([^\s=]+)(\s*=\s*)("[^"]*"|'[^']*')""")
 class Element:
     """One element of an MJCF, and where it stands.
 
-    Attributes:
-        tag: such as "body".
-        attributes: as they are written; those of default classes are not among them.
-        file: that it stands in.
-        line: of that file, from 1.
-        parent: the innermost element around it, None for the outermost.
-        start: of its start tag, a byte of the file.
+    tag: such as "body"; attributes: as they are written; those of default classes are not among
+    them; file: that it stands in; line: of that file, from 1; parent: the innermost element around
+    it, None for the outermost; start: of its start tag, a byte of the file.
     """
 
     tag: str
@@ -109,10 +105,8 @@ class Mjcf:
     def find(self, section: str, name: str, *, tag: str | None = None) -> Element | None:
         """Return the element of a section with a name, None if there is none.
 
-        Args:
-            section: such as "actuator", whose elements share their names' room.
-            name: of the element.
-            tag: of the element, where a section has several kinds, such as "body".
+        section: such as "actuator", whose elements share their names' room; name: of the element;
+        tag: of the element, where a section has several kinds, such as "body".
         """
         for element in self:
             of_kind = element.section == section and tag in (None, element.tag)
@@ -131,11 +125,9 @@ class Mjcf:
 
         The elements are read anew: those that were taken before are of the text before.
 
-        Args:
-            element: one of these.
-            attributes: text of each; its line breaks are kept in the file.
-            comment: what the comment straight before the element says from now on. One there is
-                replaced if its first line is the same, else this one is put behind it.
+        element: one of these; attributes: text of each; its line breaks are kept in the file;
+        comment: what the comment straight before the element says from now on. One there is
+        replaced if its first line is the same, else this one is put behind it.
         """
         text = self._texts[element.file]
         tag = _START_TAG.match(text, element.start)

@@ -158,11 +158,8 @@ def _miss(
 class Disc:
     """A rotor at the hover.
 
-    Attributes:
-        force: N, the reference of its coefficients, rho A (Omega R)^2.
-        tip_speed: m/s.
-        solidity: sigma.
-        thrust: N.
+    force: N, the reference of its coefficients, rho A (Omega R)^2; tip_speed: m/s; solidity: sigma;
+    thrust: N.
     """
 
     force: float
@@ -211,11 +208,8 @@ def first_guess(
 ) -> dict[str, float]:
     """Return a value near the solution for each parameter that calibration solves for.
 
-    Args:
-        given: given and chosen parameters, by name.
-        targets: derivatives, by name.
-        mass: kg.
-        gravity: m/s^2.
+    given: given and chosen parameters, by name; targets: derivatives, by name; mass: kg; gravity:
+    m/s^2.
 
     Raises:
         ModelError: the heave damping is none that a hovering rotor can have.
@@ -302,10 +296,7 @@ _SOURCE = "estimated: closed form, from the geometry"
 def estimated_targets(given: Parameters, mass: float, gravity: float) -> Parameters:
     """Return an estimate of every derivative that a calibration takes, by name.
 
-    Args:
-        given: the vehicle's parameters, those of `GEOMETRY` among them.
-        mass: kg.
-        gravity: m/s^2.
+    given: the vehicle's parameters, those of `GEOMETRY` among them; mass: kg; gravity: m/s^2.
 
     Raises:
         ModelError: one of the geometry is missing, or not positive.

@@ -315,9 +315,7 @@ ControllerLike = Controller | WrittenLaw | Law | None
 def as_controller(given: ControllerLike, vehicle: Any = None) -> Controller:
     """Return a controller as it is, a law as the controller of all servos, None as none.
 
-    Args:
-        given: a controller, a law, a law as data, or None.
-        vehicle: that it flies.
+    given: a controller, a law, a law as data, or None; vehicle: that it flies.
 
     Raises:
         InputError: it is none of these, or a law as data without a vehicle.

@@ -35,10 +35,8 @@ _RENAMED = ("actuator", "sensor", "keyframe")
 class Roles:
     """Names in a vehicle's MJCF by kind and role; a role that isn't there has the canonical name.
 
-    Attributes:
-        names: kind -> role -> name in the MJCF.
-        mjcf: file of the vehicle alone; None is found by the folder's name.
-        scene: file of the vehicle in its scene; None is scene.xml, if it is there.
+    names: kind -> role -> name in the MJCF; mjcf: file of the vehicle alone; None is found by the
+    folder's name; scene: file of the vehicle in its scene; None is scene.xml, if it is there.
     """
 
     names: Mapping[str, Mapping[str, str]] = field(default_factory=dict)

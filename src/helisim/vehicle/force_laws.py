@@ -106,9 +106,7 @@ def force_law_block(parameters: Parameters) -> NDArray[np.float64]:
 def check_motor(parameters: Parameters, why: str) -> None:
     """Check what a motor needs of [drive], whether the vehicle's own governor has one or not.
 
-    Args:
-        parameters: of the vehicle.
-        why: a motor turns the rotor, for the message.
+    parameters: of the vehicle; why: a motor turns the rotor, for the message.
 
     Raises:
         ModelError: a parameter is not positive.
@@ -153,12 +151,9 @@ def write_gyro_filters(
 ) -> None:
     """Write what the gyro's filters are at its ticks.
 
-    Args:
-        block: a vehicle's numbers, (n_param,), written.
-        period: s.
-        lead: time constant of the lead of the yaw rate, s.
-        fast: time constant of the filter of the cyclic rates, s.
-        slow: time constant of that of their derivatives, s.
+    block: a vehicle's numbers, (n_param,), written; period: s; lead: time constant of the lead of
+    the yaw rate, s; fast: time constant of the filter of the cyclic rates, s; slow: time constant
+    of that of their derivatives, s.
     """
     block[PARAM.gyro_lead_share] = filter_share(lead, period)
     block[PARAM.gyro_lead_lag] = held_lag(lead, period)
@@ -201,13 +196,9 @@ def downwash(
     the tube the integral is closed, around it a sum. An array, (n_place,), of
     each gives one.
 
-    Args:
-        x: ahead of the centre, over the rotor's radius.
-        z: below the centre, likewise.
-        skew: angle between the wake's axis and the disc's, rad: 0 in hover, near pi/2 at speed,
-            more where the air passes the disc upwards.
-        radius: of the tube, over the rotor's.
-        core: of the vortices, likewise.
+    x: ahead of the centre, over the rotor's radius; z: below the centre, likewise; skew: angle
+    between the wake's axis and the disc's, rad: 0 in hover, near pi/2 at speed, more where the air
+    passes the disc upwards; radius: of the tube, over the rotor's; core: of the vortices, likewise.
     """
     x, z, skew, radius = (np.asarray(one, dtype=float)[..., None] for one in (x, z, skew, radius))
     cosine = np.cos(_AZIMUTHS)
@@ -225,9 +216,7 @@ def wash_coefficients(x: float, z: float) -> tuple[float, ...]:
     The tube contracts as momentum theory has it: to 0.71 radii in hover, not at all at speed.
     Beside it the air of a hover rises at less than a tenth of what falls within: that is left out.
 
-    Args:
-        x: ahead of the hub.
-        z: below it.
+    x: ahead of the hub; z: below it.
     """
     if not math.hypot(x, z) < _FAR:
         return (0.0,) * WASH

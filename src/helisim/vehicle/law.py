@@ -32,10 +32,8 @@ def linearize_law(
 ) -> "control.StateSpace":
     """Return the linear model of a controller in a steady flight, sampled at its ticks.
 
-    Args:
-        controller: that moves at least one servo.
-        model: of the vehicle, with it.
-        trim: the steady flight.
+    controller: that moves at least one servo; model: of the vehicle, with it; trim: the steady
+    flight.
 
     Returns:
         Discrete StateSpace from what the law sees to col, lon, lat and ped. What changes nothing
@@ -76,14 +74,7 @@ def linearize_law(
 
 
 class _Stepper:
-    """A controller called from Python, in a steady flight.
-
-    Attributes:
-        par: the vehicle's numbers, (n_param,).
-        commands: of the four servos in the flight, (4,).
-        seen: what the laws see there, sticks where the flight begins.
-        state: with which they begin, (n_state,).
-    """
+    """A controller called from Python, in a steady flight."""
 
     def __init__(self, controller: Controller, model: mujoco.MjModel, trim: Trim) -> None:
         where, data = addresses(model), mujoco.MjData(model)
@@ -123,13 +114,6 @@ def _settled(law: _Stepper, name: str) -> tuple[Seen, NDArray[np.float64]]:
     """Return what a law sees in a flight that it commands, and its state, (n_state,).
 
     The sticks are what it needs to command the flight, as near the middle as may be.
-
-    Args:
-        law: in the flight.
-        name: of the controller, for messages.
-
-    Raises:
-        ModelError: there is no such state and position of the sticks.
     """
     n = law.state.size
     sticks = [getattr(law.seen, stick) for stick in IN2]

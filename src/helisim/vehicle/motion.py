@@ -63,9 +63,7 @@ def addresses(model: mujoco.MjModel, prefix: str = "") -> Addresses:
 def rotor_actuator(model: mujoco.MjModel, prefix: str = "") -> int:
     """Return the number of a vehicle's rotor actuator, found by its name or its user numbers.
 
-    Args:
-        model: with one vehicle or more.
-        prefix: that the names of the vehicle's elements begin with.
+    model: with one vehicle or more; prefix: that the names of the vehicle's elements begin with.
 
     Raises:
         UnknownNameError: there is no such vehicle, or several could be meant.

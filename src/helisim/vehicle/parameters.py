@@ -337,10 +337,8 @@ def to_toml(
 ) -> str:
     """Return parameters as the text of a parameter file, sections in order of appearance.
 
-    Args:
-        parameters: to be written.
-        header: lines of the comment at the head.
-        comment: returns the lines of the comment above a parameter, by its name.
+    parameters: to be written; header: lines of the comment at the head; comment: returns the lines
+    of the comment above a parameter, by its name.
     """
     lines = [f"# {line}".rstrip() for line in header.splitlines()]
     for section in dict.fromkeys(name.split(".")[0] for name in parameters):
@@ -480,10 +478,7 @@ class WrittenUnit:
 def unit_fault(unit: str, value: float, expected: str) -> str:
     """Return what is wrong with the unit of a value, and what to write; "" if nothing is.
 
-    Args:
-        unit: as it was written.
-        value: in it.
-        expected: the unit that is read.
+    unit: as it was written; value: in it; expected: the unit that is read.
     """
     if unit == expected:
         return ""

@@ -116,10 +116,7 @@ def _cyclic_starts(own: Parameters) -> dict[str, float]:
 def sensitivity(vehicle: Vehicle, axis: str, omega: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return |1 / (1 + L)| of the gyro's loop at one servo command, others closed, (n_freq,).
 
-    Args:
-        vehicle: trimmed.
-        axis: of the servo command, such as "lat".
-        omega: rad/s, (n_freq,).
+    vehicle: trimmed; axis: of the servo command, such as "lat"; omega: rad/s, (n_freq,).
     """
     loop = vehicle.loop(axis)
     a, b, c, d = (np.asarray(getattr(loop, name)) for name in "ABCD")

@@ -182,11 +182,8 @@ def place(
 
     A controller of one's own starts anew, from a state of zeros.
 
-    Args:
-        model: of the vehicle.
-        data: written; time and histories are reset.
-        trim: the steady flight.
-        height: m above the ground; the trim's own if None.
+    model: of the vehicle; data: written; time and histories are reset; trim: the steady flight;
+    height: m above the ground; the trim's own if None.
     """
     mujoco.mj_resetData(model, data)
     where = addresses(model)
@@ -230,9 +227,7 @@ def collective_stick(model: mujoco.MjModel, trim: Trim) -> float:
 def gyro_integrals(par: NDArray[np.float64], trim: Trim) -> tuple[float, float, float]:
     """Return the gyro's integrals of p, q and r with which it commands a trim.
 
-    Args:
-        par: a vehicle's numbers, (n_param,).
-        trim: the steady flight.
+    par: a vehicle's numbers, (n_param,); trim: the steady flight.
     """
     cosine, sine = par[PARAM.gyro_phase_cosine], par[PARAM.gyro_phase_sine]
     lat, lon = gyro.rotate(cosine, -sine, trim.lat, trim.lon)
