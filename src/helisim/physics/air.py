@@ -140,7 +140,7 @@ def turbulence(state, span):
     return Velocities(state[0], v, w, state[3], q, r)
 
 
-@kernel()
+@kernel(forceinline=False)
 def turbulence_rates(state, noise, lags, rate):
     """Write the derivatives of the eight states.
 

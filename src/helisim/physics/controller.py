@@ -86,7 +86,7 @@ def has_own_law(par):
     return par[PARAM.swash_law] > SHIPPED_LAW or par[PARAM.tail_law] > SHIPPED_LAW
 
 
-@kernel()
+@kernel(forceinline=False)
 def command_by_shipped_laws(view, seen):
     """Write the commands of those servos that a shipped law moves."""
     par, controls = view.par, view.controls
@@ -194,7 +194,7 @@ def forget(view):
         view.act[k] = 0.0
 
 
-@kernel()
+@kernel(forceinline=False)
 def seen_now(view, angles, forces, servos):
     """Return what laws see at this tick.
 

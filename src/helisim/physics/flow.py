@@ -93,7 +93,7 @@ def flow(view, ahead):
     return flow_in(view, motion, moving, speed_ratio(view), nearness, mean, ahead)
 
 
-@kernel()
+@kernel(forceinline=False)
 def flow_in(view, motion, moving, speed, nearness, mean, ahead):
     """Return the `Flow` past a vehicle in an induced velocity.
 
@@ -109,7 +109,7 @@ def flow_in(view, motion, moving, speed, nearness, mean, ahead):
     return Flow(motion, hub, speed, main, tail, wake, moving, nearness)
 
 
-@kernel()
+@kernel(forceinline=False)
 def main_rotor_in(view, hub, speed, nearness, mean, ahead):
     """Return what a vehicle's main rotor does in velocities in shaft axes, else as `flow_in`."""
     collective, lon, lat = unmix(

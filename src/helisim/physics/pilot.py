@@ -23,7 +23,7 @@ _EXPONENT = 4.0
 """C1 of the exponential sweep (Tischler and Remple, ch. 5)."""
 
 
-@kernel()
+@kernel(forceinline=False)
 def hashed_noise(seed, channel, knot):
     """Return one number of zero mean and unit variance for a seed, a channel and a knot.
 
@@ -42,7 +42,7 @@ def hashed_noise(seed, channel, knot):
     return (float(total) / 65535.0 - 2.0) * math.sqrt(3.0)
 
 
-@kernel()
+@kernel(forceinline=False)
 def remnant(time, interval, seed, channel):
     """Return noise of unit variance, white at knots `interval` apart and linear between."""
     position = time / interval

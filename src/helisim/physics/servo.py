@@ -58,7 +58,7 @@ def equivalent_delay(frequency, damping):
     return 2.0 * damping / frequency
 
 
-@kernel()
+@kernel(forceinline=False)
 def write_servo_rates(par, act, rate, commands, limits):
     """Write the derivatives of the four servos' states.
 
