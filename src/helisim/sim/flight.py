@@ -221,21 +221,22 @@ def fly_from(
     """
     count, pilot, who = _step_count(plan, model), None, f"controller {vehicle.controller.name!r}"
 
-    def begun() -> tuple[mujoco.MjData, ScriptedPilot | None]:
+    def begun() -> tuple[mujoco.MjData, ScriptedPilot | None, tuple[Command, ...]]:
         data = mujoco.MjData(model)
         mujoco.mj_setState(model, data, start, _PHYSICS)
         if plan.mission is None:
-            return data, None
-        return data, ScriptedPilot(plan.mission, vehicle, model, data, trim, plan.ground)
+            return data, None, ()
+        pilot = ScriptedPilot(plan.mission, vehicle, model, data, trim, plan.ground)
+        return data, pilot, pilot.commands
 
     with vehicle.controller.flying(model) as flying:
         if plan.mission is None:
             sensordata = roll(model, start, count, added=added, state=state)
         else:
-            data, pilot = begun()
+            data, pilot, commands = begun()
             sensordata, made = np.empty((count, model.nsensordata)), 0
             with installed():
-                for made in _stepped(model, data, pilot, plan.ground, added, count):
+                for made in steps(model, data, *commands, added=added, count=count):
                     sensordata[made - 1] = data.sensordata
             sensordata = sensordata[:made]
         failure = flying.failure()
@@ -259,31 +260,14 @@ def fly_from(
         raise End(at, why, start).error()
     last = start
     with vehicle.controller.flying(model), installed():  # again, for the state and the warnings
-        data, again = begun()
-        for made in _stepped(model, data, again, plan.ground, added, kept):
+        data, _, commands = begun()
+        for made in steps(model, data, *commands, added=added, count=kept):
             last = _state(model, data) if made == kept - 1 else last
     kinds = {int(one): name for name, one in mujoco.mjtWarning.__members__.items()}
     warned = [kinds[k].removeprefix("mjWARN_") for k, w in enumerate(data.warning) if w.number]
     if found is None and failure is None and warned:
         why = f"MuJoCo warned of {', '.join(warned)}"
     return flight.until(kept, End(at, why, last, traceback))
-
-
-def _stepped(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    pilot: ScriptedPilot | None,
-    ground: Ground | None,
-    added: NDArray[np.float64] | None,
-    count: int,
-) -> Iterator[int]:
-    """Yield the steps of a flight, of a mission's if there is a pilot, who feels the ground."""
-    commands = () if pilot is None else ((pilot.every, pilot),)
-    contact = None if ground is None or pilot is None else data.sensor("contact").data
-    for made in steps(model, data, *commands, added=added, count=count):
-        if pilot is not None and contact is not None and contact.any():
-            pilot.touched = True
-        yield made
 
 
 def _step_count(plan: FlightPlan, model: mujoco.MjModel) -> int:

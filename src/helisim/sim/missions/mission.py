@@ -132,11 +132,10 @@ def check_mission(mission: Any) -> None:
 
 
 class ScriptedPilot:
-    """Commands a flight by a mission's script: call it with the data every `every` steps.
+    """Commands a flight by a mission's script.
 
     Attributes:
-        every: steps between two ticks.
-        touched: whether anything was touched since the last tick; for the flight loop to say.
+        commands: for `flight.steps`: every so many steps the script is asked.
         failure: how the script failed, None if it didn't.
     """
 
@@ -151,8 +150,10 @@ class ScriptedPilot:
     ) -> None:
         """Take the sticks of a model with pilot and weather; data are as the flight begins."""
         self.failure: Failure | None = None
-        self.touched = False
-        self.every = max(1, round(_TICK / model.opt.timestep))
+        self._touched, self._contact = False, data.sensor("contact").data
+        every = max(1, round(_TICK / model.opt.timestep))
+        felt = () if ground is None else ((1, self._feel),)
+        self.commands = (*felt, (every, self._tick))
         self._mission, self._ground, self._where = mission, ground, addresses(model)
         shape = outline(vehicle)
         self._points, self._radii = shape.points + vehicle.imu_offset, shape.radii
@@ -161,7 +162,7 @@ class ScriptedPilot:
         self._par[PARAM.pilot_k_attitude : PARAM.pilot_k_heading + 1] = 0.0
         data.ctrl[self._where.control + ROTOR] = 1.0
         loop = OuterLoop(vehicle, model, trim, self._where.rotor)
-        self._pilot = Autopilot(loop, self._seen(data), self.every * model.opt.timestep)
+        self._pilot = Autopilot(loop, self._seen(data), every * model.opt.timestep)
         self._finished, self._ticks = False, self._asked()
         self._wanted: list[tuple[float, ...]] = []
 
@@ -172,10 +173,13 @@ class ScriptedPilot:
         finished = self._finished and self.failure is None
         return Script(tuple(self._pilot.phases), wanted, finished)
 
-    def __call__(self, data: mujoco.MjData) -> bool:
+    def _feel(self, _: mujoco.MjData) -> None:
+        self._touched = self._touched or bool(self._contact.any())
+
+    def _tick(self, data: mujoco.MjData) -> bool:
         """Ask the script, and move sticks and rotor; return whether the flight ends."""
         seen, pilot = self._seen(data), self._pilot
-        self.touched = False
+        self._touched = False
         tilt = max(abs(seen.motion.phi), abs(seen.motion.theta))
         if not (math.isfinite(seen.motion.down) and tilt < _LOST):
             return True  # the envelope says why
@@ -242,7 +246,7 @@ class ScriptedPilot:
             east_rate=east_rate,
             down_rate=down_rate,
             clearance=clearance,
-            touches=self.touched,
+            touches=self._touched,
             rotor_speed=rotor,
         )
 
