@@ -92,7 +92,7 @@ class _Field:
 
 
 class _Layout(NamedTuple):
-    """What one FMT message says: a type's number, name, bytes, fields, and why some are lost."""
+    """An FMT message: a type's number, name, bytes, fields, and why some are lost."""
 
     number: int
     name: str
@@ -430,7 +430,7 @@ class Table(Value):
 
 
 class LogText(NamedTuple):
-    """What the autopilot said: `time`, s since it was switched on, and `text`."""
+    """A message that the autopilot said: `time`, s since it was switched on, and `text`."""
 
     time: float
     text: str
@@ -565,7 +565,7 @@ class DataFlash:
 
     @property
     def version(self) -> str:
-        """What wrote the log, such as "ArduCopter V4.7.0-dev (90700977)", empty if unknown."""
+        """Name and version of what wrote the log, such as "ArduCopter V4.7.0"; may be empty."""
         said = [row[-1] for row in self._rows("VER", FWS=True)]
         said += [one.text for one in self.messages() if one.text.startswith("Ardu")]
         return next((shown(one) for one in said if " V" in one), "")
@@ -640,7 +640,7 @@ class DataFlash:
 
     @cached_property
     def _scales(self) -> _Scales:
-        """What the log's own messages say of its units."""
+        """The units, as the log's own messages say them."""
         ids = self._rows("FMTU", FmtType=False, UnitIds=True, MultIds=True)
         units = self._rows("UNIT", Id=False, Label=True)
         factors = self._rows("MULT", Id=False, Mult=False)

@@ -44,7 +44,7 @@ class LogFinding(Note):
 
 
 class Findings(list[LogFinding]):
-    """What is found while a log is read; what stops its use is collected apart, to be said at once.
+    """Findings of a log that is being read; those that stop its use are collected apart.
 
     Attributes:
         refused: what stops its use.

@@ -35,7 +35,7 @@ _NO_MOVE = 1e-9
 
 
 class Named(NamedTuple):
-    """What a column's name says; of names for the same channel the lowest rank is best."""
+    """The meaning of a column's name; of names for the same channel the lowest rank is best."""
 
     channel: str
     unit: str | None

@@ -17,7 +17,7 @@ from helisim.records.record import FlightRecord
 
 Array = NDArray[np.float64]
 Kind = Literal["sweep", "multisine", "sine", "3-2-1-1", "doublet", "pulse", "motion"]
-"""What a control did. "motion" is whatever has no such shape: a pilot, a controller, noise."""
+"""Of a control's motion; "motion" is without such a shape: a pilot, a controller, noise."""
 
 _LONGEST_BLOCK = 5.0
 """s, in which a control must move to count as active; a twentieth of shorter logs."""
@@ -59,7 +59,7 @@ _UNITS = {"start": "start_s", "stop": "stop_s", "low": "low_rad_s", "high": "hig
 
 @dataclass(frozen=True)
 class FoundExcitation:
-    """What a control did in a log.
+    """The motion of a control in a log.
 
     Attributes:
         channel: the control.

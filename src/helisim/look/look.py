@@ -65,7 +65,7 @@ class Proposal:
 
 @dataclass(frozen=True)
 class LogLook:
-    """What a first look at one log found.
+    """Findings of a first look at one log.
 
     Attributes:
         path: the file.
@@ -160,7 +160,7 @@ class LogLook:
 
 @dataclass(frozen=True)
 class Look:
-    """What a first look at logs found.
+    """Findings of a first look at logs.
 
     Attributes:
         logs: one each.
@@ -227,7 +227,7 @@ def look(
 
 
 class _Looked(NamedTuple):
-    """What a look at one log found, and what was read of it."""
+    """The findings of a look at one log, and what was read of it."""
 
     found: LogLook
     log: Opened

@@ -75,7 +75,7 @@ class FlownLog:
 
 @dataclass(frozen=True, eq=False)
 class FlownLoops(Value):
-    """What logs say of an autopilot's loops.
+    """Loops of an autopilot, as logs show them.
 
     Attributes:
         law: that flew the first sweep; None where the parameters are no helicopter's.
@@ -216,7 +216,7 @@ def _cuts_none(sweep: FlownSweep) -> str:
 
 
 class _Rows:
-    """What a log says at its ticks about the loops that sweeps cut.
+    """Rows of a log, by its ticks, about the loops that sweeps cut.
 
     Args:
         log: itself.
@@ -237,7 +237,7 @@ class _Rows:
                 raise LogError(f"{log.path}: no {name} messages beside the sweeps: {_SET}")
         self.log, self.rate = log, log.table("RATE", fields=tuple(_OUTPUTS.values()))
         self.aims = log.table(angles, fields=(*_AIMS, *_ATTITUDES))
-        self.swept = log.table("SIDD", fields=("Targ", *_GYRO))
+        self.injected = log.table("SIDD", fields=("Targ", *_GYRO))
         time, spans = self.rate.time, [(one.start + first, one.stop + first) for one in used]
         each = [np.diff(time[_within(time, *span)]) for span in spans]
         steps, tick = np.concatenate(each), 1.0 / log.parameters().get("SCHED_LOOP_RATE", np.inf)
@@ -295,8 +295,8 @@ class _Rows:
         named = {f"{name}_disturbance": added, f"{name}_sum": total, name: back}
         found = [_record(time, named, sweep)]
         if place == "input":
-            stick = {axis_of(name).stick: np.radians(self._at(self.swept, "Targ", time))}
-            gyro = {rate: self._at(self.swept, field, time) for rate, field in zip(RATES, _GYRO)}
+            stick = {axis_of(name).stick: np.radians(self._at(self.injected, "Targ", time))}
+            gyro = {rate: self._at(self.injected, field, time) for rate, field in zip(RATES, _GYRO)}
             stick |= {rate: np.radians(values) for rate, values in gyro.items()}
             # SIDD's rates are means over the loop before
             found.append(_record(time, stick, sweep, dict.fromkeys(RATES, 0.5 * self.tick)))
@@ -320,7 +320,7 @@ class _Rows:
 
     def _added(self, time: Array) -> Array:
         """Return what the mode added to the mixer's command, (n_time,): each at the next tick."""
-        stamps, first = np.unique(self.swept.time, return_index=True)
+        stamps, first = np.unique(self.injected.time, return_index=True)
         ticks = self.rate.time
         after = np.searchsorted(ticks, stamps + 0.25 * self.tick)
         there = np.flatnonzero(after < ticks.size)
@@ -328,7 +328,7 @@ class _Rows:
         acts = stamps + self.tick
         acts[near] = ticks[after[near]]
         acts, once = np.unique(acts, return_index=True)
-        return filled(acts, _numbers(self.swept, "Targ")[first][once], time, self.period)
+        return filled(acts, _numbers(self.injected, "Targ")[first][once], time, self.period)
 
     def _returned(self, axis: str, time: Array) -> tuple[Array, Array] | None:
         """Return the mixer's command and the sum of its PID, (n_time,) each, of ticks with both."""
@@ -361,7 +361,7 @@ class _Rows:
         """Return the command that the law makes of what was added to a wanted rate, (n_time,)."""
         axis, ticks = sweep.sid_axis.control, self._ticks(time)
         wanted = np.zeros((3, ticks.size))
-        wanted[COMMANDS.index(axis)] = np.radians(self._at(self.swept, "Targ", ticks))
+        wanted[COMMANDS.index(axis)] = np.radians(self._at(self.injected, "Targ", ticks))
         return _response(law, axis, ticks, wanted, time)
 
     def _ticks(self, time: Array) -> Array:

@@ -77,7 +77,7 @@ class SeenClock:
 
 
 class Opened(NamedTuple):
-    """What could be read of a log: uniform records, none if nothing could, and by what options."""
+    """Content of a log as far as it can be read, its uniform records, and the options taken."""
 
     format: str
     clocks: tuple[SeenClock, ...] = ()

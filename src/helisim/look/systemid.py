@@ -229,7 +229,7 @@ class InferredLog:
 
 @dataclass(frozen=True)
 class Inferred:
-    """What logs say of an identification: sweeps, channels, references, structures and bands.
+    """An identification as logs say it: sweeps, channels, references, structures and bands.
 
     Attributes:
         logs: one each.
@@ -266,7 +266,7 @@ class Inferred:
         return frozenset.intersection(*have)
 
     @property
-    def swept(self) -> dict[str, Band]:
+    def bands(self) -> dict[str, Band]:
         """Control -> the band in which it was swept, rad/s, where it has a channel."""
         controls = dict.fromkeys(one.sid_axis.control for one in self.used)
         return {
@@ -295,7 +295,7 @@ class Inferred:
             InputError: an input wasn't swept, or an output isn't in the logs, or the sweeps have
                 no frequency in common.
         """
-        swept, channels = self.swept, self.channels
+        bands, channels = self.bands, self.channels
         for name in outputs:
             if name not in channels:
                 text = (
@@ -304,16 +304,16 @@ class Inferred:
                 )
                 raise InputError(text, remedy=Option("channel", f"{name}=COLUMN:UNIT"))
         for name in inputs:
-            if name not in swept:
-                have = ", ".join(swept) or "none"
+            if name not in bands:
+                have = ", ".join(bands) or "none"
                 raise InputError(
                     f"the input {name!r} of {structure} wasn't swept in these logs; swept: {have}"
                 )
         durations = [one.stop - one.start for one in self.used]
         window = min(min(durations) / 2.0, sum(durations) / 5.0)
-        low = max(1.001 * 2.0 * math.pi / window, *(swept[name][0] for name in inputs))
+        low = max(1.001 * 2.0 * math.pi / window, *(bands[name][0] for name in inputs))
         fastest = PASSBAND * math.pi * (self.sampling.rate or 0.0)
-        high = min(fastest, *(swept[name][1] for name in inputs))
+        high = min(fastest, *(bands[name][1] for name in inputs))
         if not low < high:
             raise InputError(
                 f"the sweeps of {', '.join(inputs)} have no frequency in common that the log "
@@ -321,7 +321,7 @@ class Inferred:
             )
         others = tuple(
             name
-            for name, (lowest, highest) in swept.items()
+            for name, (lowest, highest) in bands.items()
             if name not in inputs and lowest <= _ROOM * low and high <= _ROOM * highest
         )
         moved = (*inputs, *others)
@@ -483,7 +483,7 @@ def infer(
     fits: list[InferredFit] = []
     for structure, inputs, outputs, reason in _HELI if _all_helicopters(found) else _OTHERS:
         taken = {name for fit in fits for name in fit.inputs}
-        there = made.channels.issuperset(outputs) and set(inputs) <= set(made.swept)
+        there = made.channels.issuperset(outputs) and set(inputs) <= set(made.bands)
         if there and not taken & set(inputs):
             fits.append(made.fit(structure, inputs, outputs, reason))
     said = [one for log in found for one in _diagnostics(log, rate)] + _of_fits(found, fits)
