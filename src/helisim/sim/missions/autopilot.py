@@ -412,12 +412,8 @@ class Autopilot:
 
     def climb(self, height: float, *, rate: float = 1.5) -> Iterator[None]:
         """Climb or sink to a height, m above the ground, at a rate, m/s."""
-        wanted, start = self.wanted, self.wanted.down
-        way = -height - start
-        for moved in self._along(Glide(abs(way), rate, rate)):
-            wanted.down = start + math.copysign(moved.distance, way)
-            wanted.down_rate = math.copysign(moved.speed, way)
-            yield
+        way = -height - self.wanted.down
+        yield from self._move("down", "down_rate", way, Glide(abs(way), rate, rate))
 
     def go(
         self, north: float, east: float, *, speed: float = 4.0, acceleration: float = 1.5
@@ -452,10 +448,15 @@ class Autopilot:
 
     def turn(self, angle: float, *, rate: float = 1.0) -> Iterator[None]:
         """Turn on the spot by an angle, rad, to the right if positive, at a rate, rad/s."""
-        wanted, start = self.wanted, self.wanted.heading
-        for moved in self._along(Glide(abs(angle), rate, 2.0 * rate)):
-            wanted.heading = start + math.copysign(moved.distance, angle)
-            wanted.turning = math.copysign(moved.speed, angle)
+        way = Glide(abs(angle), rate, 2.0 * rate)
+        yield from self._move("heading", "turning", angle, way)
+
+    def _move(self, name: str, rate: str, towards: float, way: Glide) -> Iterator[None]:
+        """Want a setting, and the rate of it, to be along a way up or down."""
+        start = getattr(self.wanted, name)
+        for moved in self._along(way):
+            setattr(self.wanted, name, start + math.copysign(moved.distance, towards))
+            setattr(self.wanted, rate, math.copysign(moved.speed, towards))
             yield
 
     def take_off(self, height: float, *, rate: float = 1.0) -> Iterator[None]:
