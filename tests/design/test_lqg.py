@@ -1,25 +1,26 @@
 """LQG laws: printed and closed-form gains, separation, following, and what can't be stabilised."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
 
-from helisim.base.errors import InputError, UnknownNameError
-from helisim.base.linear import zero_order_hold
+from helisim.base.errors import InputError
+from helisim.base.linear import LinearSystem
 from helisim.design.lqg import LqgWeights, Tracked, UnstabilisableError, lqg, regulator
 
 PERIOD = 0.01
 
 
-def sampled(a, b, c, *, states, inputs, outputs, period=PERIOD) -> control.StateSpace:
+def sampled(a, b, c, states, outputs, inputs="lat", period=PERIOD) -> LinearSystem:
     """A continuous model, its commands held each period."""
-    a, b, c = (np.asarray(one, dtype=np.float64) for one in (a, b, c))
-    held_a, held_b = zero_order_hold(a, b, period)
-    names = {"states": states, "inputs": inputs, "outputs": outputs}
-    return control.StateSpace(held_a, held_b, c, 0.0, period, **names)
+    names = inputs.split(), outputs.split(), states.split()
+    d = np.zeros((len(c), len(names[0])))
+    return LinearSystem(a, b, c, d, None, *names).discretise(period)
 
 
-def pendulum() -> control.StateSpace:
+def pendulum() -> LinearSystem:
     """The inverted pendulum of the Control Tutorials for MATLAB and Simulink."""
     cart, mass, friction, inertia, g, length = 0.5, 0.2, 0.1, 0.006, 9.8, 0.3
     p = inertia * (cart + mass) + cart * mass * length**2
@@ -31,28 +32,14 @@ def pendulum() -> control.StateSpace:
         [0, -mass * length * friction / p, mass * g * length * (cart + mass) / p, 0],
     ]
     b = [[0], [turned / p], [0], [mass * length / p]]
-    c = [[1, 0, 0, 0], [0, 0, 1, 0]]
-    return sampled(a, b, c, states=list("xvsr"), inputs=["lat"], outputs=["v", "phi"])
+    return sampled(a, b, [[1, 0, 0, 0], [0, 0, 1, 0]], "x v s r", "v phi")
 
 
-def turning(*, delay: int = 0) -> control.StateSpace:
+def turning(*, delay: int = 0, period: float = PERIOD) -> LinearSystem:
     """Roll by lateral cyclic: a lag of 0.05 s, then two integrals, behind whole ticks of delay."""
-    a, b = zero_order_hold(
-        np.array([[0, 1, 0], [0, 0, 40.0], [0, 0, -20.0]]), np.array([[0], [0], [20.0]]), PERIOD
-    )
-    n = 3
-    whole_a, whole_b = np.zeros((n + delay, n + delay)), np.zeros((n + delay, 1))
-    whole_a[:n, :n] = a
-    if delay:
-        whole_a[:n, [n]] = b
-        whole_a[n : n + delay - 1, n + 1 :] = np.eye(delay - 1)
-        whole_b[-1] = 1.0
-    else:
-        whole_b = b
-    c = np.eye(2, n + delay)
-    states = ["phi", "p", "flap", *(f"wait_{k}" for k in range(delay))]
-    names = {"states": states, "inputs": ["lat"], "outputs": ["phi", "p"]}
-    return control.StateSpace(whole_a, whole_b, c, 0.0, PERIOD, **names)
+    a, b = [[0, 1, 0], [0, 0, 40.0], [0, 0, -20.0]], [[0], [0], [20.0]]
+    now = sampled(a, b, np.eye(2, 3), "phi p flap", "phi p", period=period)
+    return replace(now, delays={"lat": delay * period}).with_delays_as_states()
 
 
 ROLL = Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0)
@@ -83,9 +70,7 @@ def test_filter_is_the_alpha_beta_filter(index):
     beta = 2 (2 - alpha) - 4 sqrt(1 - alpha).
     """
     noise = 0.01
-    moved = sampled(
-        [[0, 1], [0, 0]], [[0], [1]], [[1, 0]], states=["x", "v"], inputs=["lat"], outputs=["phi"]
-    )
+    moved = sampled([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], "x v", "phi")
     weights = LqgWeights(disturbance={"lat": index * noise / PERIOD**2}, noise={"phi": noise})
     r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
     alpha = 1.0 - r**2
@@ -94,10 +79,10 @@ def test_filter_is_the_alpha_beta_filter(index):
     assert gains == pytest.approx([alpha, beta / PERIOD], rel=1e-6)  # rounding of the solver
 
 
-def closed(model: control.StateSpace, law) -> np.ndarray:
+def closed(model, law) -> np.ndarray:
     """The closed loop's matrix, put together from the model's and the law's."""
-    a, b, c = (np.asarray(getattr(model, name)) for name in "ABC")
-    rows = [["col", "lon", "lat", "ped"].index(name) for name in model.input_labels]
+    a, b, c = model.a, model.b, model.c
+    rows = [["col", "lon", "lat", "ped"].index(name) for name in model.inputs]
     seen = slice(len(c))
     gain, shown = law.c[rows], law.d[rows, seen]
     return np.block([[a + b @ shown @ c, b @ gain], [law.b[:, seen] @ c, law.a]])
@@ -116,10 +101,7 @@ def test_closed_loop_has_the_poles_of_regulator_filter_and_commands(delay):
 
 def test_model_follows_a_step_as_the_command_model_does():
     """A step of the stick gives 1 - (1 + w t) exp(-w t) of what it asks for, at the ticks."""
-    model = sampled(
-        [[0, 1], [0, 0]], [[0], [800.0]], [[1, 0], [0, 1]],
-        states=["phi", "p"], inputs=["lat"], outputs=["phi", "p"],
-    )  # fmt: skip
+    model = sampled([[0, 1], [0, 0]], [[0], [800.0]], np.eye(2), "phi p", "phi p")
     w, stick, steps = 6.0, 0.5, 150
     law = lqg(model, (ROLL,))
     roll = flown(model, law, np.full(steps, stick))
@@ -132,7 +114,7 @@ def test_model_follows_a_step_as_the_command_model_does():
 
 def flown(model, law, sticks, *, limit=np.inf, windup=None) -> np.ndarray:
     """The first output over ticks, the law's one command at work behind its limit."""
-    a, b, c = (np.asarray(getattr(model, name)) for name in "ABC")
+    a, b, c = model.a, model.b, model.c
     x, z, out = np.zeros(len(a)), np.zeros(law.order), []
     windup = law.windup if windup is None else windup
     for stick in sticks:
@@ -155,18 +137,10 @@ def test_regulator_keeps_the_margins_that_are_guaranteed():
     roll = Tracked(output="phi", stick="LAT", gain=0.6, frequency=6.0, settle=2.0)
     peaks = []
     for period in (0.01, 0.001):
-        model = sampled(
-            [[0, 1, 0], [0, 0, 40.0], [0, 0, -20.0]],
-            [[0], [0], [20.0]],
-            [[1, 0, 0], [0, 1, 0]],
-            states=["phi", "p", "flap"],
-            inputs=["lat"],
-            outputs=["phi", "p"],
-            period=period,
-        )
+        model = turning(period=period)
         gain = regulator(model, (roll,)).gain
-        a = np.block([[np.asarray(model.A), np.zeros((3, 1))], [period * np.eye(1, 3), np.eye(1)]])
-        b = np.vstack([np.asarray(model.B), [[0.0]]])
+        a = np.block([[model.a, np.zeros((3, 1))], [period * np.eye(1, 3), np.eye(1)]])
+        b = np.vstack([model.b, [[0.0]]])
         points = np.exp(1j * period * np.geomspace(0.01, 0.99 * np.pi / period, 500))
         loop = [(gain @ np.linalg.solve(z * np.eye(4) - a, b))[0, 0] for z in points]
         peaks.append(1.0 / np.min(np.abs(1.0 + np.array(loop))))
@@ -176,7 +150,7 @@ def test_regulator_keeps_the_margins_that_are_guaranteed():
 
 def test_law_that_stood_at_its_limit_comes_back_at_once():
     """A rate beyond what the limit gives is asked for, then none: the integral lets go at once."""
-    model = sampled([[-2.0]], [[10.0]], [[1.0]], states=["p"], inputs=["lat"], outputs=["p"])
+    model = sampled([[-2.0]], [[10.0]], [[1.0]], "p", "p")
     law = lqg(model, (Tracked(output="p", stick="LAT", gain=1.0, frequency=8.0),))
     sticks = np.where(np.arange(400) < 200, 1.0, 0.0)
     kept = flown(model, law, sticks, limit=0.1)
@@ -188,87 +162,65 @@ def test_law_that_stood_at_its_limit_comes_back_at_once():
     assert np.all(wound[200 : 200 + round(2.0 * fastest / PERIOD)] > 0.1)
 
 
-def test_model_that_no_command_moves_says_so():
-    """An unstable mode out of reach is named, with the time in which it doubles."""
-    model = sampled(
-        [[0.5, 0], [0, -1]], [[0], [1]], [[1, 0], [0, 1]],
-        states=["drift", "p"], inputs=["lat"], outputs=["phi", "p"],
-    )  # fmt: skip
-    with pytest.raises(UnstabilisableError, match=r"lat\) moves a mode of drift that doubles in 1"):
-        lqg(model, (Tracked(output="p", stick="LAT", gain=1.0, frequency=5.0),))
+RATE = {"gain": 1.0, "frequency": 5.0}
+TOO_FAR = "too far apart, bring them nearer"
+UNSTABLE = [[0.5, 0], [0, -1]], "drift p"
 
 
-def test_model_that_no_sensor_shows_says_so():
-    """An unstable mode that isn't sensed is named."""
-    model = sampled(
-        [[0.5, 0], [0, -1]], [[1], [1]], [[0, 1]],
-        states=["drift", "p"], inputs=["lat"], outputs=["p"],
-    )  # fmt: skip
-    with pytest.raises(UnstabilisableError, match="from p: they don't show a mode of drift"):
-        regulator(model, ())
-
-
-def test_integral_that_nothing_can_hold_says_so():
-    """The integral of a rate whose integral is a state besides can't be held too."""
-    model = sampled(
-        [[0, 1], [0, -1]], [[0], [1]], [[1, 0], [0, 1]],
-        states=["psi", "r"], inputs=["ped"], outputs=["psi", "r"],
-    )  # fmt: skip
-    with pytest.raises(UnstabilisableError, match="integral of r"):
-        lqg(model, (Tracked(output="r", stick="PED", gain=1.0, frequency=5.0),))
+@pytest.mark.parametrize(
+    ("model", "tracked", "message"),
+    [
+        (  # an unstable mode out of reach, with the time in which it doubles
+            (UNSTABLE[0], [[0], [1]], np.eye(2), UNSTABLE[1], "phi p"),
+            (Tracked(output="p", stick="LAT", **RATE),),
+            r"lat\) moves a mode of drift that doubles in 1",
+        ),
+        (  # one that isn't sensed
+            (UNSTABLE[0], [[1], [1]], [[0, 1]], UNSTABLE[1], "p"),
+            (),
+            "from p: they don't show a mode of drift",
+        ),
+        (  # the integral of a rate whose integral is a state besides can't be held too
+            ([[0, 1], [0, -1]], [[0], [1]], np.eye(2), "psi r", "psi r", "ped"),
+            (Tracked(output="r", stick="PED", **RATE),),
+            "integral of r",
+        ),
+    ],
+)
+def test_what_can_not_be_stabilised_is_named(model, tracked, message):
+    with pytest.raises(UnstabilisableError, match=message):
+        regulator(sampled(*model), tracked)
 
 
 @pytest.mark.parametrize(
     ("tracked", "weights", "message"),
     [
         ((), LqgWeights(), "nothing is tracked"),
-        ((Tracked(output="q", stick="LON", gain=1.0, frequency=5.0),), LqgWeights(), "'q'.*phi, p"),
-        (
-            (ROLL, Tracked(output="p", stick="LON", gain=1.0, frequency=5.0)),
-            LqgWeights(),
-            "2 outputs",
-        ),
+        ((Tracked(output="q", stick="LON", **RATE),), LqgWeights(), "'q'.*phi, p"),
+        ((ROLL, Tracked(output="p", stick="LON", **RATE)), LqgWeights(), "2 outputs"),
         ((ROLL,), LqgWeights(effort={"ped": 0.1}), "unknown effort 'ped'"),
         ((ROLL,), LqgWeights(noise={"phi": 0.0}), "above 0"),
+        # sizes of which rounding would make an unstable law
+        ((ROLL,), LqgWeights(effort={"lat": 1e-12}), TOO_FAR),
+        ((ROLL,), LqgWeights(disturbance={"lat": 1e9}, noise={"phi": 1e-9, "p": 1e-9}), TOO_FAR),
+        ((ROLL,), LqgWeights(noise={"phi": 1e12, "p": 1e12}), TOO_FAR),
     ],
 )
 def test_wrong_input_says_what_would_do(tracked, weights, message):
     """What can't be tracked or weighed is named."""
     with pytest.raises(InputError, match=message):
-        lqg(turning(), tracked, weights)
-
-
-@pytest.mark.parametrize(
-    "weights",
-    [
-        LqgWeights(effort={"lat": 1e-12}),
-        LqgWeights(disturbance={"lat": 1e9}, noise={"phi": 1e-9, "p": 1e-9}),
-        LqgWeights(noise={"phi": 1e12, "p": 1e12}),
-    ],
-)
-def test_sizes_that_no_law_can_be_made_of_say_so(weights):
-    """Rather than a law that rounding has made unstable."""
-    with pytest.raises(InputError, match="too far apart, bring them nearer"):
-        lqg(turning(delay=3), (ROLL,), weights)
+        lqg(turning(delay=3), tracked, weights)
 
 
 def test_model_must_be_sampled_and_late_by_a_tick():
     """A continuous model, an unknown command, and an output within the tick are refused."""
     model = turning()
-    with pytest.raises(InputError, match=r"needs a Plant, or a model sampled.*got 3"):
-        lqg(3, (ROLL,))
-    with pytest.raises(InputError, match="sampled at the gyro's period"):
-        lqg(control.StateSpace(*(np.asarray(getattr(model, k)) for k in "ABCD")), (ROLL,))
-    direct = control.StateSpace(
-        model.A, model.B, model.C, [[0], [1]], PERIOD, inputs=["lat"], outputs=["phi", "p"]
-    )
-    with pytest.raises(InputError, match="p follows a command within the tick"):
-        lqg(direct, (ROLL,))
-    with pytest.raises(UnknownNameError, match="'aileron'"):
-        lqg(_renamed(model), (ROLL,))
-
-
-def _renamed(model):
-    return control.StateSpace(
-        model.A, model.B, model.C, model.D, PERIOD, inputs=["aileron"], outputs=["phi", "p"]
-    )
+    for given, message in (
+        (3, r"needs a Plant, or a model sampled.*got 3"),
+        (control.StateSpace(model.a, model.b, model.c, 0.0), "sampled at the gyro's period"),
+        (replace(model, d=[[0], [1]]), "p follows a command within the tick"),
+        (replace(model, inputs=("aileron",)), "unknown command of the model 'aileron'"),
+        (replace(model, inputs=("aileron",)).system, "unknown command of the model 'aileron'"),
+    ):
+        with pytest.raises(InputError, match=message):
+            lqg(given, (ROLL,))

@@ -228,8 +228,9 @@ def _checked(
     model: "control.StateSpace | LinearSystem", tracked: Sequence[Tracked]
 ) -> LinearSystem:
     """Return a model that can be regulated. Raises InputError."""
-    found = model
-    if not isinstance(found, LinearSystem):
+    if isinstance(model, LinearSystem):
+        found = model
+    else:
         period = getattr(model, "dt", None)
         if not isinstance(period, float | int) or isinstance(period, bool):
             got = f"one with dt = {period!r}" if hasattr(model, "dt") else f"{model!r:.80}"
@@ -367,7 +368,7 @@ def lqg(
         d=whole_d,
         windup=windup @ wide,
         start=start @ wide,
-        limits=(limit,) * 4,
+        limits=(limit, limit, limit, limit),
         name=name,
         provenance=made_by(
             "LQG",

@@ -7,6 +7,7 @@ stable as the aircraft alone; the design finds the rest.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +144,7 @@ def attitude_start(plant: Linear, *, period: float) -> Start:
 
 def _axis(
     kind: str, k_rate: float, rate: float, acceleration: float, late: float
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Return an axis's numbers: the inverse of its model ahead of a feedback of some rate gain."""
     return {
         "stick": _STICK[kind],

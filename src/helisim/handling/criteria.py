@@ -6,7 +6,7 @@ level they are and how far from the border of Level 1. An own one derives from `
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from helisim.handling.chart import (
     Chart,
     ChartAxis,
     ChartLine,
+    Level,
     Limit,
     Region,
     beyond,
@@ -27,9 +28,6 @@ from helisim.handling.chart import (
 )
 from helisim.handling.criterion import WHOLE, Criterion, Rating
 from helisim.handling.loop import Loop, NoResponse, axis_of
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = [
     "ActuatorOnset",
@@ -148,9 +146,10 @@ class NicholsExclusion(Criterion):
         x, y = np.sin(turn), np.cos(turn)
         if self.shape == "hexagon":
             x, y = np.array([[0.0, 1, 1, 0, -1, -1], [1.0, 0.5, -0.5, -1, -0.5, 0.5]])
+        levels: tuple[tuple[Level, float], ...] = ((2, self.size.level1), (3, self.size.level2))
         zones = [
             Region(level, -np.pi + size * self.phase * x, size * self.gain * y)
-            for level, size in ((2, self.size.level1), (3, self.size.level2))
+            for level, size in levels
         ]
         title = f"Nichols exclusion zone, {self.word}, cut at {self.at}"
         return Chart(title, across, up, (_EVERYWHERE, *zones), source=self.source)

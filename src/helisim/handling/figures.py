@@ -37,7 +37,8 @@ _TRIANGLE = 1.862
 """Rate asked for over its limit, from which on what is reached is a triangle."""
 
 
-class Crossings(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Crossings:
     """Where a function of frequency passes zero, between the points k and k + 1.
 
     Attributes:

@@ -182,13 +182,14 @@ def standard(name: str, *, axes: Sequence[str] = ATTITUDES, scale: float = 1.0) 
         raise UnknownNameError("standard", name, STANDARDS)
     names = [axis_of(axis).name for axis in axes]
     attitudes = [axis for axis in names if axis in ATTITUDES]
-    asked: list[tuple[type[Criterion], str, Sequence[str]]]
+    asked: list[tuple[Any, str, Sequence[str]]]
     if name == "margins":
         found = [Spec(PoleLimits(), "hard")]
         asked = [(StabilityMargins, "hard", names)]
         asked += [(kind, "check", names) for kind in (NicholsExclusion, DiskMargin)]
     elif name == "disturbance_rejection":
-        found, asked = [], [(DisturbanceRejection, "soft", names)]
+        found: list[Spec] = []
+        asked = [(DisturbanceRejection, "soft", names)]
     else:
         task = name.removeprefix("ads33e_")
         found = [Spec(AttitudeBandwidth(axis=axis, task=task)) for axis in attitudes]

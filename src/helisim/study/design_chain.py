@@ -201,7 +201,7 @@ def identify_for_design(
         response, bands = _responses(model, flights, own)
         known = model.plain if test is None else filled(model.spec.structure, model.spec)
         fit = identify(response, known, band=bands)
-        if model.inflow is not None and None not in (test, turn) and _excess(fit) >= _MISFIT:
+        if model.inflow is not None and test and turn is not None and _excess(fit) >= _MISFIT:
             richer = filled(model.inflow, model.spec).with_fixed({"turn": turn})
             other = identify(response, richer, band=bands)
             fit = other if _excess(other) < 0.5 * _excess(fit) else fit
