@@ -36,7 +36,7 @@ def test_a_sweep_of_a_stick_rests_before_and_after():
     """Nothing in the first and the last second; it stays within its amplitude."""
     sweep = StickSweep(amplitude=0.01, duration=12.0)
     time = np.linspace(0.0, 12.0, 2401)
-    stick = sweep.sticks(time)
+    stick = sweep.control(time)
     assert np.max(np.abs(stick)) == pytest.approx(0.01, rel=0.02)  # it may miss the very crest
     assert not np.any(stick[(time <= 1.0) | (time >= 11.0)])
     with pytest.raises(InputError, match="duration must leave time"):
