@@ -183,50 +183,19 @@ def values(jr700, tmp_path_factory):
     }
 
 
-NAMES = [
-    *("Vehicle", "Linearization", "sampled Linearization", "Parameters", "Trim", "GyroSettings"),
-    *(
-        "FlightPlan",
-        "Sweep",
-        "Mission",
-        "Doublet",
-        "ThreeTwoOneOne",
-        "Step",
-        "Pulse",
-        "Chirp",
-        "Multisine",
-    ),
-    *("History", "Manoeuvre", "Sequence", "Together", "plan of a History"),
-    *("Pilot", "Recorder", "default Recorder", "Controller"),
-    *("Law", "RateCommand", "Controller of a law", "Seen"),
-    *("ProofPlan", "Weather", "Gust", "Ground", "Deck", "Swing", "FlightEnvelope", "StickFeel"),
-    *("ServoStuck", "SensorDropout", "ServoWeak"),
-    *("GyroRestart", "GyroDropout", "SensorSpikes", "SampleLoss", "RecordGap", "ClockDrift"),
-    *(
-        "FlightRecord",
-        "Example",
-        "Log",
-        "LogReport",
-        "Inferred",
-        "FrequencyResponse",
-        "Structure",
-        "Parameter",
-        "Fit",
-    ),
-    *(
-        "FittedParameter",
-        "Misfit",
-        "Modes",
-        "Mode",
-        "Reduction",
-        "Verification",
-        "VerificationFigures",
-        "Trace",
-    ),
-    *("Cut", "MeasuredMargins", "Plant", "DesignResult", "Tracked", "LqgWeights", "StateSpaceLaw"),
-    *("ArduPilotModel", "AutopilotParameters", "IdentifiedModel", "Results"),
-    *("Spec", "Froude", "Criterion", "Rating", "Run"),
-]
+NAMES = """
+Vehicle, Linearization, sampled Linearization, Parameters, Trim, GyroSettings, FlightPlan,
+Sweep, Mission, Doublet, ThreeTwoOneOne, Step, Pulse, Chirp, Multisine, History, Manoeuvre,
+Sequence, Together, plan of a History, Pilot, Recorder, default Recorder, Controller, Law,
+RateCommand, Controller of a law, Seen, ProofPlan, Weather, Gust, Ground, Deck, Swing,
+FlightEnvelope, StickFeel, ServoStuck, SensorDropout, ServoWeak, GyroRestart, GyroDropout,
+SensorSpikes, SampleLoss, RecordGap, ClockDrift, FlightRecord, Example, Log, LogReport,
+Inferred, FrequencyResponse, Structure, Parameter, Fit, FittedParameter, Misfit, Modes, Mode,
+Reduction, Verification, VerificationFigures, Trace, Cut, MeasuredMargins, Plant, DesignResult,
+Tracked, LqgWeights, StateSpaceLaw, ArduPilotModel, AutopilotParameters, IdentifiedModel,
+Results, Spec, Froude, Criterion, Rating, Run
+"""
+NAMES = [name.strip() for name in NAMES.split(",")]
 ABSTRACT = {"Excitation"}
 """Public classes without an instance of their own."""
 NO_VALUE = {"HandFlight", "DataFlash"}

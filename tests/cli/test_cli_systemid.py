@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from command import fails
 from helisim.cli import main
 from sid_logs import TRUTH, SidLog, four_axes
 
@@ -38,40 +39,17 @@ def test_options_overrule_what_the_log_says(tmp_path, capsys):
     assert "p/lat" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ([], "no SystemID messages (SIDS, SIDD)"),
-        (["--rate", "100"], "--time and --rate"),
-    ],
-)
-def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys, words, said):
-    """With exit status 2."""
-    path = SidLog().save(tmp_path)
-    assert main(["identify", str(path), *words, "--quiet"]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
-
-
-def test_other_logs_need_a_structure(tmp_path, capsys):
-    """A CSV doesn't say what was swept; `look` guesses."""
-    path = tmp_path / "a.csv"
-    path.write_text("t,p\n0,0\n")
-    assert main(["identify", str(path), "--quiet"]) == 2
-    error = capsys.readouterr().err
-    assert "--structure has to be said" in error
-    assert error.count("\n") == 1
-    path.write_bytes(b"")
-    assert main(["identify", str(path), "--quiet"]) == 2
-    assert "the file is empty" in capsys.readouterr().err
-
-
-def test_what_belongs_to_one_structure_asks_for_it(tmp_path, capsys):
-    """Where a log allows several."""
-    path = SidLog().sweep(10, **SHORT).sweep(12, **SHORT).save(tmp_path)
-    assert main(["identify", str(path), "--fix", "N_r=-3", "--quiet"]) == 2
-    assert "choose one by --structure" in capsys.readouterr().err
+def test_what_cannot_be_used_is_said_in_one_line(tmp_path, capsys):
+    """Without sweeps, with times of one's own, of a CSV, of no bytes, and of several fits."""
+    path, other = SidLog().save(tmp_path), tmp_path / "a.csv"
+    assert "no SystemID messages (SIDS, SIDD)" in fails(capsys, "identify", path)
+    assert "--time and --rate" in fails(capsys, "identify", path, "--rate", "100")
+    other.write_text("t,p\n0,0\n")
+    assert "--structure has to be said" in fails(capsys, "identify", other)
+    other.write_bytes(b"")
+    assert "the file is empty" in fails(capsys, "identify", other)
+    SidLog().sweep(10, **SHORT).sweep(12, **SHORT).save(tmp_path)
+    assert "choose one by --structure" in fails(capsys, "identify", path, "--fix", "N_r=-3")
 
 
 @pytest.mark.slow
