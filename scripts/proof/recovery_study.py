@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "recovery"))
-from aircraft import Aircraft
+from closed_loop import Aircraft
 from fleet import FLEET
 from recovering import Recovery, bound, recover
 

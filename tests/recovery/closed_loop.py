@@ -5,7 +5,8 @@ a delay is a whole number of them, so the record belongs to a continuous plant w
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from scipy.linalg import expm, solve_continuous_are
 from scipy.signal import butter, sosfiltfilt
 
 from helisim.ident import Structure
-from helisim.ident.evaluate import matrices, state_space
+from helisim.ident.evaluate import matrices, response, state_space
 from helisim.records.channels import channel
 from helisim.records.record import FlightRecord
 
@@ -187,3 +188,82 @@ def _propagate(transition: NDArray, driven: NDArray) -> NDArray[np.float64]:
     for k in range(_BLOCK):
         local[k] += edge[:-1] @ powers[k].T
     return local[:_BLOCK].transpose(1, 0, 2).reshape(-1, n)[:samples]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """One flight: which stick is swept and how.
+
+    Attributes:
+        axis: the swept stick.
+        band: lowest and highest frequency, rad/s.
+        amplitude: of the sweep, in the input's unit.
+        duration: s.
+        off_axis: rms of the remnant on the other sticks.
+    """
+
+    axis: str
+    band: tuple[float, float]
+    amplitude: float
+    duration: float
+    off_axis: float
+
+
+@dataclass(frozen=True, eq=False)
+class Aircraft:
+    """A plant in its rig, and the sweeps that are flown with it.
+
+    Attributes:
+        name: short, for tables.
+        rig: the plant under feedback, its noise and its gusts.
+        sweeps: the flights of one replicate.
+    """
+
+    name: str
+    rig: Rig
+    sweeps: tuple[Sweep, ...]
+
+    @property
+    def structure(self) -> Structure:
+        return self.rig.structure
+
+    @property
+    def truth(self) -> Mapping[str, float]:
+        return self.rig.values
+
+    @property
+    def closed(self) -> bool:
+        """Whether there is any feedback: then the sticks are references."""
+        return bool(np.any(self.rig.gain))
+
+    def fly(self, seed: int) -> list[FlightRecord]:
+        """Return the records of one replicate."""
+        return [
+            self.rig.fly(seed=100 * seed + number, **asdict(one))
+            for number, one in enumerate(self.sweeps)
+        ]
+
+    def response(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the true response at frequencies in rad/s, (n_out, n_in, n_freq)."""
+        return response(self.structure, self.truth, frequency)
+
+
+def swept(
+    name: str,
+    rig: Rig,
+    amplitudes: Mapping[str, float],
+    band: tuple[float, float],
+    duration: float,
+    off_axis: float,
+) -> Aircraft:
+    """Return an aircraft with two sweeps an axis."""
+    common: dict[str, Any] = {"band": band, "duration": duration, "off_axis": off_axis}
+    return Aircraft(
+        name,
+        rig,
+        tuple(
+            Sweep(axis=axis, amplitude=amplitude, **common)
+            for axis, amplitude in amplitudes.items()
+            for _ in range(2)
+        ),
+    )

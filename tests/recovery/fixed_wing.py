@@ -5,11 +5,9 @@ converted says so.
 """
 
 import math
-from typing import Any
 
 import numpy as np
-from aircraft import Aircraft, Sweep
-from closed_loop import Rig
+from closed_loop import Aircraft, Rig, swept
 from published import FOOT, parameters
 
 from helisim.ident import Structure
@@ -184,7 +182,7 @@ def f_16() -> Aircraft:
         gust={"beta": 0.001, "p": 0.02},
         gust_cutoff=6.0,
     )
-    return _swept("f_16", rig, {"lat": 0.02, "ped": 0.03}, (0.2, 25.0), 100.0, 0.001)
+    return swept("f_16", rig, {"lat": 0.02, "ped": 0.03}, (0.2, 25.0), 100.0, 0.001)
 
 
 def learjet_lateral() -> Aircraft:
@@ -200,7 +198,7 @@ def learjet_lateral() -> Aircraft:
         gust={"v": 0.03, "p": 0.003, "r": 0.0005},
         gust_cutoff=3.0,
     )
-    return _swept("learjet_lat", rig, {"lat": 1.0, "ped": 1.0}, (0.15, 12.0), 150.0, 0.02)
+    return swept("learjet_lat", rig, {"lat": 1.0, "ped": 1.0}, (0.15, 12.0), 150.0, 0.02)
 
 
 def learjet_longitudinal() -> Aircraft:
@@ -216,25 +214,4 @@ def learjet_longitudinal() -> Aircraft:
         gust={"u": 0.01, "w": 0.03, "q": 0.001},
         gust_cutoff=3.0,
     )
-    return _swept("learjet_lon", rig, {"lon": 0.5}, (0.04, 12.0), 300.0, 0.0)
-
-
-def _swept(
-    name: str,
-    rig: Rig,
-    amplitudes: dict[str, float],
-    band: tuple[float, float],
-    duration: float,
-    off_axis: float,
-) -> Aircraft:
-    """Return an aircraft with two sweeps an axis."""
-    common: dict[str, Any] = {"band": band, "duration": duration, "off_axis": off_axis}
-    return Aircraft(
-        name,
-        rig,
-        tuple(
-            Sweep(axis=axis, amplitude=amplitude, **common)
-            for axis, amplitude in amplitudes.items()
-            for _ in range(2)
-        ),
-    )
+    return swept("learjet_lon", rig, {"lon": 0.5}, (0.04, 12.0), 300.0, 0.0)

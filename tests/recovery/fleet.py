@@ -8,8 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import published
-from aircraft import Aircraft, Sweep
-from closed_loop import Rig, quadratic_gain
+from closed_loop import Aircraft, Rig, Sweep, quadratic_gain, swept
 from fixed_wing import f_16, learjet_lateral, learjet_longitudinal
 from hover import hover
 from multirotor import hummingbird
@@ -27,11 +26,7 @@ def boeing_747() -> Aircraft:
         gust={"beta": 0.001, "p": 0.0025},
         gust_cutoff=2.0,
     )
-    sweeps = [
-        Sweep(axis=axis, amplitude=amplitude, band=(0.1, 8.0), duration=400.0, off_axis=0.001)
-        for axis, amplitude in (("ped", 0.05), ("ped", 0.05), ("lat", 0.1), ("lat", 0.1))
-    ]
-    return Aircraft("boeing_747", rig, tuple(sweeps))
+    return swept("boeing_747", rig, {"ped": 0.05, "lat": 0.1}, (0.1, 8.0), 400.0, 0.001)
 
 
 def blade_360() -> Aircraft:
@@ -74,17 +69,8 @@ def lynx() -> Aircraft:
         gust={"u": 0.05, "v": 0.05, "w": 0.05, "p": 0.015, "q": 0.01, "r": 0.01},
         gust_cutoff=3.0,
     )
-    sweeps = [
-        Sweep(
-            axis=axis,
-            band=(0.1, 20.0),
-            amplitude=1.0 if axis == "ped" else 0.3,
-            duration=300.0,
-            off_axis=0.006,
-        )
-        for axis in ("col", "col", "lon", "lon", "lat", "lat", "ped", "ped")
-    ]
-    return Aircraft("lynx", rig, tuple(sweeps))
+    amplitudes = {"col": 0.3, "lon": 0.3, "lat": 0.3, "ped": 1.0}
+    return swept("lynx", rig, amplitudes, (0.1, 20.0), 300.0, 0.006)
 
 
 FLEET: dict[str, Callable[[], Aircraft]] = {

@@ -6,8 +6,7 @@ helicopter's orders of magnitude, chosen here: a test case, not an aircraft.
 """
 
 import numpy as np
-from aircraft import Aircraft, Sweep
-from closed_loop import Rig
+from closed_loop import Aircraft, Rig, swept
 from published import parameters
 
 from helisim.ident import Structure
@@ -128,10 +127,5 @@ def hover() -> Aircraft:
         },
         gust={"u": 0.02, "v": 0.02, "w": 0.02, "p": 0.04, "q": 0.03, "r": 0.02},
     )
-    common = {"band": (0.3, 30.0), "duration": 100.0, "off_axis": 0.003}
-    sweeps = [
-        Sweep(axis=axis, amplitude=amplitude, **common)
-        for axis, amplitude in (("lat", 0.06), ("lon", 0.06), ("ped", 0.1), ("col", 0.06))
-        for _ in range(2)
-    ]
-    return Aircraft("hover", rig, tuple(sweeps))
+    amplitudes = {"lat": 0.06, "lon": 0.06, "ped": 0.1, "col": 0.06}
+    return swept("hover", rig, amplitudes, (0.3, 30.0), 100.0, 0.003)

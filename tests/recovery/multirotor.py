@@ -14,8 +14,7 @@ and their lag is that of speeding up.
 import math
 
 import numpy as np
-from aircraft import Aircraft, Sweep
-from closed_loop import Rig
+from closed_loop import Aircraft, Rig, swept
 from published import parameters
 
 from helisim.ident import Structure
@@ -110,12 +109,4 @@ def hummingbird() -> Aircraft:
         gust={"u": 0.05, "v": 0.05, "w": 0.05, "p": 0.1, "q": 0.1, "r": 0.05},
     )
     amplitudes = {"lat": 0.05, "lon": 0.05, "ped": 0.1, "col": 0.05}
-    return Aircraft(
-        "hummingbird",
-        rig,
-        tuple(
-            Sweep(axis=axis, band=(0.4, 60.0), amplitude=size, duration=60.0, off_axis=0.001)
-            for axis, size in amplitudes.items()
-            for _ in range(2)
-        ),
-    )
+    return swept("hummingbird", rig, amplitudes, (0.4, 60.0), 60.0, 0.001)

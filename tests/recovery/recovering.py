@@ -5,7 +5,7 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from aircraft import Aircraft
+from closed_loop import Aircraft
 from numpy.typing import NDArray
 
 from helisim.cli.logs import resolved_band

@@ -11,10 +11,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from aircraft import Aircraft
+from closed_loop import Aircraft
 from fleet import FLEET
-from held import held
 
+from exact_fits import found as exactly
 from helisim.base.errors import InputError
 from helisim.ident import Structure, verify
 from helisim.ident.verification import ACCEPTABLE_TIC, theil
@@ -42,7 +42,7 @@ def flight(name: str) -> FlightRecord:
 def verified(name: str, **changes: float):
     """Return how well an aircraft's true model predicts that flight, changes made to it."""
     one = aircraft(name)
-    return verify(held(one.structure, {**one.truth, **changes}), flight(name))
+    return verify(exactly(one.structure, **{**one.truth, **changes}), flight(name))
 
 
 @pytest.mark.parametrize("name", UNSTABLE)
@@ -128,7 +128,7 @@ def rolled(samples: int, *, seed: int = 0, bias: float = 0.0, noise: float = NOI
 
 
 def roll(effect: float = EFFECT):
-    return held(ROLL, {"L_p": GROWTH, "L_lat": effect})
+    return exactly(ROLL, L_p=GROWTH, L_lat=effect)
 
 
 def test_the_exact_flight_is_predicted_exactly():
