@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from helisim.base.linear import LinearSystem
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import (
     bandwidth,
@@ -31,35 +32,32 @@ def curve(response, frequency=FINE):
     return Curve(frequency, response(1j * frequency))
 
 
-def test_margins_of_a_textbook():
-    """Ogata, Modern Control Engineering, 5th edition, 2010, chapter 7, MATLAB's margins.
+Z = np.exp(0.1j * np.geomspace(0.5, 31.0, 2000))
+PRINTED = {
+    # Ogata, Modern Control Engineering, 5th edition, 2010, chapter 7, MATLAB's margins of
+    # G = 20 (s + 1) / (s (s + 5) (s^2 + 2 s + 10))
+    "a textbook's": (
+        curve(lambda s: 20.0 * (s + 1.0) / (s * (s + 5.0) * (s**2 + 2.0 * s + 10.0))),
+        (9.9293, 3e-4, 4.0131, 103.6573, 5e-4, 0.4426),
+    ),
+    # The MathWorks, Control System Toolbox, reference page of `margin`, sampled at 0.1 s:
+    # a gain of 2.0517
+    "sampled": (
+        Curve(np.geomspace(0.5, 31.0, 2000), (0.04798 * Z + 0.0464) / (Z**2 - 1.81 * Z + 0.9048)),
+        (20.0 * np.log10(2.0517), 5e-4, 5.4374, 13.5711, 2e-4, 4.3544),
+    ),
+}
 
-    G = 20 (s + 1) / (s (s + 5) (s^2 + 2 s + 10)): 9.9293 dB at 4.0131 rad/s, 103.6573 deg at
-    0.4426 rad/s.
-    """
-    found = margins(curve(lambda s: 20.0 * (s + 1.0) / (s * (s + 5.0) * (s**2 + 2.0 * s + 10.0))))
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_margins_are_the_printed_ones(name):
+    loop, (size, within, where, angle, digits, crossover) = PRINTED[name]
+    found = margins(loop)
     ((turn, gain),), ((one, phase),) = found.gain, found.phase
-    assert gain == pytest.approx(9.9293, abs=3e-4)
-    assert turn == pytest.approx(4.0131, abs=1e-4)
-    assert np.degrees(phase) == pytest.approx(103.6573, abs=5e-4)
-    assert one == pytest.approx(0.4426, abs=1e-4)
-    assert found.crossover == one
-
-
-def test_margins_of_a_sampled_loop():
-    """The MathWorks, Control System Toolbox, reference page of `margin`.
-
-    H(z) = (0.04798 z + 0.0464) / (z^2 - 1.81 z + 0.9048) at 0.1 s: 2.0517 at 5.4374 rad/s,
-    13.5711 deg at 4.3544 rad/s.
-    """
-    omega = np.geomspace(0.5, 31.0, 2000)
-    z = np.exp(0.1j * omega)
-    found = margins(Curve(omega, (0.04798 * z + 0.0464) / (z**2 - 1.81 * z + 0.9048)))
-    ((turn, gain),), ((one, phase),) = found.gain, found.phase
-    assert 10.0 ** (gain / 20.0) == pytest.approx(2.0517, abs=1e-4)
-    assert turn == pytest.approx(5.4374, abs=1e-4)
-    assert np.degrees(phase) == pytest.approx(13.5711, abs=2e-4)
-    assert one == pytest.approx(4.3544, abs=1e-4)
+    assert gain == pytest.approx(size, abs=within)
+    assert turn == pytest.approx(where, abs=1e-4)
+    assert np.degrees(phase) == pytest.approx(angle, abs=digits)
+    assert found.crossover == one == pytest.approx(crossover, abs=1e-4)
 
 
 def test_margins_to_both_sides_of_a_conditionally_stable_vehicle():
@@ -121,35 +119,33 @@ def test_modes_of_a_helicopter():
     assert least_damped(every, low=1.0).frequency == pytest.approx(7.17, abs=0.006)
 
 
-class Transport:
-    """The transport aircraft of Stevens and Lewis, example 4.6-1, with its elevator's lag."""
-
-    inputs, outputs = ("lon",), ("theta", "q")
-    a = np.array(
-        [
-            [-0.0082354, 18.938, -32.170, 0.0, 5.9022e-05, 0.0],
-            [-0.00025617, -0.56761, 0.0, 1.0, 2.2633e-06, 0.0],
-            [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-            [1.3114e-05, -1.4847, 0.0, -0.47599, -1.4947e-07, 0.019781],
-            [0.0, -500.0, 500.0, 0.0, 0.0, 0.0],
-            [0.0, 0.0, 0.0, 0.0, 0.0, -10.0],
-        ]
-    )
-    b = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 10.0])
-    c = 57.296 * np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
-
-    def response(self, frequency):
-        s = 1j * frequency[:, None, None] * np.eye(6)
-        return np.moveaxis(self.c @ np.linalg.solve(s - self.a, self.b[:, None]), 0, -1)
-
-
-class PitchHold:
-    """u = 4 (theta_c - theta) - 2.5 q."""
-
-    inputs, outputs = ("theta", "q", "LON"), ("lon",)
-
-    def response(self, frequency):
-        return np.array([[-4.0, -2.5, 4.0]])[:, :, None] * np.ones(frequency.size)
+_TRANSPORT = LinearSystem(
+    [
+        [-0.0082354, 18.938, -32.170, 0.0, 5.9022e-05, 0.0],
+        [-0.00025617, -0.56761, 0.0, 1.0, 2.2633e-06, 0.0],
+        [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        [1.3114e-05, -1.4847, 0.0, -0.47599, -1.4947e-07, 0.019781],
+        [0.0, -500.0, 500.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0, -10.0],
+    ],
+    [[0.0], [0.0], [0.0], [0.0], [0.0], [10.0]],
+    57.296 * np.eye(6)[2:4],
+    np.zeros((2, 1)),
+    None,
+    ("lon",),
+    ("theta", "q"),
+)
+"""The transport aircraft of Stevens and Lewis, example 4.6-1, with its elevator's lag."""
+_PITCH_HOLD = LinearSystem(
+    np.zeros((0, 0)),
+    np.zeros((0, 3)),
+    np.zeros((1, 0)),
+    [[-4.0, -2.5, 4.0]],
+    None,
+    ("theta", "q", "LON"),
+    ("lon",),
+)
+"""u = 4 (theta_c - theta) - 2.5 q."""
 
 
 def test_a_closed_loop_is_the_one_that_is_printed():
@@ -160,7 +156,7 @@ def test_a_closed_loop_is_the_one_that_is_printed():
     (s + 0.02522)(s + 1.718e-4)). Four digits of each are worth 0.2 % and 0.1 deg.
     """
     omega = np.geomspace(0.01, 50.0, 200)
-    loop = ClosedLoop(Transport(), PitchHold(), omega)
+    loop = ClosedLoop(_TRANSPORT, _PITCH_HOLD, omega)
     s = 1j * omega
     printed = 45.33 * (s + 0.5567) * (s + 0.01897) * (s + 1.666e-4)
     printed /= ((s + 1.999) ** 2 + 2.389**2) * (s + 6.646) * (s + 0.3815)

@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from importlib import import_module
 from os import PathLike
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -15,6 +15,7 @@ from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import atomic_write, read_toml
 from helisim.base.linear import Linear, LinearSystem
 from helisim.base.settings import Inline, check, from_plain, placed, setting, to_plain, toml_text
+from helisim.base.value import FrozenMap
 from helisim.records.channels import IN1
 
 if TYPE_CHECKING:
@@ -189,7 +190,7 @@ class TabledLaw(Law):
 
     not_tuned: ClassVar[tuple[str, ...]] = ()
     name: str = ""
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = FrozenMap({})
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", self.name or self.kind)
