@@ -9,7 +9,7 @@ models/lynx has Padfield's configuration; nothing of it is fitted to a derivativ
 
 Each difference of more than 15 % must have an explanation, and explanations are tried: the model
 flies again with what is named switched, and the difference must shrink. Where the two prints
-differ from each other as much, neither is more than that. Sources: helisim/study/paper.toml and
+differ from each other as much, neither is more than that. Sources: scripts/proof/lynx.toml and
 models/lynx/README.md.
 
     python scripts/proof/full_scale.py [--figure full_scale.png]
@@ -25,15 +25,71 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
+from helisim.base.files import read_toml
+from helisim.base.settings import check, from_plain
 from helisim.show.canvas import to_figure
 from helisim.show.figure import Drawing, Mark, Panel
-from helisim.study import paper
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.blade import lock_reduction
 from helisim.vehicle.calibrate import flapping_of
 
-LYNX = paper.published("lynx").full_scale
-assert LYNX is not None
+KNOT = 1852.0 / 3600.0
+"""m/s."""
+GRAVITY = 9.81
+"""m/s^2, of Padfield's tables: their rows' elements are 9.81 cos(theta) and so on."""
+STATES = ("u", "w", "q", "theta", "v", "p", "phi", "r")
+INPUTS = ("theta_0", "theta_1s", "theta_1c", "theta_0T")
+"""Of Padfield's matrices."""
+RATE_OF = {"X": "u", "Y": "v", "Z": "w", "L": "p", "M": "q", "N": "r"}
+"""The state whose rate a force or moment's derivative is of."""
+
+
+@dataclass(frozen=True)
+class LinearFlight:
+    """Padfield's linear model of level flight at one speed.
+
+    Attributes:
+        a: rows of the state matrix, `STATES` by `STATES`.
+        b: rows of the input matrix, `STATES` by `INPUTS`.
+    """
+
+    a: tuple[tuple[float, ...], ...]
+    b: tuple[tuple[float, ...], ...]
+
+    def derivative(self, rate: str, cause: str) -> float:
+        """Return d(rate of a state)/d(state or input) by name, such as ("q", "u") for M_u."""
+        return (*self.a[row := STATES.index(rate)], *self.b[row])[(*STATES, *INPUTS).index(cause)]
+
+
+@dataclass(frozen=True)
+class FullScale:
+    """Linear models and trims of a full-scale helicopter, by two sources.
+
+    Attributes:
+        padfield: airspeed, kn -> linear model.
+        thesis_knots: airspeeds of the thesis's curves, kn.
+        thesis_trims: angles (rad), mean inflow ratio and the tail's thrust coefficient there.
+        thesis_derivatives: by name; products of inertia are in those of L and N.
+    """
+
+    padfield: Mapping[int, LinearFlight]
+    thesis_knots: tuple[int, ...]
+    thesis_trims: Mapping[str, tuple[float, ...]]
+    thesis_derivatives: Mapping[str, tuple[float, ...]]
+
+    def __post_init__(self) -> None:
+        by_knots = {int(knots): flight for knots, flight in self.padfield.items()}
+        object.__setattr__(self, "padfield", by_knots)
+        check(self)
+
+    def apart(self, name: str, knots: int) -> float:
+        """Return by how much of Padfield's value the thesis's is off it. Raises KeyError."""
+        axis, _, cause = name.partition("_")
+        printed = self.padfield[knots].derivative(RATE_OF[axis], cause)
+        return self.thesis_derivatives[name][self.thesis_knots.index(knots)] / printed - 1.0
+
+
+LYNX = from_plain(FullScale, read_toml(Path(__file__).with_name("lynx.toml")), "lynx.toml")
 CLOSE = 0.15
 """Relative difference up to which a prediction counts as the print."""
 SMALL = 0.05
@@ -41,7 +97,7 @@ SMALL = 0.05
 PUSH = {
     **dict.fromkeys("uvw", 1.0),
     **dict.fromkeys("pqr", 0.1),
-    **dict.fromkeys(paper.INPUTS, 0.01),
+    **dict.fromkeys(INPUTS, 0.01),
 }
 """m/s, rad/s and rad whose effects on an axis are compared with each other."""
 HALF_A_DEGREE = np.radians(0.5)
@@ -122,7 +178,7 @@ def flights(changes: Changes = ()) -> tuple[Flight, ...]:
     vehicle = load("lynx", parameters=dict(changes))
     found = []
     for knots in LYNX.thesis_knots:
-        vehicle = vehicle.trimmed(speed=knots * paper.KNOT)  # each from the one before
+        vehicle = vehicle.trimmed(speed=knots * KNOT)  # each from the one before
         found.append(Flight(knots, angles(vehicle), vehicle.power, derivatives(vehicle)))
     return tuple(found)
 
@@ -161,7 +217,7 @@ def derivatives(vehicle: Vehicle) -> dict[str, float]:
     for name in DERIVATIVES:
         axis, _, cause = name.partition("_")
         control, unit = by_control.get(cause, (cause, 1.0))
-        found[name] = linear.derivative(paper.RATE_OF[axis], control) / unit
+        found[name] = linear.derivative(RATE_OF[axis], control) / unit
     return without_kinematics(found, vehicle.trim.speed, vehicle.trim.theta)
 
 
@@ -186,7 +242,7 @@ def _padfield_rows(found: Sequence[Flight]) -> Iterator[Row]:
             continue
         theta = attitude(linear)["theta"]
         printed = {name: value_of(linear, name) for name in DERIVATIVES}
-        printed = without_kinematics(printed, flight.knots * paper.KNOT, theta)
+        printed = without_kinematics(printed, flight.knots * KNOT, theta)
         yield from _derivative_rows(PADFIELD, flight, printed)
         for name, angle in attitude(linear).items():
             yield Row(PADFIELD, name, flight.knots, angle, flight.angles[name], HALF_A_DEGREE)
@@ -215,16 +271,16 @@ def _derivative_rows(source: str, flight: Flight, printed: Mapping[str, float]) 
         yield Row(source, name, flight.knots, value, flight.derivatives[name], small)
 
 
-def attitude(linear: paper.LinearFlight) -> dict[str, float]:
+def attitude(linear: LinearFlight) -> dict[str, float]:
     """Return the angles that a table's elements of gravity are of, rad."""
     theta = np.arctan2(-linear.derivative("w", "theta"), -linear.derivative("u", "theta"))
     return {"theta": float(theta), "phi": -float(np.arcsin(linear.derivative("theta", "r")))}
 
 
-def value_of(linear: paper.LinearFlight, name: str) -> float:
+def value_of(linear: LinearFlight, name: str) -> float:
     """Return a table's derivative by its name."""
     axis, _, cause = name.partition("_")
-    return linear.derivative(paper.RATE_OF[axis], cause)
+    return linear.derivative(RATE_OF[axis], cause)
 
 
 @dataclass(frozen=True)
@@ -309,7 +365,7 @@ def skewed_wake(row: Row, flight: Flight) -> float:
     lock = own["air.density"] * own["main_rotor.lift_slope"] * own["main_rotor.chord"]
     lock *= own["main_rotor.radius"] ** 4 / inertia
     stiffness = 8.0 * spring / (inertia * own["main_rotor.speed"] ** 2) / lock
-    at = {"u": row.knots * paper.KNOT / tip, "w": 0.0, "theta_0": flight.angles["theta_0"]}
+    at = {"u": row.knots * KNOT / tip, "w": 0.0, "theta_0": flight.angles["theta_0"]}
     right, back = 0.0, 0.0  # of the disc, by what changes
     if cause == "v":
         far = at | {"u": max(at["u"], 1e-4)}
@@ -321,7 +377,7 @@ def skewed_wake(row: Row, flight: Flight) -> float:
         right = change if cause == "theta_0" else change / tip
     whole = 1.0 + stiffness**2
     right, back = (right - stiffness * back) / whole, (back + stiffness * right) / whole
-    weight = MASS * paper.GRAVITY
+    weight = MASS * GRAVITY
     moment = own["main_rotor.hub_stiffness"] - weight * own["main_rotor.hub_z"]
     ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
     roll = moment * izz / (ixx * izz - ixz**2)
@@ -329,8 +385,8 @@ def skewed_wake(row: Row, flight: Flight) -> float:
         "L": roll * right,
         "N": roll * right * ixz / izz,
         "M": moment / own["airframe.iyy"] * back,
-        "X": -paper.GRAVITY * back,
-        "Y": paper.GRAVITY * right,
+        "X": -GRAVITY * back,
+        "Y": GRAVITY * right,
     }[axis]
 
 
@@ -362,7 +418,7 @@ def answering_inflow() -> Changes:
     solidity /= np.pi * own["main_rotor.radius"]
     tip = own["main_rotor.speed"] * own["main_rotor.radius"]
     disc = np.pi * own["main_rotor.radius"] ** 2
-    inflow = np.sqrt(MASS * paper.GRAVITY / (2.0 * own["air.density"] * disc)) / tip
+    inflow = np.sqrt(MASS * GRAVITY / (2.0 * own["air.density"] * disc)) / tip
     name = "flapping.lock_reduction"
     given = {**own, name: lock_reduction(own["main_rotor.lift_slope"], solidity, inflow)}
     return (*flapping_of(given).to_parameters().items(), (name, given[name]))
@@ -373,7 +429,7 @@ def tail_of(own: Mapping[str, float], knots: int) -> tuple[float, float]:
     tip = own["tail_rotor.speed"] * own["tail_rotor.radius"]
     solidity = own["tail_rotor.blades"] * own["tail_rotor.chord"]
     slope = own["tail_rotor.lift_slope"] * solidity / (np.pi * own["tail_rotor.radius"])
-    return slope, knots * paper.KNOT / tip
+    return slope, knots * KNOT / tip
 
 
 def more_tail_inflow(row: Row, flight: Flight) -> float:
@@ -403,7 +459,7 @@ def stabilising_fuselage(row: Row, flight: Flight) -> float:
     """Return what the fuselage's yawing moment adds to N_v with the thesis's sign."""
     own = load("lynx").parameters
     ixx, izz, ixz = (own[f"airframe.{one}"] for one in ("ixx", "izz", "ixz"))
-    moment = own["air.density"] * own["airframe.yaw_volume"] * row.knots * paper.KNOT
+    moment = own["air.density"] * own["airframe.yaw_volume"] * row.knots * KNOT
     return moment * ixx / (ixx * izz - ixz**2)
 
 

@@ -7,7 +7,7 @@ import pytest
 import helisim as hs
 from helisim.base.errors import InputError
 from helisim.study.models import MODELS
-from helisim.study.results import read_run
+from helisim.study.results import as_json, read_run
 
 TIGHT = {"N_r", "N_ped", "L_b", "M_a", "A_lon", "B_lat", "Z_w", "Z_col", "tau_f"}
 TIGHT_PERCENT = 3.0  # below the paper's smallest printed bound on a derivative, 3.9 %
@@ -143,13 +143,13 @@ def test_eq_8_from_the_parts_is_what_is_identified(results, folder):
     # the lead cancels the servo inside the loop, but r itself comes through the servo alone
     assert abs(check.phase_deg) < 5.0  # 2.8 at 25 rad/s, where 1 ms is 1.4 degrees
     written = json.loads((folder / "results.json").read_text())["eq_8"]
-    assert written == check.to_dict()
+    assert written == as_json(check)
 
 
 def test_before_and_after_the_gyro_stand_beside_the_papers(results, folder):
     """A_lon and B_lat fall to 0.57 as in the paper, and tau_f falls, whatever the text says."""
     written = json.loads((folder / "results.json").read_text())["before_after"]
-    assert written == results.gyro_effect.to_dict()
+    assert written == as_json(results.gyro_effect)
     for one in written["changes"]:
         # both columns within 3 %, couplings within 10 % of the paper's
         limit = 0.06 if one["name"] in TIGHT else 0.2

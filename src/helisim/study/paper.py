@@ -13,22 +13,13 @@ import numpy as np
 
 from helisim.base.errors import ModelError, UnknownNameError
 from helisim.base.files import read_toml
-from helisim.base.settings import check, from_plain
+from helisim.base.settings import from_plain
 from helisim.base.units import DB_PER_NEPER
 from helisim.ident import structures
 from helisim.ident.evaluate import response
 from helisim.vehicle import Vehicle
 from helisim.vehicle.folder import is_shipped
 
-KNOT = 1852.0 / 3600.0
-"""m/s."""
-GRAVITY = 9.81
-"""m/s^2, of Padfield's tables: their rows' elements are 9.81 cos(theta) and so on."""
-STATES = ("u", "w", "q", "theta", "v", "p", "phi", "r")
-INPUTS = ("theta_0", "theta_1s", "theta_1c", "theta_0T")
-"""Of Padfield's matrices."""
-RATE_OF = {"X": "u", "Y": "v", "Z": "w", "L": "p", "M": "q", "N": "r"}
-"""The state whose rate a force or moment's derivative is of."""
 _POINTS = 200
 
 
@@ -108,51 +99,6 @@ class Claim:
     rise_percent: float | None = None
 
 
-@dataclass(frozen=True)
-class LinearFlight:
-    """Padfield's linear model of level flight at one speed.
-
-    Attributes:
-        a: rows of the state matrix, `STATES` by `STATES`.
-        b: rows of the input matrix, `STATES` by `INPUTS`.
-    """
-
-    a: tuple[tuple[float, ...], ...]
-    b: tuple[tuple[float, ...], ...]
-
-    def derivative(self, rate: str, cause: str) -> float:
-        """Return d(rate of a state)/d(state or input) by name, such as ("q", "u") for M_u."""
-        return (*self.a[row := STATES.index(rate)], *self.b[row])[(*STATES, *INPUTS).index(cause)]
-
-
-@dataclass(frozen=True)
-class FullScale:
-    """Linear models and trims of a full-scale helicopter, by two sources.
-
-    Attributes:
-        padfield: airspeed, kn -> linear model.
-        thesis_knots: airspeeds of the thesis's curves, kn.
-        thesis_trims: angles (rad), mean inflow ratio and the tail's thrust coefficient there.
-        thesis_derivatives: by name; products of inertia are in those of L and N.
-    """
-
-    padfield: Mapping[int, LinearFlight]
-    thesis_knots: tuple[int, ...]
-    thesis_trims: Mapping[str, tuple[float, ...]]
-    thesis_derivatives: Mapping[str, tuple[float, ...]]
-
-    def __post_init__(self) -> None:
-        by_knots = {int(knots): flight for knots, flight in self.padfield.items()}
-        object.__setattr__(self, "padfield", by_knots)
-        check(self)
-
-    def apart(self, name: str, knots: int) -> float:
-        """Return by how much of Padfield's value the thesis's is off it. Raises KeyError."""
-        axis, _, cause = name.partition("_")
-        printed = self.padfield[knots].derivative(RATE_OF[axis], cause)
-        return self.thesis_derivatives[name][self.thesis_knots.index(knots)] / printed - 1.0
-
-
 @dataclass(frozen=True, kw_only=True)
 class Published:
     """What is published of one vehicle; its tables are addressed by name.
@@ -162,14 +108,12 @@ class Published:
         tables: models have the names of helisim's own.
         calibration: the tables that the physical parameters are solved from.
         claims: what is said of them in words.
-        full_scale: of a full-scale helicopter; None of others.
     """
 
     source: str
     tables: tuple[ReferenceTable, ...] = ()
     calibration: tuple[str, ...] = ()
     claims: tuple[Claim, ...] = ()
-    full_scale: FullScale | None = None
 
     def __getitem__(self, name: str) -> ReferenceTable:
         """Return a table. Raises UnknownNameError; the message lists those that exist."""
