@@ -116,12 +116,12 @@ def on_dask(scheduler: str | None = None, jobs: int | None = None) -> Executor:
         raise InputError("Dask isn't installed: pip install helisim[dask]") from None
     if scheduler is not None and jobs is not None:
         raise InputError("jobs are for a cluster started here: leave out jobs or scheduler")
-    started = {"n_workers": jobs, "threads_per_worker": 1, "host": "127.0.0.1"}
+    started: dict[str, Any] = {"n_workers": jobs, "threads_per_worker": 1, "host": "127.0.0.1"}
     started |= {"dashboard_address": None}
 
     def execute(work: Work, tasks: Sequence[Any], /) -> Results:
         try:
-            where = started if scheduler is None else {"address": scheduler}
+            where: dict[str, Any] = started if scheduler is None else {"address": scheduler}
             with distributed.Client(**where) as client:
                 futures = client.map(work, tasks, pure=False)
                 try:

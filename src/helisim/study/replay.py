@@ -55,7 +55,8 @@ class Repetition:
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         names = {"other_bytes": "records_of_other_bytes", "numbers": "numbers_compared"}
-        said = {names.get(name, name): one for name, one in to_plain(self).items()}
+        said: dict[str, Any] = to_plain(self)
+        said = {names.get(name, name): one for name, one in said.items()}
         return {**said, "same": self.same}
 
     def __str__(self) -> str:
