@@ -28,7 +28,6 @@ def test_the_tolerance_against_the_paper_is_its_own_bound_where_it_gives_one():
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
 def test_a_model_is_given_only_what_was_found_before_it(model):
-    """Sources are earlier tables or rigs, and nothing that is given is fitted."""
     earlier = [one.name for one in MODELS[: MODELS.index(model)]]
     for name, source in model.given.items():
         assert source.source in (*earlier, "bench", "turntable")
@@ -38,7 +37,6 @@ def test_a_model_is_given_only_what_was_found_before_it(model):
 
 
 def test_only_equivalents_are_fitted_with_cifers_weights():
-    """Where a structure is exact, each point counts by its own error."""
     assert {model.name for model in MODELS if model.weighting == "coherence"} == {
         "yaw_overall",
         "rollpitch_in2",

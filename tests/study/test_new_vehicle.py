@@ -24,7 +24,6 @@ def made(tmp_path_factory):
 
 @pytest.mark.parametrize("like", vehicle_names())
 def test_it_is_at_first_what_it_was_made_from(like, tmp_path):
-    """The same parameters and the same matrices, under its own name."""
     own, other = load(new_vehicle("libelle", like=like, to=tmp_path)), load(like)
     assert dict(other.parameters).items() <= dict(own.parameters).items()
     assert (own.name, own.trim) == ("libelle", other.trim)
@@ -57,7 +56,6 @@ def test_every_parameter_has_its_comment_and_its_unit(made):
 
 @pytest.mark.slow
 def test_new_fly_linearize_calibrate_tune_from_the_command_line(tmp_path, monkeypatch, capsys):
-    """What the README in the folder says to do, in that order."""
     monkeypatch.chdir(tmp_path)
     assert main(["vehicle", "new", "own", "--like", "blade360"]) == 0
     assert "own/README.md" in capsys.readouterr().out
@@ -100,14 +98,12 @@ def test_what_is_there_is_not_overwritten(made, capsys):
     ],
 )
 def test_a_name_that_cannot_be_is_refused(tmp_path, name, error, message):
-    """Before anything is written."""
     with pytest.raises(error, match=message):
         new_vehicle(name, to=tmp_path)
     assert not list(tmp_path.iterdir())
 
 
 def test_nothing_half_made_is_left(tmp_path, monkeypatch):
-    """A model that doesn't exist, a disk that is full, a folder that is a file."""
     with pytest.raises(UnknownNameError, match="did you mean jr700"):
         new_vehicle("own", like="jr70", to=tmp_path)
     (tmp_path / "file").touch()
@@ -124,7 +120,6 @@ def test_nothing_half_made_is_left(tmp_path, monkeypatch):
 
 
 def test_one_of_ones_own_can_be_the_model_of_the_next(tmp_path):
-    """Its roles, its targets and the names in its MJCF come with it."""
     first = renamed(tmp_path / "first")
     second = load(new_vehicle("second", like=first, to=tmp_path))
     assert second.trim == load(first).trim
@@ -134,13 +129,11 @@ def test_one_of_ones_own_can_be_the_model_of_the_next(tmp_path):
 
 
 def test_the_shipped_vehicles_are_listed(capsys):
-    """By name, with what each is."""
     assert main(["vehicle", "list"]) == 0
     printed = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in printed] == list(vehicle_names())
 
 
 def test_a_part_that_does_not_exist_is_said(capsys):
-    """In one line."""
     assert "new" in fails(capsys, "vehicle", "nwe")
     assert "PART" in fails(capsys, "vehicle")

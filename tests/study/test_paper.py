@@ -187,7 +187,6 @@ def test_tables_are_addressed_by_name():
 
 
 def test_every_value_has_a_unit_and_a_source_and_can_not_change():
-    """A number without its place in the paper is not in the tables."""
     for table in JR700.tables:
         assert len(set(table.names)) == len(table.values)
         for item in table:
@@ -268,7 +267,6 @@ def changed(table, **values):
 
 
 def test_every_erratum_is_confirmed_by_its_calculation(found):
-    """Nothing is listed that its own numbers do not show."""
     assert len(found) == len(errata()) >= 20  # titles are unique; the design names eleven
     for erratum in found.values():
         assert erratum.confirmed, erratum.title

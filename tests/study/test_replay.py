@@ -77,7 +77,6 @@ def test_the_last_digit_of_a_result_is_noticed(run, copied):
 
 
 def test_the_last_bit_of_a_record_is_noticed(run, copied):
-    """One bit of one sample is named with its channel and time."""
     path = copied / "flights" / "lat_01.parquet"
     record = read_record(path)
     values = record.values.copy()
@@ -136,7 +135,6 @@ def test_leaves_of_data_are_named_by_their_place():
 
 @pytest.mark.parametrize("damage", ["remove", "cut"])
 def test_a_lost_or_damaged_record_is_a_difference(run, copied, damage):
-    """It is named, and what is left is compared all the same."""
     path = copied / "flights" / "col_01.parquet"
     if damage == "remove":
         path.unlink()

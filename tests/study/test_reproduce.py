@@ -52,7 +52,6 @@ def test_the_derivatives_that_were_asked_for_are_recovered(results, name):
 
 
 def test_every_parameter_is_recovered_and_agrees_with_the_paper(results):
-    """All parameters lie within their tolerances of the truth and of the paper."""
     check_recovery(results)
     assert results.misses == ()
 
@@ -88,7 +87,6 @@ def test_halving_the_time_step_changes_little(results):
 
 
 def test_the_results_file_holds_the_same_numbers(results, folder):
-    """results.json has the promised shape, and the numbers that were returned."""
     written = json.loads((folder / "results.json").read_text())
     assert [table["name"] for table in written["tables"]] == [model.name for model in MODELS]
     assert written["seed"] == 1
@@ -126,7 +124,6 @@ def test_the_gyro_is_given_what_the_ground_tests_found(results):
 
 
 def test_flights_are_corrected_by_the_lever_arm_that_the_suspension_found(results):
-    """Not by the vehicle's own, from which it is micrometres off."""
     arm = results.configuration["recorder"]["lever_arm"]
     found = [results.ground["suspension"][f"imu_{axis}"] for axis in "xyz"]
     assert list(arm) == [one.value for one in found]
@@ -198,7 +195,6 @@ def test_the_records_alone_give_the_same_model(results, folder):
 
 
 def test_what_was_left_out_is_said(results):
-    """Two flights an axis beyond the ten are named with the reason."""
     assert len(results.excluded) == 8
     for one in results.excluded:
         assert one.reason == "less coherent"

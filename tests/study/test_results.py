@@ -245,7 +245,6 @@ def item():
 
 
 def test_a_model_comes_back(tmp_path, item):
-    """Fit, exact response and verification are read as they were written."""
     (read,) = read_models(write_models(tmp_path / "fits.json", [item]))
     assert (read.name, read.note, read.verified_on) == (item.name, item.note, item.verified_on)
     assert read.fit.values == item.fit.values
@@ -283,7 +282,6 @@ def test_a_damaged_model_is_refused(tmp_path, item, place, value):
 
 
 def test_another_file_is_refused(tmp_path):
-    """The message names the file and what it holds."""
     path = tmp_path / "fits.json"
     with pytest.raises(StorageError, match=r"fits\.json"):
         read_models(path)

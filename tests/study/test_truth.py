@@ -67,7 +67,6 @@ def test_what_is_left_out_of_the_loop_biases_the_gains(jr700, recorder, left_out
 
 
 def test_signals_tell_the_gains_up_to_one_factor(jr700, recorder):
-    """Twice the k_I given, twice the k_p found, and half the k_delta and k_a."""
     right = fitted_gyro(jr700, recorder)
     double = fitted_gyro(jr700, recorder, k_I=2.0 * jr700.parameters["gyro.k_i"])
     for name, factor in (("k_p", 2.0), ("k_delta", 0.5), ("k_a", 0.5)):

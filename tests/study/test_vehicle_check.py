@@ -32,7 +32,6 @@ def own(made, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_nothing_is_wrong_with_the_shipped(name, tmp_path):
-    """Nor with what is made from them."""
     for vehicle in (name, new_vehicle("own", like=name, to=tmp_path)):
         found = check_vehicle(vehicle)
         assert [str(one) for one in (*found.problems, *found.remarks)] == []
@@ -41,7 +40,6 @@ def test_nothing_is_wrong_with_the_shipped(name, tmp_path):
 
 
 def test_nothing_is_wrong_with_names_of_ones_own(tmp_path):
-    """Roles are followed."""
     assert check_vehicle(renamed(tmp_path / "libelle")).problems == ()
 
 
@@ -229,7 +227,6 @@ ELEMENTS = {
 
 @pytest.mark.parametrize("how", FILES)
 def test_what_is_wrong_with_the_parameters(own, how):
-    """The sentence, and the line that it is about."""
     file, old, new, message, *at = FILES[how]
     _change(own / file, old, new)
     _is_said(own, message, *(at or [new.splitlines()[0]]))
@@ -237,7 +234,6 @@ def test_what_is_wrong_with_the_parameters(own, how):
 
 @pytest.mark.parametrize("how", ELEMENTS)
 def test_what_is_wrong_with_the_mjcf(own, how):
-    """Names, order, kinds, sizes, places, and what MuJoCo itself refuses."""
     old, new, message, *at = ELEMENTS[how]
     _change(own / MJCF, old, new)
     _is_said(own, message, *(at or [new]))
@@ -324,7 +320,6 @@ def test_what_is_well_is_shown(own, capsys):
 
 @pytest.mark.parametrize(("file", "command"), [(CALIBRATED, "calibrate"), (TUNED, "tune")])
 def test_a_file_that_is_not_made_yet(own, file, command):
-    """The message has the command that makes it."""
     (own / file).unlink()
     (problem,) = check_vehicle(own).problems
     assert problem == Problem(
@@ -342,7 +337,6 @@ def test_no_hover(own):
 
 
 def test_actuators_out_of_order(own):
-    """The first that stands where another must be."""
     text = (own / MJCF).read_text()
     for old, new in (("LON", "X"), ("LAT", "LON"), ("X", "LAT")):
         text = text.replace(f'<general name="{old}"', f'<general name="{new}"')
@@ -359,7 +353,6 @@ def test_too_few_activations(own):
 
 
 def test_numbers_in_the_mjcf_that_are_out_of_date(own):
-    """What stock MuJoCo would fly it by is not what the parameters say now."""
     _change(own / PARAMETERS, "drag_area_x = { value = 0.03", "drag_area_x = { value = 0.04")
     (problem,) = check_vehicle(own).problems
     assert "the <general> 'rotor' has other numbers (user)" in problem.text.lower()
@@ -370,7 +363,6 @@ def test_numbers_in_the_mjcf_that_are_out_of_date(own):
 
 
 def test_a_section_that_nothing_reads_is_remarked(own, capsys):
-    """It may be a controller's own, so nothing is wrong."""
     with (own / PARAMETERS).open("a") as file:
         file.write('[my_law]\ngain = { value = 2.0, unit = "1", source = "mine" }\n')
     assert main(["vehicle", "check", str(own)]) == 0

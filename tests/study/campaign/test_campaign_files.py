@@ -7,9 +7,8 @@ import pytest
 
 from helisim.records.channels import AXES
 from helisim.sim import fly
-from helisim.study.campaign import campaign_from, read_campaign
+from helisim.study.campaign import read_campaign
 from helisim.study.comparison import frequency_response, identify_model
-from helisim.study.models import YAW_BASE
 from helisim.study.replicates import by_method, read_dataset, run_campaign
 from script import SCRIPTS
 
@@ -23,13 +22,6 @@ def rows(campaign, folder, *columns):
     table, _ = read_dataset(run_campaign(campaign, folder))
     assert pc.all(pc.is_null(table["failure"])).as_py()
     return {tuple(row[name] for name in (*columns, "parameter")): row for row in table.to_pylist()}
-
-
-@pytest.mark.parametrize("path", sorted(CAMPAIGNS.glob("*.toml")), ids=lambda path: path.stem)
-def test_every_file_is_a_campaign(path):
-    """It is read, and its first lines say how it is run."""
-    assert len(read_campaign(path)) >= 1
-    assert f"helisim campaign scripts/campaigns/{path.name}" in path.read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -102,32 +94,3 @@ def test_an_uncorrected_lever_arm_moves_the_yaw_damping(jr700, tmp_path):
     # rates need no correction, so not a bit changes
     names = [name for corrected, model, name in found if corrected and model == "rollpitch_in1"]
     assert {percent("rollpitch_in1", name) for name in names} == {0.0}
-
-
-def test_pooled_sweeps_are_the_campaigns():
-    """They replace the experiment's, and their axes are flown."""
-    content = {"campaign": {"models": ["yaw_base"], "sweeps": {"yaw_base": ["ped", "lat"]}}}
-    campaign = campaign_from(content)
-    assert campaign.axes == ("lat", "ped")
-    (model,) = campaign.chosen
-    assert model == replace(YAW_BASE, sweeps=("ped", "lat"))
-    assert campaign.to_dict()["sweeps"] == {"yaw_base": ["ped", "lat"]}
-    # a campaign that leaves them goes on with the folders that were begun before there were any
-    assert "sweeps" not in campaign_from({}).to_dict()
-
-
-@pytest.mark.parametrize(
-    ("sweeps", "says"),
-    [
-        (["ped"], "campaign.sweeps must be a table"),
-        ({"yaw": ["ped"]}, "unknown model of sweeps 'yaw'; available: yaw_base, "),
-        ({"heave": []}, "sweeps.heave must be a list with one item or more"),
-        ({"heave": ["up"]}, f"'up'; available: {', '.join(AXES)}"),
-        ({"heave": ["col", "col"]}, "names something twice"),
-    ],
-)
-def test_sweeps_that_cant_be_are_refused(sweeps, says):
-    """What was received, what is expected, which names exist."""
-    with pytest.raises(ValueError, match=r"sweeps") as caught:
-        campaign_from({"campaign": {"sweeps": sweeps}})
-    assert says in str(caught.value)

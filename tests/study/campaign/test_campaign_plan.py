@@ -1,6 +1,8 @@
 """Campaign files: what they can say, and how a mistake is answered."""
 
+import json
 import tomllib
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -9,7 +11,11 @@ import pytest
 from helisim.base.errors import HelisimError, InputError, StorageError
 from helisim.sim import Gust, Weather
 from helisim.study.campaign import campaign_from, read_campaign
+from helisim.study.models import YAW_BASE
 from helisim.vehicle import load
+from script import SCRIPTS
+
+CAMPAIGNS = SCRIPTS / "campaigns"
 
 PLAN = """
 [campaign]
@@ -40,6 +46,7 @@ def plan(text):
 def test_a_grid_has_every_combination_and_replicate():
     """Two by two by three points, twice, the first of all points before the second of any."""
     campaign = plan(PLAN)
+    assert json.loads(json.dumps(campaign.to_dict()))["replicates"] == 2
     assert len(campaign) == 24
     replicates = list(campaign)
     assert [one.point for one in replicates] == [*range(12), *range(12)]
@@ -54,7 +61,6 @@ def test_a_grid_has_every_combination_and_replicate():
 
 
 def test_common_seeds_pair_the_points():
-    """With common seeds the k-th replicates of all points share theirs."""
     campaign = plan(PLAN.replace("seed = 5", 'seed = 5\nseeds = "common"'))
     assert [one.seed for one in campaign] == [5] * 12 + [6] * 12
 
@@ -109,21 +115,14 @@ turbulence = [0, 1.5]
 
 
 def test_turbulence_goes_by_name_too():
-    """The standard's names stand where numbers do."""
     campaign = plan('[vary.weather]\nturbulence = ["light", "severe"]')
     assert [one.settings.weather().turbulence for one in campaign] == ["light", "severe"]
 
 
-def test_the_integrator_is_the_campaigns():
-    """All replicates are flown with it."""
-    vehicle = plan('[campaign]\nintegrator = "Euler"').replicate(0).settings.load()
+def test_a_vehicle_is_loaded_with_its_parameters_and_the_integrator():
+    text = '[campaign]\nintegrator = "Euler"\n[vary.vehicle]\nmain_rotor.hub_stiffness = [80, 100]'
+    vehicle = plan(text).replicate(1).settings.load()
     assert vehicle.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
-
-
-def test_a_vehicle_is_loaded_with_its_parameters():
-    """What varies of the vehicle changes the truth."""
-    campaign = plan("[vary.vehicle]\nmain_rotor.hub_stiffness = [80, 100]")
-    vehicle = campaign.replicate(1).settings.load()
     assert vehicle.parameters["main_rotor.hub_stiffness"] == 100
     assert vehicle.derivatives["L_b"] > load().derivatives["L_b"]
 
@@ -166,13 +165,6 @@ rate_hz = [100, 200]
         assert sorted((400 * (ixx - 0.1) / 0.2).astype(int)) == list(range(400))
 
 
-def test_a_plan_is_plain_data():
-    """What a campaign is can be written as JSON and compared."""
-    import json
-
-    assert json.loads(json.dumps(plan(PLAN).to_dict()))["replicates"] == 2
-
-
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -194,6 +186,19 @@ def test_a_plan_is_plain_data():
         ('[campaign]\nmethods = ["indirect"]', "available: designed, direct, joint"),
         ("[campaign]\nflights = 3\nidentified_after = [4]", "must be 1 to 3 flights, got 4"),
         ("[campaign]\nidentified_after = 4", "identified_after must be a list"),
+        ("[campaign]\nsweeps = ['ped']", "campaign.sweeps must be a table"),
+        (
+            "[campaign.sweeps]\nyaw = ['ped']",
+            "unknown model of sweeps 'yaw'; available: yaw_base",
+        ),
+        ("[campaign.sweeps]\nheave = []", "sweeps.heave must be a list with one item or more"),
+        ("[campaign.sweeps]\nheave = ['up']", "'up'; available: col, "),
+        ("[campaign.sweeps]\nheave = ['col', 'col']", "sweeps.heave names something twice"),
+        ("[campaign]\nkind = {}", "unknown key of [campaign] 'kind'"),
+        ("[campaign]\nmodels = {}", "campaign.models must be a list of names, got {}"),
+        ("[vary.sweep]\nkind = {}", "vary.sweep.kind is empty; expected { value"),
+        ("[vary.sweep]\nduration = { value = {} }", "sweep.duration must be"),
+        ("[vary.sweep]\nduration = { low = {}, high = 1 }", "sweep.duration.low must be a number"),
         ("[campaign]\npoints = 4", "leave out points"),
         ('[campaign]\ndesign = "monte carlo"', "needs points"),
         ('[campaign]\ndesign = "monte carlo"\npoints = 3', "needs something that varies"),
@@ -248,7 +253,6 @@ def test_a_plan_is_plain_data():
     ],
 )
 def test_a_mistake_is_one_clear_line(text, says):
-    """What was received, what is expected, which names exist."""
     with pytest.raises(InputError) as caught:
         plan(text)
     assert says in str(caught.value)
@@ -256,7 +260,6 @@ def test_a_mistake_is_one_clear_line(text, says):
 
 
 def test_the_file_is_named_in_its_errors(tmp_path):
-    """A missing, broken or wrong file says which it is."""
     path = tmp_path / "noise.toml"
     with pytest.raises(StorageError, match=r"noise\.toml: no such file"):
         read_campaign(path)
@@ -268,3 +271,20 @@ def test_the_file_is_named_in_its_errors(tmp_path):
         read_campaign(path)
     path.write_text(PLAN)
     assert len(read_campaign(path)) == 24
+
+
+@pytest.mark.parametrize("path", sorted(CAMPAIGNS.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_file_is_a_campaign(path):
+    assert len(read_campaign(path)) >= 1
+    assert f"helisim campaign scripts/campaigns/{path.name}" in path.read_text(encoding="utf-8")
+
+
+def test_pooled_sweeps_are_the_campaigns():
+    content = {"campaign": {"models": ["yaw_base"], "sweeps": {"yaw_base": ["ped", "lat"]}}}
+    campaign = campaign_from(content)
+    assert campaign.axes == ("lat", "ped")
+    (model,) = campaign.chosen
+    assert model == replace(YAW_BASE, sweeps=("ped", "lat"))
+    assert campaign.to_dict()["sweeps"] == {"yaw_base": ["ped", "lat"]}
+    # a campaign that leaves them goes on with the folders that were begun before there were any
+    assert "sweeps" not in campaign_from({}).to_dict()

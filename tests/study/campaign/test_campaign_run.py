@@ -224,7 +224,6 @@ def test_a_worker_that_would_give_other_numbers_is_refused(tmp_path, monkeypatch
 
 
 def test_other_files_are_no_datasets(tmp_path, whole):
-    """A missing, damaged or foreign file is refused by name."""
     with pytest.raises(StorageError, match="writes it when it is complete"):
         read_dataset(tmp_path)
     path = tmp_path / "dataset.parquet"

@@ -58,7 +58,6 @@ def test_the_shortest_flight_is_the_least_from_which_on_all_suffice(study, flown
 
 
 def test_the_mildest_condition_has_the_longest_records(study):
-    """Least turbulence, but most seconds."""
     rows = made(GOOD, duration=30, turbulence=3.0) + made(GOOD, duration=90, turbulence=0.0)
     columns = ("sweep.duration", "weather.turbulence")
     assert study.mildest(rows, columns) == {"sweep.duration": 90, "weather.turbulence": 0.0}
@@ -75,7 +74,6 @@ def test_intervals_may_hold_the_mean_and_miss_the_truth(study, capsys):
 
 
 def test_bias_and_scatter_stand_below_their_level(study, capsys):
-    """Whatever the order of the rows."""
     rows = made([0.2] * 5, turbulence=3.0) + made([0.1] * 5, turbulence=0.0)
     study.against(rows, "weather.turbulence", {"flights": 1})
     head, line = capsys.readouterr().out.splitlines()[-2:]

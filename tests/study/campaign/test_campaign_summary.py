@@ -64,7 +64,6 @@ def test_groups_are_kept_apart():
 
 
 def test_failures_are_counted_not_judged():
-    """A row without an estimate is a failure, and changes no figure."""
     rows = made(50, std=0.1)
     empty = dict.fromkeys(("estimate", "truth", "standard_error", "cramer_rao"))
     failed = [{**rows[0], **empty, "failure": "diverged"}] * 3
@@ -78,7 +77,6 @@ def test_failures_are_counted_not_judged():
 
 
 def test_the_table_has_a_line_a_parameter():
-    """The printed figures are those of the summary, in percent."""
     (one,) = summarise(pa.Table.from_pylist(made(100, std=0.1)))
     title, heading, line = render([one]).splitlines()
     assert title == "heave (flights 10, method designed)"

@@ -47,7 +47,6 @@ def test_flights_are_in_the_weather(by_weather):
 
 
 def test_truth_is_of_the_hover_in_the_wind(by_weather):
-    """Wind is airspeed, which damps the heave more."""
     calm, windy = by_weather[0, 0], by_weather[0, 6]
     vehicle = hs.Weather(wind=6.0).trimmed(hs.load("jr700"))
     assert windy["Z_w"].truth == pytest.approx(vehicle.derivatives["Z_w"], rel=1e-9)
@@ -57,7 +56,6 @@ def test_truth_is_of_the_hover_in_the_wind(by_weather):
 
 @pytest.mark.slow
 def test_truth_in_turbulence_is_the_mean_over_the_air(by_weather):
-    """Gusts from ahead and aside damp the heave more, whatever the mean wind."""
     vehicle = hs.load("jr700", integrator="Euler")
     for wind in (0, 6):
         rough, calm = by_weather[6, wind]["Z_w"].truth, by_weather[0, wind]["Z_w"].truth
@@ -74,14 +72,12 @@ def test_a_dataset_says_that_its_truth_is_a_mean():
 
 
 def test_turbulence_widens_the_error_bars(by_weather):
-    """Vertical gusts are heave that no stick explains."""
     for wind in (0, 6):
         rough, calm = by_weather[6, wind]["Z_w"], by_weather[0, wind]["Z_w"]
         assert rough.standard_error > 1.5 * calm.standard_error
 
 
 def test_wind_that_it_cannot_hover_in_fails_with_the_reason():
-    """The replicate's rows say so, and the campaign goes on."""
     campaign = campaign_from({**PLAN, "vary": {}, "set": {"weather": {"wind": 80}}})
     rows = fly_and_identify(campaign, campaign.replicate(0))
     assert {row.parameter for row in rows} == {"Z_w", "Z_col", "tau_col"}

@@ -42,20 +42,17 @@ def assert_no_process_is_left():
 
 
 def test_every_task_is_done_once_though_a_process_dies(tmp_path):
-    """A killed process costs its tasks a second try, and no result comes twice."""
     tasks = [(number, tmp_path / "mark") for number in range(8)]
     assert sorted(local(2)(die_once, tasks)) == [square(number) for number in range(8)]
     assert (tmp_path / "mark").exists()
 
 
 def test_a_task_that_always_kills_is_given_up():
-    """After three losses without any progress the message says what to do."""
     with pytest.raises(WorkerError, match="with 1 replicates left; run again with fewer jobs"):
         list(local(1)(always_die, [1]))
 
 
 def test_a_fault_in_the_work_is_not_tried_again():
-    """An exception is the work's own, and ends it."""
     with pytest.raises(ZeroDivisionError):
         list(local(1)(fail, [1, 2]))
     assert_no_process_is_left()
@@ -72,7 +69,6 @@ def test_leaving_early_stops_the_processes():
 
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
-    """Nothing goes on computing, or waits for ever, for a campaign that is gone."""
     script = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
@@ -118,7 +114,6 @@ def runs(pid):
 
 @pytest.mark.parametrize("jobs", [0, -1, 1.5])
 def test_jobs_out_of_range_are_refused(jobs):
-    """The message says what was given."""
     with pytest.raises(InputError, match=f"jobs must be an integer of 1 or more, got {jobs}"):
         local(jobs)
 
@@ -167,7 +162,6 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(by_processes, t
 
 
 def test_a_scheduler_that_is_not_there_is_said():
-    """An address where nobody listens is one clear error."""
     pytest.importorskip("distributed", reason="Dask isn't installed: pip install helisim[dask]")
     from dask import config
 
@@ -179,7 +173,6 @@ def test_a_scheduler_that_is_not_there_is_said():
 
 
 def test_jobs_are_not_for_a_cluster_that_runs():
-    """A running cluster has its own workers."""
     pytest.importorskip("distributed", reason="Dask isn't installed: pip install helisim[dask]")
     with pytest.raises(InputError, match="leave out jobs or scheduler"):
         on_dask("tcp://127.0.0.1:9", 2)
