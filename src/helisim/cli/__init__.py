@@ -118,11 +118,7 @@ def command_names() -> list[str]:
 
 
 def parser(words: Sequence[str] = ()) -> Parser:
-    """Return the parser; of the commands only the one that `words` begin with, if there is one.
-
-    Args:
-        words: of the command line.
-    """
+    """Return the parser; of the commands only the one that `words` begin with, if there is one."""
     known = command_names()
     named = next((word for word in words if not word.startswith("-")), None)
     wanted = [named] if named in known else [] if words[:1] == ["--version"] else known

@@ -315,11 +315,7 @@ def _print_loops(o: Options) -> None:
 
 
 def _adapted(o: Options, structure: "Structure") -> "Structure":
-    """Return a structure with the options' channels, bounds, starts and fixed values.
-
-    Raises:
-        InputError: an option isn't of its form, or names what does not exist.
-    """
+    """Return a structure with the options' channels, bounds, starts and fixed values."""
     if o.rename is not None:
         pairs = [item.partition("=") for item in names(o.rename)]
         for old, equals, new in pairs:
@@ -387,12 +383,7 @@ def _responses(o: Options, structure: "Structure") -> tuple[str, ...]:
 
 
 def _search_options(o: Options, structure: "Structure") -> dict[str, Any]:
-    """Return what `identify` and `reduce` are given beside responses, structure and bands.
-
-    Raises:
-        UnknownNameError: --band names a response that isn't fitted.
-        InputError: an option of --reduce is given without it.
-    """
+    """Return what `identify` and `reduce` are given beside responses, structure and bands."""
     Bands.of(o).check(_responses(o, structure))
     search: dict[str, Any] = {
         "responses": o.responses or None,
@@ -423,12 +414,6 @@ def _looked(o: Options) -> Options | None:
 
     PX4 logs no sweeps of its own as ArduPilot does; so what moved is seen by its signals, whether a
     pilot, an offboard program or an autotune moved it.
-
-    Returns:
-        None where the structure is said, or a log is no ULog.
-
-    Raises:
-        InputError: nothing that can be identified is seen.
     """
     from helisim.base.files import first_bytes
     from helisim.cli import parser
@@ -461,11 +446,7 @@ def _looked(o: Options) -> Options | None:
 
 
 def _infers(o: Options) -> bool:
-    """Return whether logs are to say what the options leave open.
-
-    Raises:
-        InputError: something is left open that the logs can't say.
-    """
+    """Return whether logs are to say what the options leave open."""
     from helisim.base.files import first_bytes
     from helisim.logs.dataflash import is_dataflash
 
@@ -501,9 +482,6 @@ def _inferred_work(o: Options) -> "tuple[Inferred, list[Work], list[dict[str, An
     """Return what logs of SystemID say, the fits, their responses estimated, and their searches.
 
     Bands begin where a structure follows, unless --band says the band.
-
-    Raises:
-        HelisimError: the logs can't be used, or not so.
     """
     from helisim.look.systemid import estimate_fits, followed_band
 
@@ -577,17 +555,7 @@ def _fits(o: Options, found: "Inferred") -> "tuple[InferredFit, ...]":
 def read_sweeps(
     o: Options, inputs: Sequence[str], outputs: Sequence[str], advance: Callable[[str], None]
 ) -> Read | None:
-    """Return the sweeps of a model's inputs, where logs say them; None of any other logs.
-
-    Args:
-        o: options of the command.
-        inputs: of the model.
-        outputs: of the model.
-        advance: called with each file's name.
-
-    Raises:
-        HelisimError: the logs can't be used.
-    """
+    """Return the sweeps of a model's inputs, where logs say them; None of any other logs."""
     from helisim.look.sweeps import SID_AXES, own_sweeps
 
     wanted = {*inputs, *outputs}
@@ -694,18 +662,7 @@ def structures(o: Options) -> int:
 def find_structure(
     name: str, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
 ) -> "Structure":
-    """Return a structure by its built-in name, as a transfer function, or from a TOML file.
-
-    Args:
-        name: such as "rollpitch", "tf:1/2", "tf:(a)/[zeta,omega](0)" or "mine.toml".
-        inputs: input of a transfer function.
-        outputs: output of a transfer function.
-
-    Raises:
-        UnknownNameError: no such structure; the message lists those that exist.
-        InputError: the file is wrong, or a transfer function lacks its channels.
-        StorageError: the file can't be read.
-    """
+    """Return a structure by its built-in name, as a transfer function, or from a TOML file."""
     from helisim.ident import Structure, structures
 
     if name in structures.BUILT_IN:

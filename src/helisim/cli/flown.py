@@ -50,11 +50,7 @@ def plan_of(o: Options) -> "FlightPlan":
 
 
 def is_asked(o: Options) -> bool:
-    """Return whether the options name a manoeuvre.
-
-    Raises:
-        InputError: they don't, but say something of one.
-    """
+    """Return whether the options name a manoeuvre."""
     if o.flown or o.axis is not None:
         return True
     for name in ("at", "amplitude", "sequence"):
@@ -64,13 +60,7 @@ def is_asked(o: Options) -> bool:
 
 
 def manoeuvre(o: Options, planned: "Excitation | None" = None) -> "Excitation":
-    """Return the manoeuvre that the options say, beside that of a plan.
-
-    Raises:
-        UnknownNameError: no such kind, setting or axis.
-        InputError: a setting is none, or what is asked for together can't be.
-        StorageError: a file can't be read.
-    """
+    """Return the manoeuvre that the options say, beside that of a plan."""
     from helisim.sim import Sequence, Together
 
     given = {name: value for name in _GENERAL if (value := getattr(o, name, None)) is not None}
@@ -151,12 +141,7 @@ def _settings(
 
 
 def mission(o: Options, planned: "Mission | None" = None) -> "Mission | None":
-    """Return the mission that the options say, else that of a plan; None for none.
-
-    Raises:
-        UnknownNameError: no such mission or setting.
-        InputError: a setting is none, or the module has no such mission.
-    """
+    """Return the mission that the options say, else that of a plan; None for none."""
     from helisim.base.settings import parse_notation
     from helisim.sim.missions import Mission, missions_by_name
 
@@ -219,12 +204,7 @@ def weather(o: Options, planned: "Weather | None" = None) -> "Weather":
 
 
 def ground(o: Options, planned: "Ground | None" = None) -> "Ground | None":
-    """Return the ground that the option says, else that of a plan; None for none.
-
-    Raises:
-        UnknownNameError: no such setting.
-        InputError: a setting is none.
-    """
+    """Return the ground that the option says, else that of a plan; None for none."""
     if o.ground is None or o.ground.strip() == "off":
         return planned if o.ground is None else None
     from helisim.base.settings import setting_names

@@ -130,9 +130,6 @@ def read_logs(
     """Read all logs: uniform, with all wanted channels, which must move somewhere if `moving`.
 
     None wants all that the options name, or else all that state their units.
-
-    Raises:
-        LogError: all that is wrong with them; the message names files, columns and rows.
     """
     from helisim.logs import Column, read_logs
 
@@ -227,11 +224,7 @@ def estimator_options(options: Options) -> dict[str, Any]:
 
 
 def estimate(options: Options, signals: Signals, advance: Callable[[str], None]) -> Estimated:
-    """Read the logs and estimate their frequency response; the response's flags say what to doubt.
-
-    Raises:
-        HelisimError: a log can't be used; the message names the file.
-    """
+    """Return the frequency response of the logs, whose flags say what to doubt."""
     from helisim.ident import CrossControlWarning, RecordQualityWarning, frequency_response
 
     inputs, outputs, conditioning, reference = signals
@@ -277,16 +270,7 @@ def resolved_band(records: "Sequence[FlightRecord]") -> Band:
 def given_response(
     options: Options, inputs: Sequence[str], outputs: Sequence[str]
 ) -> "FrequencyResponse | None":
-    """Return the frequency response that the files hold; None where they are logs.
-
-    Args:
-        options: of the command, whose `logs` are paths, or p/lat=PATH.
-        inputs: of the structure, which name what a file without names holds.
-        outputs: of the structure.
-
-    Raises:
-        HelisimError: a file can't be read, or can't be used beside the others.
-    """
+    """Return the frequency response that the files hold; None where they are logs."""
     from helisim.cli import parser
     from helisim.ident.response import is_response, load_response
 

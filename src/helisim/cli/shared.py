@@ -192,11 +192,7 @@ def loaded(options: Options, **more: Any) -> "Vehicle":
 
 
 def parameters(options: Options) -> dict[str, float | str]:
-    """Return what --set gives: numbers, and words where a parameter is a choice.
-
-    Raises:
-        InputError: neither.
-    """
+    """Return what --set gives: numbers, and words where a parameter is a choice."""
     from helisim.vehicle.parameters import number_of, words_of
 
     given: dict[str, float | str] = {}
