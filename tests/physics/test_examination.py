@@ -31,13 +31,9 @@ def renumber(spec, name, slot, number):
     spec.actuator(name).userdata = numbers
 
 
-def no_numbers(spec):
-    for name in ACTUATORS:
+def no_numbers(spec, names=ACTUATORS):
+    for name in names:
         spec.actuator(name).userdata = []
-
-
-def none_of_the_rotor(spec):
-    spec.actuator("rotor").userdata = []
 
 
 def too_few(spec):
@@ -46,47 +42,28 @@ def too_few(spec):
         spec.actuator(name).userdata = np.array(spec.actuator(name).userdata)[:100]
 
 
-def another_layout(spec):
-    renumber(spec, "rotor", PARAM.layout, LAYOUT + 1.0)
-
-
 def two_exchanged(spec):
     renumber(spec, "LON", PARAM.ordinal, 2.0)
     renumber(spec, "LAT", PARAM.ordinal, 1.0)
 
 
-def no_stick(spec):
-    spec.delete(spec.sensor("stick"))
+def without(kind, name):
+    """Return what takes an element out of a model, and the keyframe of all of them."""
+
+    def damage(spec):
+        spec.delete(getattr(spec, kind)(name))
+        if kind == "actuator":
+            spec.delete(spec.key("hover"))
+
+    return damage
 
 
-def no_air(spec):
-    spec.delete(spec.sensor("air"))
+def switched_off(*flags):
+    def damage(spec):
+        for flag in flags:
+            spec.option.disableflags |= getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")
 
-
-def no_velocity(spec):
-    spec.delete(spec.sensor("imu_velocity"))
-
-
-def no_gyro(spec):
-    spec.delete(spec.sensor("imu_gyro"))
-
-
-def actuation_off(spec):
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-
-
-def actuation_and_springs_off(spec):
-    off = mujoco.mjtDisableBit
-    spec.option.disableflags |= off.mjDSBL_ACTUATION | off.mjDSBL_SPRING | off.mjDSBL_DAMPER
-
-
-def springs_and_dampers_off(spec):
-    off = mujoco.mjtDisableBit
-    spec.option.disableflags |= off.mjDSBL_SPRING | off.mjDSBL_DAMPER
-
-
-def sensors_off(spec):
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+    return damage
 
 
 def group_off(spec):
@@ -94,57 +71,48 @@ def group_off(spec):
     spec.option.disableactuator = 1 << 3
 
 
-def no_clock(spec):
-    spec.delete(spec.sensor("clock"))
-
-
 def one_state(spec):
     spec.actuator("servo_left").actdim = 1
     spec.delete(spec.key("hover"))
 
 
-def long_steps(spec):
-    spec.option.timestep = 0.005
+def steps(timestep):
+    return lambda spec: setattr(spec.option, "timestep", timestep)
 
 
-def short_steps(spec):
-    spec.option.timestep = 0.0005
+STILL = "'rotor' and the servos stand still"
+LACKING = [
+    (without("actuator", "rotor"), "'COL' has the user numbers of COL, .* no rotor in its place"),
+    (no_numbers, "actuator 'rotor' has no user numbers.*helisim vehicle build"),
+    (lambda spec: no_numbers(spec, ["rotor"]), "'rotor' has not the user numbers of .* rotor"),
+    (too_few, f"room for 100 user numbers, and a vehicle has {len(PARAM)}.*nuser_actuator"),
+    (
+        lambda spec: renumber(spec, "rotor", PARAM.layout, LAYOUT + 1.0),
+        "actuator 'rotor' has user numbers of another helisim.*helisim vehicle build",
+    ),
+    (two_exchanged, "'LON' has not the .* vehicle's LON.*COL, LON, LAT.*helisim vehicle build"),
+    (without("sensor", "stick"), "'flapping' is not 'servo_position'.*imu_position, gyro_rate, st"),
+    (without("sensor", "air"), "'contact' is not 'air', which should be in its place; .*air, con"),
+    (without("sensor", "clock"), "behind sensor 'contact' there is no 'clock'; .*air, contact"),
+    (without("sensor", "imu_velocity"), "'imu_accelerometer' is not 'imu_velocity', which should"),
+    (without("sensor", "imu_gyro"), "before sensor 'imu_accelerometer' there is no 'imu_gyro'; "),
+    (switched_off("ACTUATION"), f'{STILL}, .*<flag actuation="disable"/> out'),
+    (switched_off("ACTUATION", "SPRING", "DAMPER"), STILL),
+    (switched_off("SPRING", "DAMPER"), "'rotor' give no force, .*spring=\"disable\""),
+    (switched_off("SENSOR"), "gyro and the recorder of .*'rotor' see nothing, .*<flag sensor="),
+    (group_off, "'servo_left' is in group 3, which is switched off; .*actuatorgroupdisable"),
+    (one_state, "'servo_left' has 1 activations where 2 are needed; .*actdim=\"2\""),
+    (steps(0.005), "'gyro_rate' is what the gyro reads each 0.002 s.*0.005 s.*timestep=\"0.002\""),
+    (steps(0.0005), "actuator 'PED' keeps 16 samples, and its delay needs 51"),
+]
 
 
-def cut_off(spec):
-    spec.delete(spec.actuator("rotor"))
-    spec.delete(spec.key("hover"))
-
-
-LACKING = {
-    cut_off: "'COL' has the user numbers of COL, and there is no rotor in its place",
-    no_numbers: "actuator 'rotor' has no user numbers.*helisim vehicle build",
-    none_of_the_rotor: "actuator 'rotor' has not the user numbers of a vehicle's rotor",
-    too_few: f"has room for 100 user numbers, and a vehicle has {len(PARAM)}.*nuser_actuator",
-    another_layout: "actuator 'rotor' has user numbers of another helisim.*helisim vehicle build",
-    two_exchanged: "'LON' has not the .* vehicle's LON.*COL, LON, LAT.*helisim vehicle build",
-    no_stick: "sensor 'flapping' is not 'servo_position'.*imu_position, gyro_rate, stick",
-    no_air: "sensor 'contact' is not 'air', which should be in its place; .*air, contact, clock",
-    no_clock: "behind sensor 'contact' there is no 'clock'; .*rotor, power, air, contact, clock",
-    no_velocity: "sensor 'imu_accelerometer' is not 'imu_velocity', which should be in its place",
-    no_gyro: "before sensor 'imu_accelerometer' there is no 'imu_gyro'; .*air, contact, clock",
-    actuation_off: "'rotor' and the servos stand still, .*<flag actuation=\"disable\"/> out",
-    actuation_and_springs_off: "'rotor' and the servos stand still",
-    springs_and_dampers_off: "with actuator 'rotor' give no force, .*spring=\"disable\"",
-    sensors_off: "gyro and the recorder of .*'rotor' see nothing, .*<flag sensor=\"disable\"/>",
-    group_off: "'servo_left' is in group 3, which is switched off; .*actuatorgroupdisable",
-    one_state: "'servo_left' has 1 activations where 2 are needed; .*actdim=\"2\"",
-    long_steps: "'gyro_rate' is what the gyro reads each 0.002 s.*0.005 s.*timestep=\"0.002\"",
-    short_steps: "actuator 'PED' keeps 16 samples, and its delay needs 51",
-}
-
-
-@pytest.mark.parametrize("damage", LACKING, ids=lambda damage: damage.__name__)
-def test_what_is_missing_is_named(spec, damage):
+@pytest.mark.parametrize(("damage", "said"), LACKING)
+def test_what_is_missing_is_named(spec, damage, said):
     """By `check_model` at once, by `installed` when the block ends: the same sentence."""
     damage(spec)
     model = spec.compile()
-    with pytest.raises(CallbackError, match=f"model 'jr700': .*{LACKING[damage]}") as at_once:
+    with pytest.raises(CallbackError, match=f"model 'jr700': .*{said}") as at_once:
         hs.check_model(model)
     with pytest.raises(CallbackError) as in_the_end:
         fly(model)
@@ -267,7 +235,7 @@ def test_three_steps_are_a_flight(spec, integrator):
 
 def test_rollout_in_threads_says_it_once(spec):
     """The threads are MuJoCo's own; the block that called it raises."""
-    none_of_the_rotor(spec)
+    no_numbers(spec, ["rotor"])
     models = [spec.compile() for _ in range(4)]
     data = [mujoco.MjData(models[0]) for _ in range(2)]
     size = mujoco.mj_stateSize(models[0], mujoco.mjtState.mjSTATE_FULLPHYSICS)

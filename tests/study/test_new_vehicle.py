@@ -95,6 +95,7 @@ def test_what_is_there_is_not_overwritten(made, capsys):
         ("3x", InputError, "begins with a letter, got '3x'$"),
         (".", InputError, "letters, digits"),
         ("two words", InputError, "letters, digits"),
+        ("a" * 300, InputError, "at most 100 characters.*got one of 300"),
     ],
 )
 def test_a_name_that_cannot_be_is_refused(tmp_path, name, error, message):
