@@ -113,5 +113,8 @@ def test_a_file_that_a_command_makes_is_asked_of_it(tmp_path, file, command):
     """Without it the vehicle can't fly yet; the message has the command."""
     own = copied(tmp_path / "own")
     (own / f"{file}.toml").unlink()
-    with pytest.raises(ModelError, match=f"no such file; helisim {command} .*own --write"):
+    with pytest.raises(ModelError, match=f"{file}.toml: no such file") as caught:
         load(own)
+    (remedy,) = caught.value.remedy
+    assert (remedy.name, remedy.arguments) == (command, (str(own),))
+    assert [option.name for option in remedy.options] == ["write"]

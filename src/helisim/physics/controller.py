@@ -40,7 +40,7 @@ from helisim.physics.motion import euler_angles, flip, rotation
 _STARTS = 0.5
 """Added to `law_tick` at a law's first tick."""
 _FAILED = -1.0
-"""What `law_tick` is of a law that failed."""
+"""Value of `law_tick` for a law that failed."""
 _NUMBERS = SEEN + 1
 _INJECTED = len(INJECTION)
 

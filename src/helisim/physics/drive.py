@@ -1,4 +1,4 @@
-"""What turns the rotor: an ideal governor, or an engine with a freewheel and a governor of its own.
+"""The rotor's drive: an ideal governor, or an engine with freewheel and governor.
 
 The ideal one keeps the commanded speed, whatever torque that takes. An engine turns the inertia of
 all that goes round with the main shaft, against the torques of main and tail rotor and friction:
@@ -23,15 +23,15 @@ from helisim.physics.memory import commanded_speed
 from helisim.physics.motion import to_shaft
 
 IDEAL, MOTOR = 0.0, 1.0
-"""What `PARAM.drive_governor` says."""
+"""Values of `PARAM.drive_governor`."""
 
 ELECTRIC, COMBUSTION = 0.0, 1.0
-"""What `PARAM.drive_engine` says."""
+"""Values of `PARAM.drive_engine`."""
 
 _CUT = 0.05
 """Commanded speed, over the nominal one, below which the throttle is shut."""
 _GRIP = 0.01
-"""Of the torque that gives the rotor its speed within a second: what the freewheel grips over."""
+"""Share of the torque that gives the rotor its speed within a second; the freewheel grips above."""
 _SLIPPING = 0.02
 """Speed over the nominal one below which friction fades."""
 _CAUGHT = 0.3
@@ -49,7 +49,7 @@ _LINEAR = 0.9
 
 
 Drive = namedtuple("Drive", "speed_rate engine_rate governor_rate mast power")
-"""What the drive does.
+"""Rates, torque and power of the drive.
 
 speed_rate: of the rotor's speed over the nominal one, 1/s; engine_rate: of the engine's
 throttle, 1/s; governor_rate: of the governor's integral, 1/s; mast: torque that turns the main
@@ -110,14 +110,14 @@ def governing(par, commanded, collective, speed, throttle, integral):
         raw = integral + par[PARAM.drive_collective_gain] * collective
         raw += par[PARAM.drive_k_p] * error * speed
         growth = min(par[PARAM.drive_k_i] * error, 1.0 / par[PARAM.drive_spool_up])
-        growth *= room(par, raw, throttle, speed, error)
+        growth *= growth_share(par, raw, throttle, speed, error)
         wanted = min(1.0, max(0.0, raw))
     rate = (wanted - throttle) / par[PARAM.drive_lag]
     return min(rate, 1.0 / par[PARAM.drive_bail_out]), growth
 
 
 @kernel()
-def room(par, raw, throttle, speed, error):
+def growth_share(par, raw, throttle, speed, error):
     """Return the share, 0 to 1, of its growth that the governor's integral is let to have.
 
     raw: throttle that the governor asks for, unlimited; throttle: of the engine; speed: of the

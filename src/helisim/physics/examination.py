@@ -34,7 +34,7 @@ from helisim.physics.layout import (
 from helisim.physics.memory import double, integer, long, offsets
 
 EXAMINE, UNKNOWN_LAW = 0, 1
-"""What compiled code reports: a model that is flown for the first time, a law that isn't there."""
+"""Reports of compiled code: a model that is flown for the first time, a law that isn't there."""
 
 _USER = int(mujoco.mjtDyn.mjDYN_USER)
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
@@ -51,7 +51,7 @@ PASSIVE_OFF = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit
 """With both MuJoCo leaves all passive forces out, and helisim's are among them."""
 _SENSING_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _GROUPS = 31
-"""How many groups of actuators MuJoCo can switch off."""
+"""Groups of actuators that MuJoCo can switch off."""
 _WHOLE = 1e-6
 """Relative rounding of a number of steps."""
 _GOLDEN = 0x9E3779B1
@@ -66,7 +66,7 @@ _met_address = address_of("helisim_met", ctypes.addressof(_met))
 
 
 class Remark(NamedTuple):
-    """What is wrong with a model, in a sentence, and whether its vehicle can't be flown so."""
+    """A fault of a model in a sentence, and whether its vehicle can't be flown so."""
 
     refused: bool
     text: str

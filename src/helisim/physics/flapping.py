@@ -40,7 +40,7 @@ _LEAST_FLOW = 0.005
 
 
 Disc = namedtuple("Disc", "share air spring_aa spring_ab spring_ba stops free stiffness lock")
-"""What holds a tip-path plane at a rotor speed.
+"""The stiffness of a tip-path plane at a rotor speed.
 
 share: eps, a sixteenth of the Lock number, signed by the sense of rotation; air: 1/s, the air's
 hold; spring_aa: 1/s, that of the springs, and the next two; spring_ab: 1/s; spring_ba: 1/s;

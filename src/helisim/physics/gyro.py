@@ -22,7 +22,7 @@ _HIGHEST = 0.5
 
 
 class Seen(NamedTuple):
-    """What a control law sees at a tick. Body axes forward, right, down; SI.
+    """Everything that a control law sees at a tick. Body axes forward, right, down; SI.
 
     Attributes:
         time: s.

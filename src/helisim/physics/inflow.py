@@ -204,12 +204,13 @@ def balance(free, slope, limit, climb, advance, nearness):
 
 
 MEAN_MASS = 8.0 / (3.0 * math.pi)
-"""Of the air, over rho pi R^3: of an impermeable disc, as the untwisted blades of Carpenter and
-Fridovich have it (NACA TN 3044, 1953). Pitt and Peters' corrected 128 / (75 pi) is 36 % less."""
+"""Apparent mass of the air over rho pi R^3: an impermeable disc's, as the untwisted blades of
+Carpenter and Fridovich have it (NACA TN 3044, 1953). Pitt and Peters' corrected 128 / (75 pi) is
+36 % less."""
 SLOPE_MASS = 16.0 / (45.0 * math.pi)
-"""Of the air under rolling and pitching moments, over rho pi R^4."""
+"""Apparent inertia of the air under rolling and pitching moments, over rho pi R^4."""
 _SKEW = 15.0 * math.pi / 64.0
-"""How the mean load slopes the inflow of a skewed wake, and a slope of load changes its mean."""
+"""Coupling: mean load slopes the inflow of a skewed wake, and a slope of load changes its mean."""
 _LEAST = 0.5
 """V_m is at least so much of V_T: at the edges of the vortex ring momentum theory would have 0,
 where nothing carries a moment's air away."""

@@ -1,4 +1,4 @@
-"""How the force laws are compiled: functions, layouts, and the memory that their pointers reach.
+"""Compilation of the force laws: functions, layouts, and the memory that their pointers reach.
 
 From Python a kernel is what it looks like, a function, and a layout a named tuple of whole numbers.
 """

@@ -59,7 +59,7 @@ PLACES: dict[Place, tuple[str, ...]] = {
 }
 """The commands of a law in each place, in the order in which it returns them."""
 SEEN = len(Seen._fields)
-"""How many numbers a law sees; behind them stands whether it starts."""
+"""Count of the numbers that a law sees; behind them stands whether it starts."""
 COMMANDS = 4
 _POINTER = types.CPointer(types.float64)
 _SIGNATURE = types.void(_POINTER, _POINTER, _POINTER, _POINTER)
@@ -68,7 +68,7 @@ _PROTOTYPE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
 _ROWS = 1 << 20
 _WIDTH = 8
 _HANDLE, _FUNCTION, _SETTINGS, _STATES, _FAILED, _KEPT = range(6)
-"""Of a row: handle, addresses of law and settings, states, whether and where it failed.
+"""Columns of a row: handle, addresses of law and settings, states, whether and where it failed.
 
 Row 0 holds the token in place of a handle.
 """
@@ -78,7 +78,7 @@ _address = address_of("helisim_laws", _table.ctypes.data)
 _lock = threading.RLock()  # a law may be released while memory is taken for another
 _free: list[int] = []
 _used = [0, 1]
-"""How many laws there were, and the first row that never had one."""
+"""Count of all laws so far, and the first row that never had one."""
 
 
 def token() -> int:
@@ -174,11 +174,11 @@ def arity(function: Any) -> int:
 
 
 class _UnfitError(ValueError):
-    """What a law returned is not what its servos need."""
+    """A law returned something that its servos can't take."""
 
 
 class Failure(NamedTuple):
-    """How a law failed.
+    """The failure of a law.
 
     why: in a sentence's end, such as "raised ZeroDivisionError: division by zero"; traceback: its
     text, with names of files and no folders; "" if there is none.

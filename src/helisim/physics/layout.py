@@ -1,4 +1,4 @@
-"""Where a vehicle's numbers are inside MuJoCo's arrays: parameters, states, controls, sensors.
+"""Places of a vehicle's numbers inside MuJoCo's arrays: parameters, states, controls, sensors.
 
 A vehicle is nine consecutive actuators: four sticks, four servos and the rotor. The first two user
 numbers of each say that it is helisim's and which of the nine it is; the rotor's user numbers are
@@ -224,7 +224,7 @@ are the same states before the last tick.
 FIRST_LAW_STATE = STATE.law_tick + 1
 SWASH_STATES = STATE.gyro_r_lead - FIRST_LAW_STATE
 TAIL_STATES = len(STATE) - STATE.gyro_r_lead
-"""How many states the shipped gyro's two laws have: for the swashplate, for the tail."""
+"""States of the shipped gyro's two laws: for the swashplate, for the tail."""
 
 
 def rotor_states(law_states: int = SWASH_STATES + TAIL_STATES) -> int:
@@ -233,7 +233,7 @@ def rotor_states(law_states: int = SWASH_STATES + TAIL_STATES) -> int:
 
 
 ROTOR_STATES = rotor_states()
-"""What a vehicle's MJCF has at least."""
+"""The least that a vehicle's MJCF has."""
 
 LAYOUT = float(zlib.crc32(repr((ACTUATORS, SENSORS, STATE._fields, PARAM._fields)).encode()))
 """Value of `PARAM.layout`: numbers that were written for another order of anything are refused."""

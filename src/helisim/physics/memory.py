@@ -68,7 +68,7 @@ _STICKS = SENSORS["stick"]
 _BEFORE_STICK = list(SENSORS).index("stick")
 _BEHIND_STICK = len(SENSORS) - 1 - _BEFORE_STICK
 TICK_TOLERANCE = 1e-6
-"""Of a period: a tick, or a whole number of steps, counts so much early, as times are rounded."""
+"""Share of a period by which a tick, or a whole number of steps, counts early, for rounding."""
 TIME_TOLERANCE = 1e-9
 """s, by which equal times may differ: far above their rounding, far below any time step."""
 

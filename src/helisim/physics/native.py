@@ -1,4 +1,4 @@
-"""What MuJoCo calls in every evaluation of the dynamics, compiled and lent for a `with` block.
+"""The callbacks of every evaluation of the dynamics, compiled and lent to MuJoCo for a block.
 
 Each callback takes the addresses of mjModel and mjData and the field offsets. It reads and writes
 nothing but those two, so any number of threads and vehicles can share it.
@@ -53,7 +53,7 @@ _ACCELERATION_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
 _DRIVEN = STATE.tail_rate + 1
 """The first states of a vehicle, those of the servos, which held commands alone drive."""
 _RATES_KEPT = STATE.flap_a_rate - STATE.flap_a
-"""How far behind the rotor's states their rates are kept."""
+"""Distance of the rates of the rotor's states behind these."""
 _HOOKS = ("passive", "control", "act_dyn", "sensor")
 _TIMER = "time"
 """MuJoCo's Python package reads the clock some twenty times a step, for `mjData.timer`: a third
@@ -236,7 +236,7 @@ def report_rotors(view, past):
 
 
 class _Loan:
-    """What MuJoCo has been lent, and for how many blocks; `own.depth` of them of this thread."""
+    """The callbacks that MuJoCo has, and for how many blocks, `own.depth` of them this thread's."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()

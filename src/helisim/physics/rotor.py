@@ -53,7 +53,7 @@ def inflow_and_thrust(pitch, climb, advance, solidity, lift_slope, stall, nearne
 
 
 Losses = namedtuple("Losses", "torque drag")
-"""What a rotor's thrust costs, apart from the work that it does on what it moves.
+"""The cost of a rotor's thrust, apart from the work that it does on what it moves.
 
 torque: CQ; drag: force against the edgewise flow in the disc's plane, CH over mu.
 """
@@ -130,7 +130,7 @@ MainRotor = namedtuple(
     "MainRotor",
     "thrust torque drag_x drag_y heat inflow induced climb advance tip_speed pitch",
 )
-"""What the main rotor does.
+"""Forces and flow of the main rotor.
 
 thrust: N, along the normal of the tips' plane; torque: N m, which the shaft takes; negative
 where the air turns the rotor; drag_x: force of the blades in the plane of the hub, N, forward;
@@ -243,7 +243,7 @@ def cyclic_tilt(par, lon, lat):
 
 
 TailRotor = namedtuple("TailRotor", "thrust inflow torque drag_x drag_z heat")
-"""What the tail rotor does.
+"""Forces and flow of the tail rotor.
 
 thrust: N; inflow: ratio of the air's velocity through the disc to the tip speed; torque: at its
 own shaft, N m; drag_x: force of the blades' drag in the disc's plane, N, forward; drag_z:

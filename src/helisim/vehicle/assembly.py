@@ -38,7 +38,7 @@ from helisim.vehicle.parameters import Parameters
 
 Integrator = Literal["RK4", "Euler"]
 Around = Callable[[mujoco.MjSpec, mujoco.MjModel], None]
-"""What adds something that a vehicle can touch to its specification, of which a model is given."""
+"""A function that adds to a specification what its vehicle can touch; it is given a model too."""
 _INTEGRATORS = {
     name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}") for name in get_args(Integrator)
 }

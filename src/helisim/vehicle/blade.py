@@ -71,7 +71,7 @@ class Flapping:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TipPathPlane(Value):
-    """What the tip-path plane's equation is made of: blade, springs and swashplate.
+    """The parts of the tip-path plane's equation: blade, springs and swashplate.
 
     Attributes:
         share: eps, a sixteenth of the Lock number: how much the air holds the disc in a radian of

@@ -70,7 +70,7 @@ class Element:
 
     @property
     def place(self) -> str:
-        """Where it is, for a message: file, line, tag and name."""
+        """Its place for a message: file, line, tag and name."""
         named = f' name="{self.name}"' if self.name else ""
         return f"{self.file}, line {self.line}: <{self.tag}{named}>"
 
@@ -258,16 +258,16 @@ _WIDTH = 100
 """Columns of a line of numbers or names."""
 _IN_LINE = 6
 _PART = 3
-"""Of the force laws' numbers: so many in a line, and so many of a part begin one."""
+"""The force laws' numbers stand so many in a line; so many of a part begin one."""
 _ROUNDING = 1e-14
 """By which a number may differ and stand, relative: another processor's cosine or square root."""
 _DECIMALS = 10
-"""Of the trim, whose solver leaves 1e-13 rad: the gyro holds it."""
+"""Decimals of the trim, whose solver leaves 1e-13 rad: the gyro holds it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What an element of the MJCF should say.
+    """The numbers that an element of the MJCF should have.
 
     Attributes:
         element: of the MJCF as it is.

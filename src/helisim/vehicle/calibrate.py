@@ -245,7 +245,7 @@ UNITS = {name: glossary()["targets." + name].unit for name in DIRECT + SOLVED}
 """Every derivative that a calibration takes, and its unit."""
 
 _SIGNS = {"tau_f": 1, "Z_w": -1, "Z_col": -1, "N_r": -1, "N_ped": 1, "L_b": 1, "M_a": 1}
-"""Of those that can have one sign only, whichever way the rotor turns."""
+"""Signs of the targets that can have one only, whichever way the rotor turns."""
 
 
 def stated_targets(given: Parameters) -> Parameters:
@@ -288,7 +288,7 @@ GEOMETRY = (
     "iyy",
     "izz",
 )
-"""What an estimate takes beside the vehicle's other parameters, all in `[geometry]`."""
+"""Parameters that an estimate takes beside the vehicle's other parameters, all in `[geometry]`."""
 
 _SOURCE = "estimated: closed form, from the geometry"
 
@@ -368,13 +368,13 @@ def _flapping(
 
 
 HOVER = ("main_rotor.pitch_trim", "tail_rotor.pitch_trim")
-"""What hovering fixes."""
+"""Parameters that hovering fixes."""
 BLADE = ("main_rotor.blade_inertia", "flapping.lock_reduction", "geometry.cyclic_range")
-"""What the tip-path plane takes beside the rotor's own parameters."""
+"""Parameters that the tip-path plane takes beside the rotor's own parameters."""
 _TRIALS = 4
 """Pitch is linear in the controls: one trial finds the hover, a second confirms it."""
 _CENTRED = 1e-9
-"""Of the controls, unitised."""
+"""Tolerance of the controls, unitised."""
 
 
 def is_known(given: Mapping[str, float]) -> bool:

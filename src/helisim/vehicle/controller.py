@@ -48,7 +48,7 @@ STATES: dict[Place, int] = {
     "swash": SWASH_STATES,
     "tail": TAIL_STATES,
 }
-"""How many states a law has where nothing is said: as the gyro's own, so every MJCF has room."""
+"""States of a law where nothing is said: as the gyro's own, so every MJCF has room."""
 _MOST = 1000
 SHIPPED = "shipped"
 
@@ -68,7 +68,7 @@ class WrittenLaw(Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Controller(Value):
-    """What turns sticks and sensors into servo commands, at the gyro's place and rate.
+    """A controller: it turns sticks and sensors into servo commands, at the gyro's place and rate.
 
     A law is called at each tick with what is `Seen`, its own state and its settings, or the first
     one or two of these, and returns the commands of its servos, unitised. It is a Python function,
@@ -190,7 +190,7 @@ class Controller(Value):
 
     @property
     def state_counts(self) -> tuple[int, int]:
-        """How many states the swashplate's law has, and the tail's; of one for both, the first."""
+        """Numbers of states of the swashplate's law and the tail's; of one for both, the first."""
         counts = {one.place: one.states for one in self.laws}
         if "all" in counts:
             return counts["all"], 0

@@ -1,4 +1,4 @@
-"""Where a vehicle is: a folder with its parameters and its MJCF, shipped or anyone's own.
+"""The folder of a vehicle, with its parameters and its MJCF, shipped or anyone's own.
 
 Roles say which element of its MJCF is what, where its author gave it a name of his own. What
 nothing else refers to by name (actuators, sensors, keyframes) gets the canonical name when the

@@ -29,7 +29,7 @@ _ENGINE = {
     "electric": ("voltage", "speed_constant", "resistance", "current_limit"),
     "combustion": ("power", "power_speed"),
 }
-"""Of [drive], what must be positive where a motor turns the rotor, and of which engine."""
+"""Parameters of [drive] that must be positive with a motor, and with which engine."""
 
 
 def force_law_block(parameters: Parameters) -> NDArray[np.float64]:

@@ -32,7 +32,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Addresses:
-    """Where a vehicle's numbers start: rotor actuator, first activation, first control."""
+    """Starts of a vehicle's numbers: rotor actuator, first activation, first control."""
 
     rotor: int
     state: int

@@ -377,7 +377,7 @@ def check_settings(values: Mapping[str, float]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class GyroSettings:
-    """What a pilot sets on a three-axis gyro such as the CGY750; the defaults are the paper's.
+    """A pilot's settings of a three-axis gyro such as the CGY750; the defaults are the paper's.
 
     The paper (Wu and Chen, section 2) names them and gives no meaning. The CGY750's manual has
     "Swash AFR (rate)" among the basic settings of the swashplate: travel of aileron, elevator and

@@ -43,7 +43,7 @@ STARTS = {**_YAW_STARTS, **_CYCLIC_STARTS}
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """What is searched for, on which axes.
+    """The aim of a search, on some axes.
 
     Attributes:
         sticks: inputs of the response, IN2.

@@ -1,4 +1,4 @@
-"""Where a vehicle's three servos stand under its swashplate, and how they share its motion (CCPM).
+"""Places of a vehicle's three servos under its swashplate, and how they share its motion (CCPM).
 
 A servo whose ball link stands at an angle from the nose, towards the left, and at an arm of the
 unit in which cyclic is counted, moves by col + arm (cos(angle) lon + sin(angle) lat), or by as
@@ -24,12 +24,12 @@ _EXACT = np.array([0.0, 0.5, np.sqrt(0.5), 0.5 * np.sqrt(3.0), 1.0])
 """Sines and cosines of whole multiples of 30 and 45 degrees, which rounding would miss."""
 _ROUNDING = 1e-12
 _FLATTEST = 1e-3
-"""Of the area that the three span, arms of 1: below it a degree of tilt asks for all travel."""
+"""Area that the three span, of arms of 1, below which a degree of tilt asks for all travel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Swashplate:
-    """How three servos move one swashplate.
+    """The mixing of three servos under one swashplate.
 
     Attributes:
         numbers: (21,) as the compiled force laws read them, from `PARAM.mix_front_col` on.

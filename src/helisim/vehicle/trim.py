@@ -23,7 +23,7 @@ HEIGHT = 10.0
 """m above the ground, where nothing else is said."""
 _UNKNOWNS = ("phi", "theta", "col", "lon", "lat", "ped", "a", "b")
 _INFLOW = ("inflow_0", "inflow_s", "inflow_c")
-"""What is solved for besides where the inflow is dynamic."""
+"""Unknowns besides these where the inflow is dynamic."""
 
 
 @dataclass(frozen=True)

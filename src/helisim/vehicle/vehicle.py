@@ -198,7 +198,7 @@ class Vehicle(Value, Displayed):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What flies, as plain data: enough to load it again, and to see whether it changed."""
+        """The vehicle as plain data: enough to load it again, and to see whether it changed."""
         own = {} if self.controller.is_shipped else {"controller": self.controller.to_dict()}
         return {
             "vehicle": self.name,
@@ -210,7 +210,7 @@ class Vehicle(Value, Displayed):
 
     @property
     def swashplate(self) -> Swashplate:
-        """How its three servos move the swashplate."""
+        """The mixing of its three servos under the swashplate."""
         return Swashplate.in_block(self.model.actuator_user[addresses(self.model).rotor])
 
     @cached_property
@@ -243,7 +243,7 @@ class Vehicle(Value, Displayed):
 
     @property
     def settings(self) -> GyroSettings:
-        """What the pilot has set on the gyro."""
+        """The pilot's settings of the gyro."""
         return GyroSettings.of(self.parameters)
 
     def with_settings(self, settings: GyroSettings | Mapping[str, float]) -> "Vehicle":
