@@ -36,12 +36,9 @@ BARS = {
 }
 """Figure -> largest error of a prediction, and of a flight, against the exact."""
 CRITERIA = ("stability_margins", "disturbance_rejection", "attitude_bandwidth")
-MORE = 1.3
-"""Disturbance rejection bandwidth over the shipped gyro's, in roll and pitch."""
-_SWEEPS = 4
-"""Flights on each axis of another truth."""
-CHANGED = 0.2
-"""By which truths differ."""
+MORE = 1.3  # Disturbance rejection bandwidth over the shipped gyro's, in roll and pitch.
+_SWEEPS = 4  # Flights on each axis of another truth.
+CHANGED = 0.2  # By which truths differ.
 TRUTHS = ("main_rotor.hub_stiffness", "tail_rotor.lift_slope", "mass")
 
 

@@ -81,11 +81,7 @@ def vector(count: int, **settings: Any) -> gymnasium.vector.VectorEnv:
 
 
 class Curve(BaseCallback):
-    """Notes how the last episodes went.
-
-    Attributes:
-        rows: frames so far, mean return and mean length (s) of the episodes that ended since.
-    """
+    """Notes how the last episodes went."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -42,11 +42,9 @@ from helisim.sitl.mixing import Controls, Mixer
 JR700 = "jr700"
 BARS = {JR700: 2.0, "heli": 3.0, "heli-blade360": 3.0}
 """Whose log -> largest median error, percent."""
-INSIDE = 95.0
-"""Percent of the derivatives that are inside their bounds, at least."""
+INSIDE = 95.0  # Percent of the derivatives that are inside their bounds, at least.
 AXES = ("lat", "lon", "ped", "col")
-LOOPS = "loops"
-"""The flight of the JR700 whose sweeps go beyond its gain margins."""
+LOOPS = "loops"  # The flight of the JR700 whose sweeps go beyond its gain margins.
 _PROOF = Path(__file__).parent / "proof"
 _OWN_HELICOPTER = _PROOF / "ardupilots_helicopter.py"
 _FLOWN_LOOPS = _PROOF / "flown_loops.py"
@@ -57,16 +55,6 @@ class Source(NamedTuple):
 
     Its cyclic is 1.283 (s1 - s2) and 1.48 ((s1 + s2) / 2 - s3) of the servos' ways s, from 0 to 1
     over 1000 us, both over `less_cyclic`; its yaw command `yaw` (2 s4 - 1).
-
-    Attributes:
-        tau: time constant of the rotor, s.
-        Lb, Ma: angular acceleration by tilt, 1/s^2.
-        Lfa, Mfb: couplings of the tilts.
-        Lflt, Lflg, Mflt, Mflg: tilts by cyclic.
-        less_cyclic: what the servos' ways are divided by.
-        Nr, Nped: yaw damping, 1/s, and acceleration by the yaw command, 1/s^2.
-        yaw: of that command.
-        Zw, Zcol: heave damping, 1/s, and acceleration by the mean way of the three servos, m/s^2.
     """
 
     tau: float
@@ -131,11 +119,7 @@ class Row(NamedTuple):
 
 
 def identified(log: Path) -> dict[str, tuple[float, float, float, str]]:
-    """Return what `helisim identify LOG` finds: value, bound, standard error and unit by name.
-
-    Raises:
-        SystemExit: it refuses the log; it says why.
-    """
+    """Return what `helisim identify LOG` finds: value, bound, standard error and unit by name."""
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder, "model.json")
         command = [sys.executable, "-m", "helisim", "identify", str(log), "--quiet"]
@@ -153,12 +137,7 @@ def identified(log: Path) -> dict[str, tuple[float, float, float, str]]:
 
 
 def exact_jr700(parameters: Mapping[str, float], hover: float) -> dict[str, float]:
-    """Return the derivatives of the JR700 by ArduPilot's commands.
-
-    Args:
-        parameters: of ArduPilot, by name.
-        hover: throttle of the hover, 0 to 1.
-    """
+    """Return the derivatives of the JR700 by ArduPilot's commands."""
     aircraft = Aircraft(JR700)
     vehicle = aircraft.vehicle
     controls = Controls(Mixer.of(parameters), aircraft.outputs, vehicle.swashplate)
@@ -251,11 +230,7 @@ def judged(whose: str, log: Path) -> list[str]:
 
 
 def flown(whose: str, log: Path) -> Path:
-    """Fly the sweeps of a helicopter with ArduCopter-heli, and return its log.
-
-    Raises:
-        SystemExit: it can't be flown; it says why.
-    """
+    """Fly the sweeps of a helicopter with ArduCopter-heli, and return its log."""
     if whose in (JR700, LOOPS):
         axes = {JR700: ["roll,pitch,yaw,thrust"], LOOPS: ["roll,pitch,yaw", "--to", "24"]}
         sweeps = ["--script", "sysid", "--axes", *axes[whose], "--log", str(log)]

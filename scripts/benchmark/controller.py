@@ -8,7 +8,6 @@ each counts. "step" is a time step under `installed()`, "flown" all of `fly`: si
 
 import sys
 import time
-from collections.abc import Callable
 
 import mujoco
 import numba
@@ -22,11 +21,11 @@ from helisim.vehicle import ControllerLike
 from helisim.vehicle.assembly import Integrator
 from helisim.vehicle.motion import addresses
 from helisim.vehicle.trim import place
+from step import INTEGRATORS, least
 
-STEPS = 10_000
-ROUNDS = 15
-INTEGRATORS: tuple[Integrator, ...] = ("RK4", "Euler")
+STEPS, ROUNDS = 10_000, 15
 FLIGHT = hs.Sweep(axis="lat", duration=30.0)
+TICKS = FLIGHT.duration / 0.002
 _POINTER = types.CPointer(types.float64)
 
 
@@ -53,31 +52,27 @@ def passing(seen):
 def controllers(vehicle: hs.Vehicle) -> dict[str, ControllerLike]:
     """Return the shipped laws, and those of one's own that do the same, by name."""
     settings = vehicle.model.actuator_user[addresses(vehicle.model).rotor, : len(PARAM)]
-    return {
-        "shipped": hs.Controller(),
-        "njit": hs.Controller(numba.njit(law), settings=settings),
-        "cfunc": hs.Controller(pointer, settings=settings),
-        "Python": hs.Controller(law, settings=settings),
-        "Python, empty": passing,
-    }
+    own = {"njit": numba.njit(law), "cfunc": pointer, "Python": law}
+    made = {name: hs.Controller(one, settings=settings) for name, one in own.items()}
+    return {"shipped": hs.Controller(), **made, "Python, empty": passing}
 
 
 def step_costs(integrator: Integrator, rounds: int) -> dict[str, float]:
     """Return CPU seconds a step by controller, pilot and remnant on."""
     vehicle = hs.load("jr700", integrator=integrator)
-    flown = {name: vehicle.with_controller(one) for name, one in controllers(vehicle).items()}
-    models = {name: prepare(one, FLIGHT, seed=1, number=0) for name, one in flown.items()}
 
-    def cost(name: str) -> float:
-        data = mujoco.MjData(models[name])
-        place(models[name], data, vehicle.trim)
+    def cost(model: mujoco.MjModel) -> float:
+        data = mujoco.MjData(model)
+        place(model, data, vehicle.trim)
         with hs.installed():
-            mujoco.mj_step(models[name], data, 100)
+            mujoco.mj_step(model, data, 100)
             begun = time.process_time()
-            mujoco.mj_step(models[name], data, STEPS)
+            mujoco.mj_step(model, data, STEPS)
             return (time.process_time() - begun) / STEPS
 
-    return _least({name: lambda name=name: cost(name) for name in flown}, rounds)
+    flown = {name: vehicle.with_controller(one) for name, one in controllers(vehicle).items()}
+    models = {name: prepare(one, FLIGHT, seed=1, number=0) for name, one in flown.items()}
+    return least({name: lambda m=model: cost(m) for name, model in models.items()}, rounds)
 
 
 def flight_costs(rounds: int) -> dict[str, float]:
@@ -89,33 +84,21 @@ def flight_costs(rounds: int) -> dict[str, float]:
         hs.fly(vehicle, FLIGHT, controller=controller, jobs=1, keep_ended=True)
         return time.process_time() - begun
 
-    works = controllers(vehicle)
-    del works["Python, empty"]  # it doesn't hold the hover for long
-    return _least({name: lambda one=one: cost(one) for name, one in works.items()}, rounds)
-
-
-def _least(works: dict[str, Callable[[], float]], rounds: int) -> dict[str, float]:
-    seconds: dict[str, list[float]] = {name: [] for name in works}
-    for _ in range(rounds):
-        for name, work in works.items():
-            seconds[name].append(work())
-    return {name: min(each) for name, each in seconds.items()}
+    laws = controllers(vehicle)
+    del laws["Python, empty"]  # it doesn't hold the hover for long
+    return least({name: lambda one=one: cost(one) for name, one in laws.items()}, rounds)
 
 
 def main(rounds: int = ROUNDS) -> None:
     """Print a line for each law and integrator; wanted: native within 1.05, Python 30 k/s."""
     print(f"{'':24}{'us a step':>10}{'x shipped':>11}{'k ticks/s':>11}")
-    for integrator in INTEGRATORS:
-        _print(integrator, step_costs(integrator, rounds))
-    ticks = FLIGHT.duration / 0.002
+    found = {integrator: step_costs(integrator, rounds) for integrator in INTEGRATORS}
     flown = flight_costs(max(1, rounds // 3))
-    _print("flown", {name: cost / ticks for name, cost in flown.items()})
-
-
-def _print(how: str, costs: dict[str, float]) -> None:
-    for name, cost in costs.items():
-        ratio = cost / costs["shipped"]
-        print(f"{f'{how}, {name}':24}{1e6 * cost:10.2f}{ratio:11.3f}{1e-3 / cost:11.0f}")
+    found["flown"] = {name: cost / TICKS for name, cost in flown.items()}
+    for how, costs in found.items():
+        for name, cost in costs.items():
+            ratio = cost / costs["shipped"]
+            print(f"{f'{how}, {name}':24}{1e6 * cost:10.2f}{ratio:11.3f}{1e-3 / cost:11.0f}")
 
 
 if __name__ == "__main__":

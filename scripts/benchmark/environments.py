@@ -26,8 +26,7 @@ CORES = os.cpu_count() or 1
 FRAMES = 100
 ROUNDS = 7
 NUM_ENVS = 64
-Cost = tuple[float, float]
-"""Wall and processor seconds of a physics step."""
+Cost = tuple[float, float]  # Wall and processor seconds of a physics step.
 
 
 def costs(count: int, rounds: int) -> dict[str, Cost]:

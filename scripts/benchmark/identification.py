@@ -58,6 +58,7 @@ GRID = np.geomspace(*BAND, 50)
 TRUE_RESPONSE = response(structures.rollpitch, ROLLPITCH_IN1, GRID)
 TRUE_POLES = state_space(structures.rollpitch, ROLLPITCH_IN1).poles()
 PEER_RATE = 25.0
+CASES = {"quiet": (0.01, 0.0), "gusty": (0.03, 0.5), "closed loop": (0.03, 0.5)}  # noise, gust
 
 Responses = tuple[NDArray[np.complex128], NDArray[np.complex128]]
 """Poles in 1/s, and response over GRID."""
@@ -65,35 +66,23 @@ Responses = tuple[NDArray[np.complex128], NDArray[np.complex128]]
 
 def flights(case: str, seed: int) -> list[FlightRecord]:
     """Fly the four sweeps of a case."""
-    noise, gust = {"quiet": (0.01, 0.0), "gusty": (0.03, 0.5), "closed loop": (0.03, 0.5)}[case]
-    level = {"p": noise, "q": noise}
-    records = []
-    for number, axis in enumerate(("lat", "lat", "lon", "lon")):
-        if case == "closed loop":
-            record = fly_closed_loop(
-                structures.rollpitch,
-                ROLLPITCH_IN1,
-                axis=axis,
-                sticks=STICKS,
-                gain=0.1,
-                gust=gust,
-                seed=10 * seed + number,
-                noise=level,
-            )
-        else:
-            record = fly(
-                structures.rollpitch,
-                ROLLPITCH_IN1,
-                axis=axis,
-                seed=10 * seed + number,
-                band=(1.5, 45.0),
-                off_axis=0.01,
-                correlated=0.15,
-                noise=level,
-                gust=gust,
-            )
-        records.append(record)
-    return records
+    noise, gust = CASES[case]
+    options = {"noise": dict.fromkeys(OUTPUTS, noise), "gust": gust}
+    if case == "closed loop":
+        flown, more = fly_closed_loop, {"sticks": STICKS, "gain": 0.1}
+    else:
+        flown, more = fly, {"band": (1.5, 45.0), "off_axis": 0.01, "correlated": 0.15}
+    return [
+        flown(
+            structures.rollpitch,
+            ROLLPITCH_IN1,
+            axis=axis,
+            seed=10 * seed + number,
+            **options,
+            **more,
+        )
+        for number, axis in enumerate(("lat", "lat", "lon", "lon"))
+    ]
 
 
 def ours(records: Sequence[FlightRecord], reference: Sequence[str] | None) -> Responses:
@@ -118,36 +107,25 @@ def peer(records: Sequence[FlightRecord], method: str) -> Responses:
     return poles, np.asarray(control.frequency_response(model, GRID).complex)
 
 
-def pole_error(poles: NDArray[np.complex128]) -> float:
-    """Return the mean relative distance of the true poles to the nearest found ones, percent."""
-    distance = [np.min(np.abs(poles - pole)) / np.abs(pole) for pole in TRUE_POLES]
-    return 100.0 * float(np.mean(distance))
+def measure(
+    method: Callable[..., Responses], flown: Sequence[list[FlightRecord]], *options: object
+) -> NDArray[np.float64]:
+    """Return pole error (%), J against the true response and CPU time (s), (seeds, 3).
 
-
-def cost(found: NDArray[np.complex128]) -> float:
-    """Return the mean J of a response against the true one, all weights 1."""
-    ratio = found / TRUE_RESPONSE
-    decibel, degree = 20.0 * np.log10(np.abs(ratio)), np.rad2deg(np.angle(ratio))
-    return 20.0 * float(np.mean(decibel**2 + 0.01745 * degree**2))
-
-
-def measure(method: Callable[[int], Responses], seeds: int) -> NDArray[np.float64]:
-    """Return pole error (%), J and processor seconds of a method, (seeds, 3)."""
+    The pole error is the mean relative distance of the true poles to the nearest found ones; all
+    weights of J are 1.
+    """
     rows = []
-    for seed in range(seeds):
+    for records in flown:
         begun = time.process_time()
-        poles, found = method(seed)
+        poles, found = method(records, *options)
         seconds = time.process_time() - begun
-        rows.append((pole_error(poles), cost(found), seconds))
+        off = [np.min(np.abs(poles - pole)) / np.abs(pole) for pole in TRUE_POLES]
+        ratio = found / TRUE_RESPONSE
+        decibel, degree = 20.0 * np.log10(np.abs(ratio)), np.rad2deg(np.angle(ratio))
+        cost = 20.0 * float(np.mean(decibel**2 + 0.01745 * degree**2))
+        rows.append((100.0 * float(np.mean(off)), cost, seconds))
     return np.array(rows)
-
-
-def row(name: str, method: Callable[[int], Responses], seeds: int) -> None:
-    """Print the accuracy and the time of a method over the seeds."""
-    rows = measure(method, seeds)
-    mean, spread = np.mean(rows, axis=0), np.std(rows, axis=0)
-    text = "".join(f"{m:11.3g} +- {s:<8.2g}" for m, s in zip(mean, spread))
-    print(f"  {name:<22}{text}", flush=True)
 
 
 def hover(seeds: int) -> None:
@@ -224,19 +202,24 @@ def main(seeds: int = 10) -> None:
     hover(min(seeds, 5))
     print(f"mean +- scatter over {seeds} seeds")
     print(f"{'':<24}{'pole error, %':>18}{'J':>14}{'processor s':>26}")
-    for case in ("quiet", "gusty", "closed loop"):
+    for case in CASES:
         flown = [flights(case, seed) for seed in range(seeds)]
         print(case)
-        row("helisim, direct", lambda k, f=flown: ours(f[k], None), seeds)
+        methods = [("helisim, direct", ours, None)]
         if case == "closed loop":
-            row("helisim, joint", lambda k, f=flown: ours(f[k], STICKS), seeds)
-        for method in ("N4SID", "PARSIM-P", "PARSIM-K"):
+            methods.append(("helisim, joint", ours, STICKS))
+        methods += [(name, peer, name) for name in ("N4SID", "PARSIM-P", "PARSIM-K")]
+        for name, method, option in methods:
             try:
-                row(method, lambda k, f=flown, m=method: peer(f[k], m), seeds)
+                rows = measure(method, flown, option)
             except ImportError:
-                print(f"  {method:<22}      not installed: pip install helisim[benchmark]")
+                text = "      not installed: pip install helisim[benchmark]"
             except (ValueError, np.linalg.LinAlgError) as error:
-                print(f"  {method:<22}      failed: {error}")
+                text = f"      failed: {error}"
+            else:
+                spread = zip(np.mean(rows, axis=0), np.std(rows, axis=0))
+                text = "".join(f"{m:11.3g} +- {s:<8.2g}" for m, s in spread)
+            print(f"  {name:<22}{text}", flush=True)
 
 
 if __name__ == "__main__":

@@ -18,10 +18,8 @@ from helisim.sitl.pilot import Pilot, Steps
 from helisim.sitl.process import find_program
 from helisim.sitl.session import fly_script
 
-RATES = (800.0, 1000.0, 2000.0)
-"""Below 1.8 frames a loop of its 400 Hz it does not arm."""
-HOVER = 60.0
-"""s, by default."""
+RATES = (800.0, 1000.0, 2000.0)  # Below 1.8 frames a loop of its 400 Hz it does not arm.
+HOVER = 60.0  # s, by default.
 
 
 def processor() -> tuple[float, float]:

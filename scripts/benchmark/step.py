@@ -1,41 +1,57 @@
 """Cost of a time step beside stock MuJoCo's, and beside JSBSim's where that is installed.
 
-All run in turn, several times, in this process; the least of each counts. The flight has
-rotor, flapping, gyro, servos, pilot with sweep and remnant, and all sensors active. Stock
-MuJoCo steps the same model with the same options and sensors, without callbacks: as it comes,
-and with its profiling timers at rest, as they are while helisim's callbacks are installed.
-With all on, a motor turns the rotor, the inflow is Pitt and Peters', the air is turbulent, and a
-ground below has its effect and could be touched; stock MuJoCo then has that ground too.
-JSBSim's AH-1S hovers, and what helisim's sensors write too is read after each step, or nothing is.
+All run in turn, several times, in this process; the least of each counts. The flight has rotor,
+flapping, gyro, servos, pilot with sweep and remnant, and all sensors active. Stock MuJoCo steps the
+same model with the same options and sensors, without callbacks: as it comes, and with its profiling
+timers at rest, as they are while helisim's callbacks are installed. With all on, a motor turns the
+rotor, the inflow is Pitt and Peters', the air is turbulent, and a ground below has its effect and
+could be touched; stock MuJoCo then has that ground too. JSBSim's AH-1S hovers as in its own flight
+test; its rotor has no states. What helisim's sensors write too is read after each step, or nothing.
 
     python scripts/benchmark/step.py [ROUNDS]
 """
 
+import contextlib
+import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import mujoco
 from numba import cfunc, types
 
-import ah1s
 import helisim as hs
 from helisim.physics.native import installed
 from helisim.sim.flight import prepare
 from helisim.vehicle.assembly import Integrator
 from helisim.vehicle.trim import place
 
-STEPS = 20_000
-ROUNDS = 7
+STEPS, ROUNDS, HOVER = 20_000, 7, 60.0  # HOVER: s, by which JSBSim's flight test hovers
 INTEGRATORS: tuple[Integrator, ...] = ("RK4", "Euler")
-ALL_ON = {
-    "main_rotor.inflow": "pitt-peters",
-    "drive.governor": "motor",
-    "air.ground_effect": 1.0,
-}
-"""What the force laws can do beyond what a vehicle is shipped with."""
+ALL_ON = {"main_rotor.inflow": "pitt-peters", "drive.governor": "motor", "air.ground_effect": 1.0}
 FLOWN = (*INTEGRATORS, *(f"{integrator}, all on" for integrator in INTEGRATORS))
 READ, UNREAD = "JSBSim, outputs read", "JSBSim, nothing read"
+OUTPUTS = tuple(
+    f"{group}/{name}"
+    for group, names in {
+        "velocities": "p-rad_sec q-rad_sec r-rad_sec u-fps v-fps w-fps",
+        "attitude": "phi-rad theta-rad psi-rad",
+        "accelerations": "n-pilot-x-norm n-pilot-y-norm n-pilot-z-norm",
+        "position": "lat-geod-rad long-gc-rad h-sl-ft",
+        "fcs": "elevator-cmd-norm aileron-cmd-norm rudder-cmd-norm collective-cmd-norm",
+        "propulsion/engine": "rotor-rpm thrust-lbs",
+        "simulation": "sim-time-sec",
+    }.items()
+    for name in names.split()
+)
+"""What helisim's sensors write too, as far as JSBSim has it."""
+
+
+def least(works: dict[str, Callable[[], float]], rounds: int) -> dict[str, float]:
+    """Return the least of what each work returns, all in turn so many times."""
+    found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
+    return {name: min(one[name] for one in found) for name in works}
 
 
 @cfunc(types.float64())
@@ -46,74 +62,97 @@ def resting() -> float:
 
 def step_costs(rounds: int = ROUNDS) -> dict[str, float]:
     """Return CPU seconds a step of each, by name; JSBSim's are left out where there is none."""
-    rivals: dict[str, Callable[[], float]] = {}
-    for integrator in INTEGRATORS:
-        rivals |= _of_ours(integrator, "", *_as_shipped(integrator))
-        rivals |= _of_ours(integrator, ", all on", *_with_all_on(integrator))
-    try:
-        helicopter = ah1s.hovering()
-    except ImportError:
-        pass
-    else:
-        rivals[READ] = lambda: ah1s.cost(helicopter, read=True)
-        rivals[UNREAD] = lambda: ah1s.cost(helicopter, read=False)
-    seconds: dict[str, list[float]] = {name: [] for name in rivals}
-    for _ in range(rounds):
-        for name, rival in rivals.items():
-            seconds[name].append(rival())
-    return {name: min(each) for name, each in seconds.items()}
-
-
-def _as_shipped(integrator: Integrator) -> tuple[hs.Vehicle, mujoco.MjModel]:
-    """Return a vehicle and its model in the flight of a sweep."""
-    vehicle = hs.load("jr700", integrator=integrator)
-    return vehicle, prepare(vehicle, hs.Sweep(axis="lat"), seed=1, number=0)
-
-
-def _with_all_on(integrator: Integrator) -> tuple[hs.Vehicle, mujoco.MjModel]:
-    """Return them with all that the force laws can do."""
+    works: dict[str, Callable[[], float]] = {}
     ground = hs.Ground()
     plan = hs.FlightPlan(
         excitation=hs.Sweep(axis="lat"), weather=hs.Weather(turbulence="light"), ground=ground
     )
-    vehicle = hs.load("jr700", integrator=integrator, parameters=ALL_ON)
-    below = vehicle.grounded_model(ground.put_into)
-    return vehicle, prepare(vehicle, plan, seed=1, number=0, model=below)
+    for integrator in INTEGRATORS:
+        vehicle = hs.load("jr700", integrator=integrator)
+        model = prepare(vehicle, hs.Sweep(axis="lat"), seed=1, number=0)
+        works |= _of_ours(integrator, vehicle, model)
+        vehicle = hs.load("jr700", integrator=integrator, parameters=ALL_ON)
+        below = vehicle.grounded_model(ground.put_into)
+        model = prepare(vehicle, plan, seed=1, number=0, model=below)
+        works |= _of_ours(f"{integrator}, all on", vehicle, model)
+    with contextlib.suppress(ImportError):
+        helicopter = ah1s()
+        works[READ] = lambda: ah1s_cost(helicopter, OUTPUTS)
+        works[UNREAD] = lambda: ah1s_cost(helicopter, ())
+    return least(works, rounds)
 
 
 def _of_ours(
-    integrator: Integrator, what: str, vehicle: hs.Vehicle, model: mujoco.MjModel
+    name: str, vehicle: hs.Vehicle, model: mujoco.MjModel
 ) -> dict[str, Callable[[], float]]:
     """Return our vehicle with our callbacks and without, stepped by one of the integrators."""
 
+    def cost(height: float) -> float:
+        data = mujoco.MjData(model)
+        place(model, data, vehicle.trim, height=height)
+        mujoco.mj_step(model, data, 500)
+        start = time.process_time()
+        mujoco.mj_step(model, data, STEPS)
+        return (time.process_time() - start) / STEPS
+
     def ours() -> float:
         with installed():
-            return _cost(vehicle, model, height=20.0)
-
-    def stock() -> float:  # it falls, so start it high
-        return _cost(vehicle, model, height=1e6)
+            return cost(20.0)
 
     def untimed() -> float:
         mujoco.set_mjcb_time(resting.ctypes)
         try:
-            return stock()
+            return cost(1e6)
         finally:
             mujoco.set_mjcb_time(None)
 
     return {
-        f"helisim, {integrator}{what}": ours,
-        f"stock, {integrator}{what}": stock,
-        f"stock, timers at rest, {integrator}{what}": untimed,
+        f"helisim, {name}": ours,
+        f"stock, {name}": lambda: cost(1e6),  # it falls, so start it high
+        f"stock, timers at rest, {name}": untimed,
     }
 
 
-def _cost(vehicle: hs.Vehicle, model: mujoco.MjModel, height: float) -> float:
-    data = mujoco.MjData(model)
-    place(model, data, vehicle.trim, height=height)
-    mujoco.mj_step(model, data, 500)
-    start = time.process_time()
-    mujoco.mj_step(model, data, STEPS)
-    return (time.process_time() - start) / STEPS
+def ah1s() -> Any:
+    """Return JSBSim's AH-1S in the hover of its flight test. Raises ImportError without JSBSim."""
+    import jsbsim
+
+    with _silence():
+        simulation = jsbsim.FGFDMExec(None)
+        simulation.set_debug_level(0)
+        simulation.load_script("scripts/ah1s_flight_test.xml")
+        simulation.run_ic()
+        while simulation["simulation/sim-time-sec"] < HOVER:
+            simulation.run()
+    height = simulation["position/h-agl-ft"]
+    if not 20.0 < height < 150.0:
+        raise RuntimeError(f"JSBSim's helicopter should hover, and is {height:.0f} ft high")
+    return simulation
+
+
+def ah1s_cost(simulation: Any, outputs: tuple[str, ...]) -> float:
+    """Return CPU seconds a step, with outputs that are read after each."""
+    with _silence():
+        start = time.process_time()
+        for _ in range(STEPS):
+            simulation.run()
+            for name in outputs:
+                simulation[name]
+        return (time.process_time() - start) / STEPS
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Keep what JSBSim prints natively off the terminal."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with open(os.devnull, "w") as nothing:
+        os.dup2(nothing.fileno(), 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 def main(rounds: int = ROUNDS) -> None:
@@ -124,10 +163,12 @@ def main(rounds: int = ROUNDS) -> None:
     print(f"{'times as fast as JSBSim, read / unread':>41}" if peers else "")
     for flown in FLOWN:
         ours = cost[f"helisim, {flown}"]
-        print(f"{'helisim, ' + flown:22}{1e6 * ours:10.2f}{1.0 / ours:9.0f}", end="")
-        print(f"{ours / cost[f'stock, {flown}']:9.2f}", end="")
-        print(f"{ours / cost[f'stock, timers at rest, {flown}']:15.2f}", end="")
-        print(f"{' / '.join(f'{cost[name] / ours:.2f}' for name in peers):>41}")
+        print(
+            f"{'helisim, ' + flown:22}{1e6 * ours:10.2f}{1.0 / ours:9.0f}"
+            f"{ours / cost[f'stock, {flown}']:9.2f}"
+            f"{ours / cost[f'stock, timers at rest, {flown}']:15.2f}"
+            f"{' / '.join(f'{cost[name] / ours:.2f}' for name in peers):>41}"
+        )
     for name in peers:
         print(f"{name:22}{1e6 * cost[name]:10.2f}{1.0 / cost[name]:9.0f}")
     if not peers:

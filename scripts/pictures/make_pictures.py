@@ -30,12 +30,9 @@ from helisim.study.results import Run, read_run
 from helisim.vehicle.folder import model_folder, vehicle_names
 
 PICTURES = Path(__file__).parent
-PATIENCE = 60.0
-"""s to wait for the viewer."""
-NOTICES = 8.0
-"""s until the viewer's notices have faded."""
-TITLE_BAR = 36
-"""px at the top of the viewer, which are about this computer and not the recording."""
+PATIENCE = 60.0  # s to wait for the viewer.
+NOTICES = 8.0  # s until the viewer's notices have faded.
+TITLE_BAR = 36  # px at the top of the viewer, which are about this computer and not the recording.
 
 
 def main() -> None:

@@ -22,10 +22,8 @@ from helisim.sitl.process import Autopilot, find_program
 from helisim.sitl.systemid import fly_sweep, sweeps
 
 AXES = ("roll", "pitch", "yaw", "thrust")
-SPEED = 3.0
-"""Times real time: its log's writer follows, and a busy machine holds the place."""
-HEIGHT = 100.0
-"""m above the ground where sweeps are flown."""
+SPEED = 3.0  # Times real time: its log's writer follows, and a busy machine holds the place.
+HEIGHT = 100.0  # m above the ground where sweeps are flown.
 SWEPT = {"heli": (0.3, 12.0), "heli-blade360": (0.5, 18.0)}
 """Hz: past the rotor's mode, which is at 10 and at 11 Hz; that of a smaller one is faster."""
 _OWN = {"LOG_BITMASK": 3, "LOG_DISARMED": 0, "LOG_FILE_BUFSIZE": 30_000, "FLTMODE_CH": 0}
@@ -35,11 +33,7 @@ _STICKS, _STEP, _SILENCE = 0.05, 0.02, 20.0
 
 
 class Heard(Telemetry):
-    """Telemetry that also tells the time.
-
-    Attributes:
-        time: s since the autopilot was switched on.
-    """
+    """Telemetry that also tells the time."""
 
     time = 0.0
 

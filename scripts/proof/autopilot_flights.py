@@ -25,10 +25,8 @@ from helisim.sitl.process import find_program
 from helisim.sitl.session import CORNERS, Flight, fly_script
 from helisim.sitl.systemid import fly_sweep, sweeps
 
-WITHIN = 0.5
-"""m, of the hover."""
-STILL = 0.02
-"""Of the rotor's nominal speed: it creeps on below."""
+WITHIN = 0.5  # m, of the hover.
+STILL = 0.02  # Of the rotor's nominal speed: it creeps on below.
 
 
 class Flown(NamedTuple):

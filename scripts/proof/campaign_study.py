@@ -7,6 +7,12 @@ within the paper's bounds of the truth. Conditions are the values of what the ca
 
     helisim campaign scripts/campaigns/study.toml --out study
     python scripts/proof/campaign_study.py study
+
+Of two campaigns with the same seeds, what their difference moves is printed instead: for every
+parameter the mean and the greatest difference of the estimates of the same replicates, in percent
+of the truth, beside their scatter over the replicates.
+
+    python scripts/proof/campaign_study.py rk4 euler
 """
 
 import sys
@@ -25,10 +31,8 @@ from helisim.study.truth import exact_response
 from helisim.vehicle import load
 
 WANTED = (("yaw_base", "N_r"), ("rollpitch_in1", "L_b"), ("rollpitch_in1", "M_a"))
-SHARE = 0.95
-"""Of the replicates that must be within a bound."""
-LENGTH = "sweep.duration"
-"""The condition that is mildest where it is greatest."""
+SHARE = 0.95  # Of the replicates that must be within a bound.
+LENGTH = "sweep.duration"  # The condition that is mildest where it is greatest.
 
 Row = dict[str, Any]
 
@@ -207,6 +211,30 @@ def bound(model: str, parameter: str) -> float:
     return one.paper_tolerance(parameter, printed.cr_percent).percent / 100.0
 
 
+def compare(first: str, second: str) -> None:
+    """Print by how much two campaigns with the same seeds differ, a line a parameter."""
+    same = ("replicate", "seed", "flights", "method", "model", "parameter")
+    one, other = (
+        {
+            tuple(row[name] for name in same): (row["estimate"] - row["truth"]) / abs(row["truth"])
+            for row in read_dataset(path)[0].to_pylist()
+            if row["failure"] is None
+        }
+        for path in (first, second)
+    )
+    both = [key for key in one if key in other]
+    print(f"{second} less {first}, {len(both)} estimates in both; % of the truth\n")
+    print(f"{'parameter':<26}{'n':>4}{'mean':>9}{'greatest':>10}{'scatter':>9}{'mean/scatter':>14}")
+    for group in dict.fromkeys(key[2:] for key in both):
+        keys = [key for key in both if key[2:] == group]
+        moved = 100.0 * np.array([other[key] - one[key] for key in keys])
+        scatter = 100.0 * np.std([one[key] for key in keys], ddof=1)
+        print(
+            f"{f'{group[2]} {group[3]}':<26}{len(keys):>4}{moved.mean():>9.3f}"
+            f"{np.abs(moved).max():>10.3f}{scatter:>9.3f}{abs(moved.mean()) / scatter:>14.2f}"
+        )
+
+
 def main(path: str) -> None:
     """Print the study."""
     table, provenance = read_dataset(path)
@@ -228,4 +256,4 @@ def main(path: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    (compare if len(sys.argv) > 2 else main)(*sys.argv[1:])

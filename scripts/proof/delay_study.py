@@ -27,7 +27,6 @@ the right sign. `--flipped` gives a share of those starts the wrong sign.
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import count, islice
 from pathlib import Path
@@ -55,32 +54,12 @@ SHARE = 0.01
 
 BAND = (0.1, 10.0)
 ROTOR_BAND = (1.5, 40.0)
-CASES = (
-    ("0/1", 0.5),
-    ("1/2", 0.28),
-    ("1/2", 0.5),
-    ("0/3", 0.5),
-    ("2/3", 0.5),
-    ("2/4", 0.5),
-    ("3/4", 0.5),
-    ("4/6", 0.5),
-    ("rollpitch", 0.28),
-    ("rollpitch", 0.5),
-    *((name, 0.5) for name in FLEET),
-)
-ROLLPITCH = {
-    "tau_f": 0.04456,
-    "L_b": 539.5,
-    "M_a": 315.1,
-    "A_b": -0.3514,
-    "B_a": 0.5340,
-    "A_lat": 0.06571,
-    "A_lon": 0.3697,
-    "B_lat": 0.3778,
-    "B_lon": -0.06070,
-    "tau_lat": 0.0,
-    "tau_lon": 0.0,
-}
+_TRANSFER = ("0/1", "1/2", "0/3", "2/3", "2/4", "3/4", "4/6")
+CASES = (("1/2", 0.28), ("rollpitch", 0.28))
+CASES += tuple((name, 0.5) for name in (*_TRANSFER, "rollpitch", *FLEET))
+_NAMES = "tau_f L_b M_a A_b B_a A_lat A_lon B_lat B_lon tau_lat tau_lon"
+_VALUES = (0.04456, 539.5, 315.1, -0.3514, 0.5340, 0.06571, 0.3697, 0.3778, -0.06070, 0.0, 0.0)
+ROLLPITCH = dict(zip(_NAMES.split(), _VALUES))
 """Wu and Chen, Table 3, [IN1 OUT], delays apart."""
 
 
@@ -93,11 +72,33 @@ class Case:
     delays: tuple[str, ...]
     data: FrequencyResponse
 
+    @classmethod
+    def of(
+        cls,
+        random: np.random.Generator,
+        structure: Structure,
+        truth: dict[str, float],
+        delays: tuple[str, ...],
+        frequency: NDArray,
+        exact: NDArray,
+    ) -> "Case":
+        """Return the case whose data are a response with white noise in magnitude and phase."""
+        wobble = random.standard_normal(exact.shape) + 1j * random.standard_normal(exact.shape)
+        noisy = exact * (1.0 + NOISE * wobble)
+        names = {"inputs": structure.inputs, "outputs": structure.outputs}
+        return cls(structure, truth, delays, FrequencyResponse.exact(frequency, noisy, **names))
+
+    @property
+    def cost(self) -> Cost:
+        """The cost that `identify` minimises, with its default options."""
+        points = select(self.data, self.structure, band=None, responses=None, count=20)
+        return Cost(self.structure, points)
+
     def told(self, values: dict[str, float]) -> NDArray[np.complex128]:
         """Return the delays and the poles that go with parameters."""
         numbers = matrices(self.structure, values)
-        waits = [values[name] for name in self.delays]
-        return np.array([*waits, *np.linalg.eigvals(np.linalg.solve(numbers.M, numbers.F))])
+        delays = [values[name] for name in self.delays]
+        return np.array([*delays, *np.linalg.eigvals(np.linalg.solve(numbers.M, numbers.F))])
 
     def sizes(self) -> NDArray[np.float64]:
         """Return what an error of the delays and of the poles is measured by."""
@@ -105,16 +106,41 @@ class Case:
         told[: len(self.delays)] = 1.0 / self.data.frequency[-1]
         return told
 
-    def slope(self, values: dict[str, float]) -> NDArray[np.complex128]:
-        """Return the derivatives of `told` by the parameters, (n_parameter, n_told)."""
-        here = self.told(values)
-        rows = []
+    def errors(self, values: dict[str, float], covariance: NDArray) -> NDArray[np.float64]:
+        """Return standard errors of `told`, of real and imaginary part the larger."""
+        here, rows = self.told(values), []
         for name in self.truth:
             step = 1e-6 * max(abs(values[name]), 1e-3)
-            rows.append(
-                (matched(self.told({**values, name: values[name] + step}), here) - here) / step
-            )
-        return np.array(rows)
+            moved = self.told({**values, name: values[name] + step})
+            rows.append((matched(moved, here) - here) / step)
+        slope = np.array(rows)
+        parts = [np.einsum("ik,ij,jk->k", one, covariance, one) for one in (slope.real, slope.imag)]
+        return np.sqrt(np.max(parts, axis=0))
+
+    def can_be_told(self) -> bool:
+        """Return whether the noise leaves the poles known to 5 %, the delay to 0.1 rad."""
+        ratio, jacobian = self.cost.ratio(np.array(list(self.truth.values())))
+        step = np.concatenate([(jacobian / ratio).real, (jacobian / ratio).imag], axis=1) / NOISE
+        size = np.linalg.norm(step, axis=1)
+        scaled = np.linalg.pinv((step / size[:, None]) @ (step / size[:, None]).T, hermitian=True)
+        limit = np.full(self.sizes().size, 0.05)
+        limit[: len(self.delays)] = 0.1
+        found = self.errors(self.truth, scaled / np.outer(size, size))
+        return bool(np.all(found <= limit * self.sizes()))
+
+    def found(self, fit: Fit) -> bool:
+        """Return whether the fit's delays and poles are the truth's but for noise."""
+        told = self.told(fit.values)
+        stated = np.array([fit[name].standard_error for name in self.truth])
+        covariance = fit.correlation * np.outer(stated, stated)
+        allowed = ERRORS * self.errors(fit.values, covariance) + SHARE * self.sizes()
+        return bool(np.all(np.abs(told - matched(self.told(self.truth), told)) <= allowed))
+
+    def above(self, fit: Fit) -> bool:
+        """Return whether a descent from the truth ends lower than the fit."""
+        truth = np.array(list(self.truth.values()))
+        near = descend(self.cost, Start(truth, truth[:0]))
+        return fit.cost * len(fit.costs) > 1.001 * near.cost + 1e-6
 
 
 def matched(found: NDArray[np.complex128], to: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -137,8 +163,9 @@ def roots(random: np.random.Generator, number: int, band: tuple[float, float]) -
     return np.array(drawn)
 
 
-def transfer_case(zeros: int, poles: int, delay: float, seed: int) -> Case:
+def transfer_case(name: str, delay: float, seed: int, _flipped: float) -> Case:
     """Return a random transfer function, computed here from its zeros and poles."""
+    zeros, poles = map(int, name.split("/"))
     random = np.random.default_rng([zeros, poles, seed])
     inner = (1.5 * BAND[0], BAND[1] / 1.5)
     den = np.real(np.poly(roots(random, poles, inner)))
@@ -153,119 +180,38 @@ def transfer_case(zeros: int, poles: int, delay: float, seed: int) -> Case:
     truth |= {f"a{k}": float(a) for k, a in enumerate(den[::-1][:poles])} | {"tau": tau}
     structure = structures.transfer_function(zeros=zeros, poles=poles, input="u", output="y")
     ordered = {name: truth[name] for name in structure.names}
-    return Case(
-        structure, ordered, ("tau",), measured(random, structure, frequency, exact[None, None])
-    )
+    return Case.of(random, structure, ordered, ("tau",), frequency, exact[None, None])
 
 
-def rotor_case(delay: float, seed: int) -> Case:
-    """Return a roll-pitch model, parameters a third off the published ones, delays drawn."""
+def rotor_case(_name: str, delay: float, seed: int, _flipped: float) -> Case:
+    """Return a roll-pitch model, parameters a third off the published ones, random delays."""
     random = np.random.default_rng([99, seed])
     structure, delays = structures.rollpitch, ("tau_lat", "tau_lon")
     truth = {name: ROLLPITCH[name] * np.exp(0.3 * random.normal()) for name in structure.names}
     truth |= {name: random.uniform(0.0, delay) for name in delays}
     frequency = np.geomspace(*ROTOR_BAND, POINTS)
     exact = response(structure, truth, frequency)
-    return Case(structure, truth, delays, measured(random, structure, frequency, exact))
+    return Case.of(random, structure, truth, delays, frequency, exact)
 
 
 def aircraft_case(name: str, delay: float, seed: int, flipped: float) -> Case:
-    """Return an aircraft of tests/recovery, parameters scattered by 15 %, delays drawn."""
+    """Return an aircraft of tests/recovery, parameters scattered by 15 %, random delays."""
     random = np.random.default_rng([98, seed, *name.encode()])
     aircraft = FLEET[name]()
-    structure = aircraft.structure
-    delays = tuple(
-        parameter.name
-        for parameter in structure.free
-        if parameter.name.startswith("tau") and parameter.limits[0] < 0.0
-    )
+    structure, free = aircraft.structure, aircraft.structure.free
+    delays = tuple(p.name for p in free if p.name.startswith("tau") and p.limits[0] < 0.0)
     structure = structure.with_bounds(dict.fromkeys(delays, (-0.3, 5.0)))
     free = [parameter.name for parameter in structure.free]
     drawn = {n: aircraft.truth[n] * np.exp(0.15 * random.normal()) for n in free}
     drawn |= {n: random.uniform(0.0, delay) for n in delays}
     wrong = [p for p in structure.free if p.bounds is None and random.random() < flipped]
     structure = structure.with_starts({p.name: -p.start for p in wrong})
-    band = (
-        2.0 * min(sweep.band[0] for sweep in aircraft.sweeps),
-        max(sweep.band[1] for sweep in aircraft.sweeps) / 1.5,
-    )
-    frequency = np.geomspace(*band, POINTS)
+    low, high = zip(*(sweep.band for sweep in aircraft.sweeps))
+    frequency = np.geomspace(2.0 * min(low), max(high) / 1.5, POINTS)
     exact = response(structure, {**aircraft.truth, **drawn}, frequency)
     size = np.max(np.abs(exact), axis=2, keepdims=True)
     exact[np.broadcast_to(size < 1e-9 * np.max(size), exact.shape)] = 0.0
-    return Case(structure, drawn, delays, measured(random, structure, frequency, exact))
-
-
-def measured(
-    random: np.random.Generator, structure: Structure, frequency: NDArray, exact: NDArray
-) -> FrequencyResponse:
-    """Return the response with white noise, a fraction of it in magnitude and in rad."""
-    wobble = random.standard_normal(exact.shape) + 1j * random.standard_normal(exact.shape)
-    return FrequencyResponse.exact(
-        frequency,
-        exact * (1.0 + NOISE * wobble),
-        inputs=structure.inputs,
-        outputs=structure.outputs,
-    )
-
-
-def errors(slope: NDArray[np.complex128], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the standard errors of delays and poles, of real and imaginary part the larger."""
-    parts = [np.einsum("ik,ij,jk->k", part, covariance, part) for part in (slope.real, slope.imag)]
-    return np.sqrt(np.max(parts, axis=0))
-
-
-def can_be_told(case: Case) -> bool:
-    """Return whether the noise leaves the poles known to 5 %, the delay to 0.1 rad."""
-    cost, truth = search_cost(case), case.truth
-    ratio, jacobian = cost.ratio(np.array(list(truth.values())))
-    step = np.concatenate([(jacobian / ratio).real, (jacobian / ratio).imag], axis=1) / NOISE
-    size = np.linalg.norm(step, axis=1)
-    scaled = np.linalg.pinv((step / size[:, None]) @ (step / size[:, None]).T, hermitian=True)
-    covariance = scaled / np.outer(size, size)
-    limit = np.full(case.sizes().size, 0.05)
-    limit[: len(case.delays)] = 0.1
-    return bool(np.all(errors(case.slope(truth), covariance) <= limit * case.sizes()))
-
-
-def search_cost(case: Case) -> Cost:
-    """Return the cost that `identify` minimises, with its default options."""
-    points = select(case.data, case.structure, band=None, responses=None, count=20)
-    return Cost(case.structure, points)
-
-
-def found(case: Case, fit: Fit) -> bool:
-    """Return whether the fit's delays and poles are the truth's but for noise."""
-    told = case.told(fit.values)
-    stated = np.array([fit[name].standard_error for name in case.truth])
-    covariance = fit.correlation * np.outer(stated, stated)
-    allowed = ERRORS * errors(case.slope(fit.values), covariance) + SHARE * case.sizes()
-    return bool(np.all(np.abs(told - matched(case.told(case.truth), told)) <= allowed))
-
-
-def above(case: Case, fit: Fit) -> bool:
-    """Return whether a descent from the truth ends lower than the fit."""
-    truth = np.array(list(case.truth.values()))
-    near = descend(search_cost(case), Start(truth, truth[:0]))
-    return fit.cost * len(fit.costs) > 1.001 * near.cost + 1e-6
-
-
-def drawn(
-    name: str, delay: float, seed: int, *, keep_all: bool, flipped: float = 0.0
-) -> Iterator[Case]:
-    """Yield random cases without end."""
-    make: Callable[[int], Case]
-    if name in FLEET:
-        make = lambda number: aircraft_case(name, delay, number, flipped)  # noqa: E731
-    elif name == "rollpitch":
-        make = lambda number: rotor_case(delay, number)  # noqa: E731
-    else:
-        zeros, poles = map(int, name.split("/"))
-        make = lambda number: transfer_case(zeros, poles, delay, number)  # noqa: E731
-    for number in count(100_000 * seed):
-        case = make(number)
-        if keep_all or can_be_told(case):
-            yield case
+    return Case.of(random, structure, drawn, delays, frequency, exact)
 
 
 def study(
@@ -279,21 +225,22 @@ def study(
     verbose: bool = False,
 ) -> int:
     """Fit random cases, print how many are found, and return it."""
-    hits = high = unwarned = 0
-    used = 0.0
-    for k, case in enumerate(
-        islice(drawn(name, delay, seed, keep_all=keep_all, flipped=flipped), number)
-    ):
+    own = dict.fromkeys(FLEET, aircraft_case) | {"rollpitch": rotor_case}
+    make = own.get(name, transfer_case)
+    cases = (make(name, delay, each, flipped) for each in count(100_000 * seed))
+    told = (case for case in cases if keep_all or case.can_be_told())
+    hits, high, unwarned, used = 0, 0, 0, 0.0
+    for k, case in enumerate(islice(told, number)):
         begun = time.process_time()
         fit = identify(case.data, case.structure)
         used += time.process_time() - begun
-        missed, higher = not found(case, fit), above(case, fit)
+        missed, higher = not case.found(fit), case.above(fit)
         hits += not missed
         high += higher
         unwarned += missed and fit.searches_agreeing >= 2
         if verbose and (missed or higher):
-            waits = [f"{x} {case.truth[x]:.4f} as {fit[x].value:.4f} s" for x in case.delays]
-            print(f"    {k}: {', '.join(waits)}, J {fit.cost:.4g}, {fit.searches_agreeing} agree"
+            late = [f"{x} {case.truth[x]:.4f} as {fit[x].value:.4f} s" for x in case.delays]
+            print(f"    {k}: {', '.join(late)}, J {fit.cost:.4g}, {fit.searches_agreeing} agree"
                   f"{', above' if higher else ''}")  # fmt: skip
     print(
         f"{name:<12}delays to {delay:<6g}seed {seed:<4d}{hits:5d} of {number} found, "
@@ -310,21 +257,14 @@ def main() -> None:
     parser.add_argument("--delay", type=float, default=0.28)
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--seed", type=int)
-    parser.add_argument("--any", action="store_true", help="keep draws that no method can tell")
+    parser.add_argument("--any", action="store_true", help="keep samples that no method can tell")
     parser.add_argument("--flipped", type=float, default=0.0, help="share of wrong signs")
     parser.add_argument("--verbose", action="store_true")
     asked = parser.parse_args()
+    options = {"keep_all": asked.any, "flipped": asked.flipped, "verbose": asked.verbose}
     for name, delay in CASES if asked.case is None else [(asked.case, asked.delay)]:
         for seed in range(1, 4) if asked.seed is None else [asked.seed]:
-            study(
-                name,
-                delay,
-                seed,
-                asked.count,
-                keep_all=asked.any,
-                flipped=asked.flipped,
-                verbose=asked.verbose,
-            )
+            study(name, delay, seed, asked.count, **options)
 
 
 if __name__ == "__main__":

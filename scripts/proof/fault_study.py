@@ -45,8 +45,7 @@ FAULTS = (
     "recorder:drift,ppm=200,channels=p+q+r",
 )
 REPAIR = ("spikes", "frozen", "gaps")
-SHORTEST = 22.0
-"""s, of a part that two windows of the band's longest period fit into."""
+SHORTEST = 22.0  # s, of a part that two windows of the band's longest period fit into.
 
 
 def identified(records: Sequence[hs.FlightRecord]) -> hs.Fit:

@@ -27,11 +27,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
+from helisim.base.linear import Linear, LinearSystem
 from helisim.base.units import STANDARD_GRAVITY
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
-from helisim.handling.closed_loop import ClosedLoop, Linear
+from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import HALF_POWER, margins, rejection
 from helisim.handling.loop import axis_of
 from helisim.handling.measured.interval import Interval
@@ -42,50 +42,18 @@ from helisim.records.channels import ATTITUDES, IN1, RATES
 from helisim.sitl import Aircraft
 from helisim.sitl.mixing import Controls, Mixer
 
-DECIBEL, DEGREES = 0.5, 3.0
-"""The bars."""
-_JUDGED = 10.0
-"""Ratio of |L| to 1, or of 1 to it, up to which curves are judged."""
+DECIBEL, DEGREES = 0.5, 3.0  # The bars.
+_JUDGED = 10.0  # Ratio of |L| to 1, or of 1 to it, up to which curves are judged.
 _FINE = 2000
 
+OUTPUTS = (*RATES, *ATTITUDES)
 Array = NDArray[np.float64]
 
 
-class Sampled:
-    """The vehicle at the autopilot's ticks, from its commands; it is `Linear`.
+def exact_plant(parameters: Mapping[str, float], hover: float, period: float) -> LinearSystem:
+    """Return the JR700 that flew at ticks of a period (s), by ArduPilot's commands.
 
-    Args:
-        a: (n_state, n_state) of the vehicle, continuous.
-        b: (n_state, 3) by the autopilot's commands.
-        c: (6, n_state).
-        period: s, of a tick.
-    """
-
-    inputs, outputs = COMMANDS, (*RATES, *ATTITUDES)
-
-    def __init__(self, a: Array, b: Array, c: Array, period: float) -> None:
-        n, m = b.shape
-        whole = np.zeros((n + m, n + m))
-        whole[:n] = np.hstack([a, b])
-        held = expm(whole * period)
-        self._a, self._b, self._c, self._period = held[:n, :n], held[:n, n:], c, period
-
-    def response(self, frequency: Array) -> NDArray[np.complex128]:
-        """Return the response, (6, 3, n_freq), at frequencies, (n_freq,) rad/s."""
-        z = np.exp(1j * np.asarray(frequency) * self._period)
-        inner = z[:, None, None] * np.eye(len(self._a)) - self._a
-        whole = self._c @ np.linalg.solve(inner, np.broadcast_to(self._b, (z.size, *self._b.shape)))
-        whole[:, :, COMMANDS.index("ped")] /= z[:, None]
-        return np.asarray(np.moveaxis(whole, 0, -1), dtype=np.complex128)
-
-
-def exact_plant(parameters: Mapping[str, float], hover: float, period: float) -> Sampled:
-    """Return the JR700 that flew, by ArduPilot's commands.
-
-    Args:
-        parameters: of ArduPilot, by name.
-        hover: throttle of the hover, 0 to 1.
-        period: s, of a tick.
+    ArduPilot's parameters are by name; `hover` is the throttle of the hover, 0 to 1.
     """
     aircraft = Aircraft("jr700")
     vehicle = aircraft.vehicle
@@ -93,93 +61,83 @@ def exact_plant(parameters: Mapping[str, float], hover: float, period: float) ->
     controls = Controls(Mixer.of(parameters), aircraft.outputs, vehicle.swashplate)
     scale = controls.scale(hover)[:, [IN1.index(name) for name in COMMANDS]]
     by = [system.input_labels.index(name) for name in IN1]
-    rows = [system.output_labels.index(name) for name in Sampled.outputs]
+    rows = [system.output_labels.index(name) for name in OUTPUTS]
     a, b, c = (np.asarray(one) for one in (system.A, system.B, system.C))
-    return Sampled(a, b[:, by] @ scale, c[rows], period)
+    zeros = np.zeros((len(OUTPUTS), len(COMMANDS)))
+    own = LinearSystem(a, b[:, by] @ scale, c[rows], zeros, None, COMMANDS, OUTPUTS)
+    return replace(own.discretise(period), delays={"ped": period})
 
 
-_FRAME = 833e-6
-"""s, of ArduPilot's own helicopter's frames: 1200 a second, in whole microseconds."""
-_FRAMES, _WAIT = 3, 60
-"""Frames of a tick, and of its servos' 50 ms of delay."""
-_AGE = _FRAME / 6.0
-"""s: its gyro is sampled 1000 times a second, at five of six frames."""
-_LEAN = 3.2
-"""deg, with which it hovers."""
-_TAU = 0.068232
+_FRAME = 833e-6  # s, of ArduPilot's own helicopter's frames: 1200 a second, in whole microseconds
+_FRAMES, _DELAY = 3, 60  # frames of a tick, and of its servos' 50 ms of delay
+_AGE = _FRAME / 6.0  # s: its gyro is sampled 1000 times a second, at five of six frames
+_LEAN, _TAU, _G = 3.2, 0.068232, STANDARD_GRAVITY  # deg, with which it hovers; s, its rotor's
+_STATES = ("p", "q", "r", "b", "a", "u", "v", "phi", "theta", "psi")
+_ORDER = (("b", "a"), ("p", "q", "r"), ("u", "v", "phi", "theta", "psi"))
 
 
-class ArduPilotsHelicopter:
-    """ArduPilot's own simulated helicopter at the autopilot's ticks; it is `Linear`.
+def ardupilots_helicopter(parameters: Mapping[str, float]) -> LinearSystem:
+    """Return ArduPilot's own simulated helicopter at the autopilot's ticks.
 
     It is integrated by Euler's method, each frame: the rotor's tilts by the rates before, the rates
     by the new tilts, speeds and attitudes by the new rates.
-
-    Args:
-        parameters: of ArduPilot, by name.
     """
+    a, b = _continuous(parameters)
+    n, m = b.shape
+    frame = np.hstack([np.eye(n), np.zeros((n, m))])
+    for names in _ORDER:
+        rows = [_STATES.index(name) for name in names]
+        moved = a @ frame
+        moved[:, n:] += b
+        frame[rows] += _FRAME * moved[rows]
+    once, driven = frame[:, :n], frame[:, n:]
+    powers = [np.linalg.matrix_power(once, k) for k in range(_FRAMES + 1)]
+    c = np.eye(n)[[_STATES.index(name) for name in OUTPUTS]]
+    return LinearSystem(
+        powers[-1],
+        sum(powers[:-1]) @ driven,
+        c,
+        np.zeros((len(c), m)),
+        _FRAME * _FRAMES,
+        COMMANDS,
+        OUTPUTS,
+        delays={name: _FRAME * (_DELAY + _FRAMES * (name == "ped")) for name in COMMANDS},
+        output_delays=dict.fromkeys(RATES, _AGE),
+    )
 
-    inputs, outputs = COMMANDS, (*RATES, *ATTITUDES)
-    _STATES = ("p", "q", "r", "b", "a", "u", "v", "phi", "theta", "psi")
-    _ORDER = (("b", "a"), ("p", "q", "r"), ("u", "v", "phi", "theta", "psi"))
 
-    def __init__(self, parameters: Mapping[str, float]) -> None:
-        a, b = self._continuous(parameters)
-        n, m = b.shape
-        frame = np.hstack([np.eye(n), np.zeros((n, m))])
-        for names in self._ORDER:
-            rows = [self._STATES.index(name) for name in names]
-            moved = a @ frame
-            moved[:, n:] += b
-            frame[rows] += _FRAME * moved[rows]
-        once, driven = frame[:, :n], frame[:, n:]
-        powers = [np.linalg.matrix_power(once, k) for k in range(_FRAMES + 1)]
-        self._a, self._b = powers[_FRAMES], sum(powers[:_FRAMES]) @ driven
-        self._rows = [self._STATES.index(name) for name in self.outputs]
-
-    def response(self, frequency: Array) -> NDArray[np.complex128]:
-        """Return the response, (6, 3, n_freq), at frequencies, (n_freq,) rad/s."""
-        own = np.asarray(frequency)
-        z = np.exp(1j * own * _FRAME * _FRAMES)[:, None, None]
-        inner = z * np.eye(len(self._a)) - self._a
-        states = np.linalg.solve(inner, np.broadcast_to(self._b, (own.size, *self._b.shape)))
-        whole = states[:, self._rows] * np.exp(-1j * own * _FRAME * _WAIT)[:, None, None]
-        whole[:, :, COMMANDS.index("ped")] /= z[:, :, 0]
-        whole[:, : len(RATES)] *= np.exp(-1j * own * _AGE)[:, None, None]
-        return np.asarray(np.moveaxis(whole, 0, -1), dtype=np.complex128)
-
-    def _continuous(self, parameters: Mapping[str, float]) -> tuple[Array, Array]:
-        """Return A, (10, 10), and B, (10, 3), of its equations as its source states them."""
-        mixer = Mixer.of(parameters)
-        still, moved = mixer.exact({"col": 0.5}), []
-        for name in COMMANDS:
-            one = mixer.exact({"col": 0.5, name: 0.1})
-            moved.append([(one[servo] - still[servo]) / 100.0 for servo in (1, 2, 3, 4)])
-        s1, s2, s3, s4 = np.array(moved).T  # of 1000 us, by each full command
-        roll, pitch = 1.283 * (s1 - s2) / 7.2, 1.48 * ((s1 + s2) / 2.0 - s3) / 7.2
-        tail = 21.6 * 2.96 * 2.0 * s4
-        sine, cosine = np.sin(np.radians(_LEAN)), np.cos(np.radians(_LEAN))
-        side = 0.2 / 0.85 / 4.54  # inertia in yaw over the tail's arm and the mass
-        rates = {
-            "b": {"p": -1.0, "b": -1.0 / _TAU, "a": 1.2963 / _TAU},
-            "a": {"q": -1.0, "a": -1.0 / _TAU, "b": -1.3402 / _TAU},
-            "p": {"b": 3588.6, "v": -0.006},
-            "q": {"a": 617.5, "u": 0.003},
-            "r": {"r": -2.96},
-            "u": {"u": -0.125, "a": -STANDARD_GRAVITY, "theta": -STANDARD_GRAVITY},
-            "v": {"v": -0.375, "b": STANDARD_GRAVITY, "phi": STANDARD_GRAVITY, "r": 2.96 * side},
-            "phi": {"p": 1.0},
-            "theta": {"q": cosine, "r": -sine},
-            "psi": {"q": sine, "r": cosine},
-        }
-        a = np.array([[rates[to].get(by, 0.0) for by in self._STATES] for to in self._STATES])
-        driven = {
-            "b": (1.7635 * roll - 0.61171 * pitch) / _TAU,
-            "a": (0.52454 * roll + 1.9432 * pitch) / _TAU,
-            "r": tail,
-            "v": -tail * side,
-        }
-        return a, np.array([driven.get(to, np.zeros(3)) for to in self._STATES])
+def _continuous(parameters: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return A, (10, 10), and B, (10, 3), of its equations as its source states them."""
+    mixer = Mixer.of(parameters)
+    still, moved = mixer.exact({"col": 0.5}), []
+    for name in COMMANDS:
+        one = mixer.exact({"col": 0.5, name: 0.1})
+        moved.append([(one[servo] - still[servo]) / 100.0 for servo in (1, 2, 3, 4)])
+    s1, s2, s3, s4 = np.array(moved).T  # of 1000 us, by each full command
+    roll, pitch = 1.283 * (s1 - s2) / 7.2, 1.48 * ((s1 + s2) / 2.0 - s3) / 7.2
+    tail = 21.6 * 2.96 * 2.0 * s4
+    sine, cosine = np.sin(np.radians(_LEAN)), np.cos(np.radians(_LEAN))
+    side = 0.2 / 0.85 / 4.54  # inertia in yaw over the tail's arm and the mass
+    rates = {
+        "b": {"p": -1.0, "b": -1.0 / _TAU, "a": 1.2963 / _TAU},
+        "a": {"q": -1.0, "a": -1.0 / _TAU, "b": -1.3402 / _TAU},
+        "p": {"b": 3588.6, "v": -0.006},
+        "q": {"a": 617.5, "u": 0.003},
+        "r": {"r": -2.96},
+        "u": {"u": -0.125, "a": -_G, "theta": -_G},
+        "v": {"v": -0.375, "b": _G, "phi": _G, "r": 2.96 * side},
+        "phi": {"p": 1.0},
+        "theta": {"q": cosine, "r": -sine},
+        "psi": {"q": sine, "r": cosine},
+    }
+    driven = {
+        "b": (1.7635 * roll - 0.61171 * pitch) / _TAU,
+        "a": (0.52454 * roll + 1.9432 * pitch) / _TAU,
+        "r": tail,
+        "v": -tail * side,
+    }
+    a = np.array([[rates[to].get(by, 0.0) for by in _STATES] for to in _STATES])
+    return a, np.array([driven.get(to, np.zeros(3)) for to in _STATES])
 
 
 class Row(NamedTuple):
@@ -210,11 +168,12 @@ class Row(NamedTuple):
 
 
 def rows(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Row]:
-    """Return all figures beside the exact ones."""
+    """Return all figures beside the exact ones, and by how much each curve is off at most."""
     table = []
+    measured = {(one.axis, one.name): one.interval for one in found.figures}
     for axis in found.loop.axes:
-        known = found.loop.broken(axis).frequency
-        fine = ClosedLoop(plant, law, np.geomspace(known[0], known[-1], _FINE))
+        curve = found.loop.broken(axis)
+        fine = ClosedLoop(plant, law, np.geomspace(*curve.frequency[[0, -1]], _FINE))
         loop, rejects = fine.broken(axis), fine.disturbance(axis)
         exact, turned = margins(loop), rejection(rejects)
         phase = np.degrees(min((abs(one) for _, one in exact.phase), default=np.nan))
@@ -226,32 +185,25 @@ def rows(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw) -> list[Row]
             ("DRB", "rad/s", turned.bandwidth, rejects.decibel - HALF_POWER),
             ("DRP", "dB", turned.peak, None),
         ):
-            one = next((f for f in found.figures if (f.axis, f.name) == (axis, name)), None)
-            own = one.interval if one else Interval(np.nan, np.nan, np.nan)
+            own = measured.get((axis, name), Interval(np.nan, np.nan, np.nan))
             off = own.value - true
             if above is not None:
                 off = np.interp(np.log(own.value), np.log(loop.frequency), above)
             bar = DEGREES if unit == "deg" else DECIBEL
             sides = own.value, own.low, own.high
             table.append(Row(axis, name, unit, *sides, float(true), float(off), bar))
-        table += _curve(found, plant, law, axis)
+        true = ClosedLoop(plant, law, curve.frequency).broken(axis).response
+        near = np.abs(np.log(np.abs(true))) < np.log(_JUDGED)
+        ratio, at = curve.response[near] / true[near], curve.frequency[near]
+        decibel, degrees = 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
+        for name, off, bar in (
+            ("|L|, worst at", decibel, DECIBEL),
+            ("its phase", degrees, DEGREES),
+        ):
+            worst = int(np.argmax(np.abs(off)))
+            where = float(at[worst]), float(at[0]), float(at[-1])
+            table.append(Row(axis, name, "rad/s", *where, np.nan, float(off[worst]), bar))
     return table
-
-
-def _curve(found: MeasuredMargins, plant: Linear, law: ArduCopterLaw, axis: str) -> list[Row]:
-    """Return by how much the curve is off at most, where it is judged: gain and phase."""
-    curve = found.loop.broken(axis)
-    exact = ClosedLoop(plant, law, curve.frequency).broken(axis).response
-    near = np.abs(np.log(np.abs(exact))) < np.log(_JUDGED)
-    ratio = curve.response[near] / exact[near]
-    decibel, degrees = 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
-    at = curve.frequency[near]
-    worst_rows = []
-    for name, off, bar in (("|L|, worst at", decibel, DECIBEL), ("its phase", degrees, DEGREES)):
-        worst = int(np.argmax(np.abs(off)))
-        where = float(at[worst]), float(at[0]), float(at[-1])
-        worst_rows.append(Row(axis, name, "rad/s", *where, np.nan, float(off[worst]), bar))
-    return worst_rows
 
 
 def judged(log: Path, *, own: bool) -> list[str]:
@@ -267,7 +219,7 @@ def judged(log: Path, *, own: bool) -> list[str]:
     hover = float(np.median(np.asarray(rate["AOut"], float)[while_swept]))
     law = replace(flown.law, period=1.0 / opened.parameters()["SCHED_LOOP_RATE"])
     parameters = opened.parameters()
-    plant = ArduPilotsHelicopter(parameters) if own else exact_plant(parameters, hover, law.period)
+    plant = ardupilots_helicopter(parameters) if own else exact_plant(parameters, hover, law.period)
     table = rows(flown.margins(), plant, law)
     print(f"\nloops as flown: {log}")
     headings = f"{'measured':>9}{'95 % from':>9}{'to':>9}{'exact':>9}"

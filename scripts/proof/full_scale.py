@@ -17,7 +17,7 @@ models/lynx/README.md.
 
 import argparse
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -90,22 +90,17 @@ class FullScale:
 
 
 LYNX = from_plain(FullScale, read_toml(Path(__file__).with_name("lynx.toml")), "lynx.toml")
-CLOSE = 0.15
-"""Relative difference up to which a prediction counts as the print."""
-SMALL = 0.05
-"""Share of an axis's largest effect below which a difference is nobody's matter."""
+CLOSE = 0.15  # Relative difference up to which a prediction counts as the print.
+SMALL = 0.05  # Share of an axis's largest effect below which a difference is nobody's matter.
 PUSH = {
     **dict.fromkeys("uvw", 1.0),
     **dict.fromkeys("pqr", 0.1),
     **dict.fromkeys(INPUTS, 0.01),
 }
 """m/s, rad/s and rad whose effects on an axis are compared with each other."""
-HALF_A_DEGREE = np.radians(0.5)
-"""Of an angle: what a protractor on a blade tells."""
-MASS = 4313.7
-"""kg, of both prints' helicopter."""
-FACTOR = (9.0 / 5.0) ** 0.25
-"""Of the inflow of both rotors in the thesis, over momentum theory's."""
+HALF_A_DEGREE = np.radians(0.5)  # Of an angle: what a protractor on a blade tells.
+MASS = 4313.7  # kg, of both prints' helicopter.
+FACTOR = (9.0 / 5.0) ** 0.25  # Of the inflow of both rotors in the thesis, over momentum theory's.
 PADFIELD = "Padfield"
 THESIS = "thesis"
 _AS_THESIS = (("main_rotor.hub_x", 0.0198),)
@@ -126,14 +121,7 @@ ANGLES = ("theta_0", "theta_1s", "theta_1c", "theta_0T", "theta", "phi")
 
 @dataclass(frozen=True)
 class Flight:
-    """The model in level flight at one speed.
-
-    Attributes:
-        knots: airspeed.
-        angles: of the blades and the fuselage, rad, by the names of `ANGLES`.
-        power: W, of both rotors.
-        derivatives: by the names of `DERIVATIVES`, SI.
-    """
+    """The model in level flight at one speed."""
 
     knots: int
     angles: Mapping[str, float]
@@ -143,16 +131,7 @@ class Flight:
 
 @dataclass(frozen=True)
 class Row:
-    """One number of a print and what the model says.
-
-    Attributes:
-        source: whose print it is.
-        name: of the angle or derivative.
-        knots: airspeed.
-        printed: SI.
-        found: SI.
-        small: difference below which neither means anything.
-    """
+    """One number of a print and what the model says."""
 
     source: str
     name: str
@@ -175,8 +154,7 @@ class Row:
 @cache
 def flights(changes: Changes = ()) -> tuple[Flight, ...]:
     """Return the model's level flights from 0 to 120 kn, with some parameters changed."""
-    vehicle = load("lynx", parameters=dict(changes))
-    found = []
+    vehicle, found = load("lynx", parameters=dict(changes)), []
     for knots in LYNX.thesis_knots:
         vehicle = vehicle.trimmed(speed=knots * KNOT)  # each from the one before
         found.append(Flight(knots, angles(vehicle), vehicle.power, derivatives(vehicle)))
@@ -228,73 +206,41 @@ def without_kinematics(values: Mapping[str, float], speed: float, theta: float) 
     return {name: value - parts.get(name, 0.0) for name, value in values.items()}
 
 
+@cache
 def rows(source: str, changes: Changes = ()) -> tuple[Row, ...]:
-    """Return every number of a print that is compared, the model with some parameters changed."""
-    if source == PADFIELD:
-        return tuple(_padfield_rows(flights(changes)))
-    return tuple(_thesis_rows(flights((*_AS_THESIS, *changes))))
+    """Return every number of a print that is compared, the model with some parameters changed.
 
-
-def _padfield_rows(found: Sequence[Flight]) -> Iterator[Row]:
-    for flight in found:
-        linear = LYNX.padfield.get(flight.knots)
-        if linear is None:
+    A derivative's difference is small beside the largest of its axis.
+    """
+    book, found = source == PADFIELD, []
+    for k, flight in enumerate(flights(changes if book else (*_AS_THESIS, *changes))):
+        if book and flight.knots not in LYNX.padfield:
             continue
-        theta = attitude(linear)["theta"]
-        printed = {name: value_of(linear, name) for name in DERIVATIVES}
-        printed = without_kinematics(printed, flight.knots * KNOT, theta)
-        yield from _derivative_rows(PADFIELD, flight, printed)
-        for name, angle in attitude(linear).items():
-            yield Row(PADFIELD, name, flight.knots, angle, flight.angles[name], HALF_A_DEGREE)
-
-
-def _thesis_rows(found: Sequence[Flight]) -> Iterator[Row]:
-    for k, flight in enumerate(found):
-        printed = {name: curve[k] for name, curve in LYNX.thesis_derivatives.items()}
-        yield from _derivative_rows(THESIS, flight, printed)
-        for name in ANGLES:
-            angle = LYNX.thesis_trims[name][k]
-            yield Row(THESIS, name, flight.knots, angle, flight.angles[name], HALF_A_DEGREE)
-
-
-def _derivative_rows(source: str, flight: Flight, printed: Mapping[str, float]) -> Iterator[Row]:
-    """Yield a print's derivatives at one speed; each is small beside the largest of its axis."""
-    for name, value in printed.items():
-        axis, _, cause = name.partition("_")
-        largest = max(
-            abs(other) * PUSH[by]
-            for one, other in printed.items()
-            for of, _, by in [one.partition("_")]
-            if of == axis
-        )
-        small = SMALL * largest / PUSH[cause]
-        yield Row(source, name, flight.knots, value, flight.derivatives[name], small)
-
-
-def attitude(linear: LinearFlight) -> dict[str, float]:
-    """Return the angles that a table's elements of gravity are of, rad."""
-    theta = np.arctan2(-linear.derivative("w", "theta"), -linear.derivative("u", "theta"))
-    return {"theta": float(theta), "phi": -float(np.arcsin(linear.derivative("theta", "r")))}
-
-
-def value_of(linear: LinearFlight, name: str) -> float:
-    """Return a table's derivative by its name."""
-    axis, _, cause = name.partition("_")
-    return linear.derivative(RATE_OF[axis], cause)
+        if book:
+            linear = LYNX.padfield[flight.knots]
+            trims = {
+                "theta": float(np.arctan2(*(-linear.derivative(one, "theta") for one in "wu"))),
+                "phi": -float(np.arcsin(linear.derivative("theta", "r"))),
+            }  # of which the elements of gravity are
+            printed = {name: linear.derivative(RATE_OF[name[0]], name[2:]) for name in DERIVATIVES}
+            printed = without_kinematics(printed, flight.knots * KNOT, trims["theta"])
+        else:
+            trims = {name: LYNX.thesis_trims[name][k] for name in ANGLES}
+            printed = {name: curve[k] for name, curve in LYNX.thesis_derivatives.items()}
+        effect = {name: abs(value) * PUSH[name[2:]] for name, value in printed.items()}
+        for name, value in printed.items():
+            largest = max(one for other, one in effect.items() if other[0] == name[0])
+            small = SMALL * largest / PUSH[name[2:]]
+            found.append(Row(source, name, flight.knots, value, flight.derivatives[name], small))
+        for name, value in trims.items():
+            own = flight.angles[name]
+            found.append(Row(source, name, flight.knots, value, own, HALF_A_DEGREE))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why a prediction is off, in a form that can be tried.
-
-    Attributes:
-        letter: that stands beside the numbers it is for.
-        words: what is simplified, by whom.
-        sources: the prints that are concerned.
-        names: of what it makes different.
-        switch: parameters with which the model does as that print does.
-        term: what it adds to the model's value instead, where no parameter does it.
-    """
+    """Why a prediction is off, in a form that can be tried."""
 
     letter: str
     words: str
@@ -317,7 +263,6 @@ class Explanation:
         return tried.close or abs(tried.found - row.printed) <= 0.5 * abs(row.found - row.printed)
 
 
-@cache
 def _indexed(source: str, changes: Changes = ()) -> Mapping[tuple[str, int], Row]:
     return {(row.name, row.knots): row for row in rows(source, changes)}
 
@@ -424,12 +369,14 @@ def answering_inflow() -> Changes:
     return (*flapping_of(given).to_parameters().items(), (name, given[name]))
 
 
-def tail_of(own: Mapping[str, float], knots: int) -> tuple[float, float]:
-    """Return a sigma of the tail rotor, and its advance ratio."""
-    tip = own["tail_rotor.speed"] * own["tail_rotor.radius"]
-    solidity = own["tail_rotor.blades"] * own["tail_rotor.chord"]
-    slope = own["tail_rotor.lift_slope"] * solidity / (np.pi * own["tail_rotor.radius"])
-    return slope, knots * KNOT / tip
+def _tail(knots: int) -> tuple[float, float, float, float]:
+    """Return the tail rotor's a sigma, advance ratio, thrust that the thesis prints, and inflow."""
+    own = load("lynx").parameters
+    slope = own["tail_rotor.lift_slope"] * own["tail_rotor.blades"] * own["tail_rotor.chord"]
+    advance = knots * KNOT / (own["tail_rotor.speed"] * own["tail_rotor.radius"])
+    thrust = LYNX.thesis_trims["CT_T"][LYNX.thesis_knots.index(knots)]
+    induced = brentq(lambda one: 2.0 * one * np.hypot(advance, one) - thrust, 0.0, 1.0)
+    return slope / (np.pi * own["tail_rotor.radius"]), advance, thrust, induced
 
 
 def more_tail_inflow(row: Row, flight: Flight) -> float:
@@ -437,9 +384,7 @@ def more_tail_inflow(row: Row, flight: Flight) -> float:
 
     A thrust of a sigma / 2 (theta / 3 - lambda / 2) makes an inflow that takes back part of it.
     """
-    slope, advance = tail_of(load("lynx").parameters, row.knots)
-    thrust = LYNX.thesis_trims["CT_T"][LYNX.thesis_knots.index(row.knots)]
-    induced = brentq(lambda one: 2.0 * one * np.hypot(advance, one) - thrust, 0.0, 1.0)
+    slope, advance, _, induced = _tail(row.knots)
     speed = np.hypot(advance, induced)
     taken = 0.25 * slope / (2.0 * (speed + induced**2 / speed))
     return row.found * ((1.0 + taken) / (1.0 + FACTOR * taken) - 1.0)
@@ -447,12 +392,9 @@ def more_tail_inflow(row: Row, flight: Flight) -> float:
 
 def printed_tail_thrust(row: Row, flight: Flight) -> float:
     """Return how much more pitch the tail needs for the thrust that the thesis prints."""
-    slope, advance = tail_of(load("lynx").parameters, row.knots)
-    thrust = LYNX.thesis_trims["CT_T"][LYNX.thesis_knots.index(row.knots)]
-    induced = brentq(lambda one: 2.0 * one * np.hypot(advance, one) - thrust, 0.0, 1.0)
+    slope, advance, thrust, induced = _tail(row.knots)
     through = 0.5 * FACTOR * induced
-    pitch = 3.0 * (2.0 * thrust / slope + through) / (1.0 + 1.5 * advance**2)
-    return pitch - row.found
+    return 3.0 * (2.0 * thrust / slope + through) / (1.0 + 1.5 * advance**2) - row.found
 
 
 def stabilising_fuselage(row: Row, flight: Flight) -> float:
@@ -568,19 +510,19 @@ def _panel(name: str, *, named: bool) -> Panel:
 def table(source: str) -> str:
     """Return a print's numbers, the model's below them, and by how many percent it is off."""
     mine = rows(source)
-    speeds = list(dict.fromkeys(row.knots for row in mine))
+    speeds = dict.fromkeys(row.knots for row in mine)
     lines = [f"{source:<12}{'kn':>4}" + "".join(f"{knots:>10}" for knots in speeds)]
     for name in dict.fromkeys(row.name for row in mine):
-        row_of = {row.knots: row for row in mine if row.name == name}
+        own = [row for row in mine if row.name == name]
         scale = float(np.degrees(1.0)) if name in ANGLES else 1.0
         shown = f"{name}, deg" if name in ANGLES else name
-        cells = [f"{scale * row.printed:>9.4g} " for row in row_of.values()]
-        lines.append(f"{shown:<12}{'':>4}" + "".join(cells))
-        cells = [f"{scale * row.found:>9.4g} " for row in row_of.values()]
-        lines.append(f"{'':<9}model: " + "".join(cells))
-        cells = [f"{_percent(row):>9}{_sign(row):1}" for row in row_of.values()]
-        lines.append(f"{'':<10}off, %" + "".join(cells))
+        cells = ["".join(f"{scale * getattr(row, one):>9.4g} " for row in own) for one in _BOTH]
+        lines += [f"{shown:<12}{'':>4}{cells[0]}", f"{'':<9}model: {cells[1]}"]
+        lines.append(f"{'':<10}off, %" + "".join(f"{_percent(r):>9}{_sign(r):1}" for r in own))
     return "\n".join(lines)
+
+
+_BOTH = ("printed", "found")
 
 
 def _sign(row: Row) -> str:
@@ -601,7 +543,7 @@ def main() -> None:
     power = " ".join(f"{flight.knots} kn {1e-3 * flight.power:.0f}" for flight in flights())
     print(f"Power of both rotors, kW, which neither prints: {power}\n")
     print(f"Without a sign: within {100 * CLOSE:.0f} %.")
-    for letter, words in _legend():
+    for letter, words in LEGEND:
         print(textwrap.fill(f"{letter}  {words}", 88, subsequent_indent="   "))
     left = unexplained()
     print(f"?  {len(left)} of {sum(len(rows(one)) for one in (PADFIELD, THESIS))} unexplained")
@@ -609,24 +551,20 @@ def main() -> None:
         draw(options.figure)
 
 
-def _legend() -> Iterator[tuple[str, str]]:
-    yield (
+LEGEND = (
+    (
         ".",
-        (
-            f"small: less than {100 * SMALL:.0f} % of the largest effect on that axis, of 1 m/s, "
-            "0.1 rad/s or 0.01 rad; of angles, half a degree"
-        ),
-    )
-    yield APART, f"the prints differ, and the model is within {100 * CLOSE:.0f} % of the other one"
-    yield (
+        f"small: less than {100 * SMALL:.0f} % of the largest effect on that axis, of 1 m/s, "
+        "0.1 rad/s or 0.01 rad; of angles, half a degree",
+    ),
+    (APART, f"the prints differ, and the model is within {100 * CLOSE:.0f} % of the other one"),
+    (
         LIKE_60,
-        (
-            f"as at 60 kn, where the thesis is more than {100 * CLOSE:.0f} % off Padfield and the "
-            "model is not"
-        ),
-    )
-    for one in EXPLANATIONS:
-        yield one.letter, one.words
+        f"as at 60 kn, where the thesis is more than {100 * CLOSE:.0f} % off Padfield and the "
+        "model is not",
+    ),
+    *((one.letter, one.words) for one in EXPLANATIONS),
+)
 
 
 if __name__ == "__main__":

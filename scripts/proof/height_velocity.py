@@ -22,24 +22,14 @@ from helisim.sim.missions.mission import Reached
 
 HEIGHTS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.5, 15.0, 17.5, 20.0, 25.0, 30.0, 40.0, 50.0)
 """m, of the gear above the ground where the engine fails."""
-SPEEDS = (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0)
-"""m/s."""
-SOFT = 2.0
-"""m/s, of sinking."""
-GEAR = 0.1
-"""m, from the origin down to the skids."""
+SPEEDS = (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0)  # m/s.
+SOFT = 2.0  # m/s, of sinking.
+GEAR = 0.1  # m, from the origin down to the skids.
 
 
 @dataclass(frozen=True)
 class Fall:
-    """What became of one failure of the engine.
-
-    Attributes:
-        height: m, of the gear.
-        speed: m/s.
-        sink: m/s, at the touch-down.
-        ended: why the flight was terminated, "" if it landed.
-    """
+    """What became of one failure of the engine."""
 
     height: float
     speed: float

@@ -25,10 +25,8 @@ from helisim.vehicle.blade import TipPathPlane
 
 VEHICLE = "jr700"
 HEAVE_BAND, CYCLIC_BAND = (0.8, 60.0), (3.0, 42.0)
-FAST_BAND = (10.0, 60.0)
-"""rad/s, of flights with drift through the air as a further input."""
-EXACT_BAND = (15.0, 60.0)
-"""rad/s, above what drift tilts the disc by."""
+FAST_BAND = (10.0, 60.0)  # rad/s, of flights with drift through the air as a further input.
+EXACT_BAND = (15.0, 60.0)  # rad/s, above what drift tilts the disc by.
 SWEEPS = {
     "col": hs.Sweep(axis="col", band=(0.5, 70.0), amplitude=0.03),
     "lat": hs.Sweep(axis="lat", band=(0.8, 70.0)),

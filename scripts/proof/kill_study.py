@@ -31,11 +31,9 @@ from helisim.study.replicates import run_campaign
 from helisim.vehicle import load
 
 COMMANDS = ("fly", "campaign", "reproduce")
-GOES_ON = ("fly", "campaign")
-"""Those that a second call goes on with."""
+GOES_ON = ("fly", "campaign")  # Those that a second call goes on with.
 SEED = 9
-_PATIENCE = 4
-"""Kills of which one comes before the work is complete, at least."""
+_PATIENCE = 4  # Kills of which one comes before the work is complete, at least.
 PLAN = """
 [campaign]
 replicates = 4
@@ -75,13 +73,6 @@ def run(
     """Run a command in a process and return its lines and how long they took, s.
 
     It returns when the process and the workers that it started are gone: all have its output.
-
-    Args:
-        command: one of `COMMANDS`.
-        folder: to work in.
-        moment: at which it is killed: after 2.7 reports it is so long after the second as 0.7 of
-            a report takes. Never if None.
-        pace: s, that a report takes.
     """
     arguments = [sys.executable, __file__, "--work", command, str(folder)]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}

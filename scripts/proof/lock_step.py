@@ -8,27 +8,77 @@ once, in order; no frame gets two different answers; the lock step never stops; 
 not left one answer behind. ArduPilot waits a second for each answer that it can't read.
 """
 
+import random
+import select
+import socket
 import sys
 import threading
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from bad_way import BadWay
 from played_autopilot import PlayedAutopilot
 
 from helisim.sitl import Aircraft, Backend, Link, Sensed
 from helisim.sitl.process import Autopilot
 
 
-class Notes(Link):
-    """A link that notes which answers each frame got.
+@dataclass
+class BadWay:
+    """A proxy on the loopback that loses, doubles and cuts packets both ways."""
 
-    Attributes:
-        answers: frame count -> the answers.
-    """
+    backend: int
+    share: float
+    seed: int = 1
+    kinds: tuple = ("lost", "doubled", "cut")
+    front: socket.socket | None = None
+    did: Counter = field(default_factory=Counter)
+
+    def __post_init__(self):
+        if self.front is None:
+            self.front = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            self.front.bind(("127.0.0.1", 0))
+        self._back = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.port = self.front.getsockname()[1]
+        self._random, self._stop = random.Random(self.seed), threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._stop.set()
+        self._thread.join()
+        self.front.close()
+        self._back.close()
+
+    def _run(self):
+        client = None
+        while not self._stop.is_set():
+            for ready in select.select([self.front, self._back], [], [], 0.05)[0]:
+                packet, peer = ready.recvfrom(65000)
+                if ready is self.front:
+                    client = peer
+                    for one in self._passed(packet, "frame"):
+                        self._back.sendto(one, ("127.0.0.1", self.backend))
+                else:
+                    for one in self._passed(packet, "answer"):
+                        self.front.sendto(one, client)
+
+    def _passed(self, packet, kind):
+        if self._random.random() >= self.share:
+            return [packet]
+        what = self._random.choice(self.kinds)
+        self.did[f"{kind} {what}"] += 1
+        cut = packet[: self._random.randrange(len(packet))]
+        return {"lost": [], "doubled": [packet, packet], "cut": [cut]}[what]
+
+
+class Notes(Link):
+    """A link that notes which answers each frame got."""
 
     def __init__(self, **options):
         super().__init__(0, **options)
@@ -75,16 +125,7 @@ class Counting:
 
 @dataclass
 class Proof:
-    """What a number of frames over a bad way came to.
-
-    Attributes:
-        served: what the backend says.
-        did: what the way did to packets.
-        flown: frame counts, as they were flown.
-        most_answers: different answers that a frame got, at most.
-        behind: (n,) by how many frames each answer that was read was older than the frame; empty
-            where that is not known.
-    """
+    """What a number of frames over a bad way came to."""
 
     served: object
     did: Counter

@@ -18,6 +18,7 @@ Wilson interval of 95 %.
 import argparse
 import ast
 import difflib
+import json
 import os
 import random
 import resource
@@ -29,6 +30,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -48,23 +50,13 @@ TESTS = {
     ),
 }
 LIBRARIES = (
-    "control",
-    "hypothesis",
-    "matplotlib.pyplot",
-    "mujoco.batch",
-    "mujoco.rollout",
-    "numba",
-    "pyarrow.parquet",
-    "scipy.linalg",
-    "scipy.optimize",
-    "scipy.signal",
-    "scipy.stats",
+    *("control", "hypothesis", "matplotlib.pyplot", "mujoco.batch", "mujoco.rollout", "numba"),
+    *("pyarrow.parquet", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats"),
 )
 FIRST = "restated"
 """In the name of tests that hold whole laws against a second statement of them: tried first."""
 SKIPPED = ("core/NoOp", "core/VariableReplacer", "core/VariableInserter")
-CPU_LIMIT = 30
-"""s of a mutant's tests beyond twice what they take by themselves."""
+CPU_LIMIT = 30  # s of a mutant's tests beyond twice what they take by themselves
 
 
 @dataclass(frozen=True)
@@ -76,13 +68,18 @@ class Mutant:
     occurrence: int
     line: int
 
+    def source(self, root: Path) -> str | None:
+        """Return the mutant's source; None if it is no Python, which would flatter the tests."""
+        from cosmic_ray.mutating import mutate_code
+        from cosmic_ray.plugins import get_operator
 
-def operators() -> dict[str, object]:
-    """Return cosmic-ray's operators that need no arguments."""
-    from cosmic_ray.plugins import get_operator, operator_names
-
-    names = [name for name in operator_names() if name not in SKIPPED]
-    return {name: get_operator(name)() for name in names if not get_operator(name).arguments()}
+        source = (root / self.path).read_text(encoding="utf-8")
+        changed = mutate_code(source, get_operator(self.operator)(), self.occurrence)
+        try:
+            ast.parse(changed)
+        except SyntaxError:
+            return None
+        return changed
 
 
 def left_out(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
@@ -97,69 +94,48 @@ def left_out(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     return [((n.lineno, n.col_offset), (n.end_lineno, n.end_col_offset)) for n in found]
 
 
-def mutants(path: Path, name: str, known: dict) -> Iterator[tuple[object, Mutant]]:
+def mutants(path: Path, name: str) -> Iterator[tuple[object, Mutant]]:
     """Yield every mutant of a file, each with the place where it changes something."""
     from cosmic_ray.ast import ast_nodes, get_ast_from_path
+    from cosmic_ray.plugins import get_operator, operator_names
 
     source = path.read_text(encoding="utf-8")
     lines, hidden = source.split("\n"), left_out(source)
     nodes = list(ast_nodes(get_ast_from_path(path)))
-    for operator, made in known.items():
-        occurrence = -1
-        for node in nodes:
-            for start, end in made.mutation_positions(node):
-                occurrence += 1
-                marker = lines[start[0] - 1][start[1] :].startswith("*,")  # keywords follow
-                decorator = operator == "core/RemoveDecorator"
-                unseen = any(low <= start and end <= high for low, high in hidden)
-                if not (marker or decorator or unseen):
-                    yield (name, start, end), Mutant(name, operator, occurrence, start[0])
-
-
-def compiles(root: Path, mutant: Mutant) -> bool:
-    """Tell whether a mutant is Python at all: one that isn't would only flatter the tests."""
-    try:
-        ast.parse(changed(root, mutant))
-    except SyntaxError:
-        return False
-    return True
-
-
-def changed(root: Path, mutant: Mutant) -> str:
-    """Return the mutant's source."""
-    from cosmic_ray.mutating import mutate_code
-    from cosmic_ray.plugins import get_operator
-
-    source = (root / mutant.path).read_text(encoding="utf-8")
-    return mutate_code(source, get_operator(mutant.operator)(), mutant.occurrence)
+    for operator in operator_names():
+        if operator in SKIPPED or get_operator(operator).arguments():
+            continue
+        positions = [
+            at for node in nodes for at in get_operator(operator)().mutation_positions(node)
+        ]
+        for occurrence, (start, end) in enumerate(positions):
+            marker = lines[start[0] - 1][start[1] :].startswith("*,")  # keywords follow
+            unseen = any(low <= start and end <= high for low, high in hidden)
+            if not (marker or unseen or operator == "core/RemoveDecorator"):
+                yield (name, start, end), Mutant(name, operator, occurrence, start[0])
 
 
 def sample(files: list[Path], root: Path, count: int, seed: int) -> list[Mutant]:
-    """Return one mutant of each of a number of places, drawn without replacement."""
+    """Return one mutant of each of a number of places, sampled without replacement."""
     places = defaultdict(list)
-    known = operators()
     for path in files:
-        for place, mutant in mutants(path, str(path.relative_to(root)), known):
+        for place, mutant in mutants(path, str(path.relative_to(root))):
             places[place].append(mutant)
-    dice = random.Random(seed)
-    drawn = []
+    dice, chosen = random.Random(seed), []
     for place in dice.sample(sorted(places), len(places)):
         here = dice.sample(places[place], len(places[place]))
-        if (found := next((one for one in here if compiles(root, one)), None)) is not None:
-            drawn.append(found)
-        if len(drawn) == count:
+        chosen += [one for one in here if one.source(root) is not None][:1]
+        if len(chosen) == count:
             break
-    print(f"{len(drawn)} of {len(places)} places, {sum(map(len, places.values()))} mutants")
-    return drawn
+    print(f"{len(chosen)} of {len(places)} places, {sum(map(len, places.values()))} mutants")
+    return chosen
 
 
 class Times:
     """A plugin of pytest: how long each test takes, and under which name coverage counts it."""
 
     def __init__(self, coverage) -> None:
-        self.coverage = coverage
-        self.seconds: dict[str, float] = {}
-        self.started = 0.0
+        self.coverage, self.seconds, self.started = coverage, {}, 0.0
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         """Count what no test executes by itself as nobody's."""
@@ -180,8 +156,7 @@ def in_child(work: Callable[[], int], cpu: float | None, log: Path) -> int:
     """Return the exit status of some work in a fork of this process; negative when killed."""
     child = os.fork()
     if child:
-        _, status = os.waitpid(child, 0)
-        return os.waitstatus_to_exitcode(status)
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     target = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(target, 1)
     os.dup2(target, 2)
@@ -198,37 +173,31 @@ class Baseline:
     """Which tests execute which lines, and how long each takes."""
 
     def __init__(self, root: Path, package: str) -> None:
-        import json
-
-        self.root = root
-        answer = root / "baseline.json"
-        tests = TESTS[package]
-        status = in_child(lambda: self._measure(package, tests, answer), None, root / "log.txt")
-        if status:
-            sys.exit(f"the tests fail without a mutant:\n{(root / 'log.txt').read_text()[-3000:]}")
-        read = json.loads(answer.read_text(encoding="utf-8"))
+        self.root, log = root, root / "log.txt"
+        if in_child(lambda: self._measure(package), None, log):
+            sys.exit(f"the tests fail without a mutant:\n{log.read_text()[-3000:]}")
+        read = json.loads((root / "baseline.json").read_text(encoding="utf-8"))
         self.seconds: dict[str, float] = read["seconds"]
         self.lines: dict[str, dict[str, list[str]]] = read["lines"]
 
-    def _measure(self, package: str, tests: tuple[str, ...], answer: Path) -> int:
-        import json
-
+    def _measure(self, package: str) -> int:
         import coverage
         import pytest
 
-        measured = coverage.Coverage(
-            data_file=None, include=[f"*/helisim/{package}/*"], config_file=False
-        )
+        own = [f"*/helisim/{package}/*"]
+        measured = coverage.Coverage(data_file=None, include=own, config_file=False)
         measured.start()
         times = Times(measured)
-        status = pytest.main(["-q", "-n0", "-m", "not slow and not study", *tests], plugins=[times])
+        options = ["-q", "-n0", "-m", "not slow and not study", *TESTS[package]]
+        status = pytest.main(options, plugins=[times])
         measured.stop()
         data = measured.get_data()
         lines = {
             str(Path(file).relative_to(self.root)): data.contexts_by_lineno(file)
             for file in data.measured_files()
         }
-        answer.write_text(json.dumps({"seconds": times.seconds, "lines": lines}), encoding="utf-8")
+        text = json.dumps({"seconds": times.seconds, "lines": lines})
+        (self.root / "baseline.json").write_text(text, encoding="utf-8")
         return int(status)
 
     def tests_of(self, mutant: Mutant, budget: float) -> tuple[list[str], float]:
@@ -236,14 +205,12 @@ class Baseline:
 
         A line that runs while a module is imported, or in a fixture, meets all tests.
         """
-        by_line = self.lines.get(mutant.path, {})
-        contexts = set(by_line.get(str(mutant.line), []))
+        contexts = set(self.lines.get(mutant.path, {}).get(str(mutant.line), []))
         if "" in contexts or not contexts:
             contexts = set(self.seconds)
         chosen, total = [], 0.0
-        known = (test for test in contexts if test in self.seconds)
-        order = sorted((FIRST not in test, self.seconds[test], test) for test in known)
-        for _, seconds, test in order:
+        known = contexts & set(self.seconds)
+        for _, seconds, test in sorted((FIRST not in one, self.seconds[one], one) for one in known):
             if total + seconds > budget and chosen:
                 break
             chosen.append(test)
@@ -253,13 +220,11 @@ class Baseline:
 
 def tried(root: Path, mutant: Mutant, baseline: Baseline, budget: float) -> tuple[str, str]:
     """Return what became of a mutant (killed, time, survived, unseen) and its difference."""
-    path = root / mutant.path
+    path, name = root / mutant.path, mutant.path.removeprefix("src/helisim/")
     source, stamp = path.read_text(encoding="utf-8"), path.stat()
-    mutated = changed(root, mutant)
-    name = mutant.path.removeprefix("src/helisim/")
-    difference = "\n".join(
-        difflib.unified_diff(source.split("\n"), mutated.split("\n"), name, name, "", "", 0, "")
-    )
+    mutated = mutant.source(root) or ""
+    both = source.split("\n"), mutated.split("\n")
+    difference = "\n".join(difflib.unified_diff(*both, name, name, "", "", 0, ""))
     tests, seconds = baseline.tests_of(mutant, budget)
     if not tests:
         return "unseen", difference
@@ -281,25 +246,19 @@ def tried(root: Path, mutant: Mutant, baseline: Baseline, budget: float) -> tupl
     return ("killed" if status else "survived"), difference
 
 
-def preload() -> None:
-    """Import what every mutant's tests need and no mutant changes, once."""
-    for name in LIBRARIES:
-        import_module(name)
-
-
-def table(outcomes: dict[str, list[str]]) -> str:
+def table(outcomes: dict[str, list[bool]]) -> str:
     """Return killed and tried of each module, and of all with its confidence interval."""
     from scipy.stats import binomtest
 
-    rows, dead, count = [f"{'module':<28}{'killed':>8}{'tried':>8}"], 0, 0
-    for module, found in sorted(outcomes.items()):
-        killed = sum(one in ("killed", "time") for one in found)
-        rows.append(f"{module:<28}{killed:>8}{len(found):>8}")
-        dead, count = dead + killed, count + len(found)
-    if count:
-        low, high = binomtest(dead, count).proportion_ci(method="wilson")
-        rate = f"{100 * dead / count:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
-        rows.append(f"{'all':<28}{dead:>8}{count:>8}  {rate}")
+    rows = [f"{'module':<28}{'killed':>8}{'tried':>8}"]
+    rows += [f"{one:<28}{sum(dead):>8}{len(dead):>8}" for one, dead in sorted(outcomes.items())]
+    every = list(chain.from_iterable(outcomes.values()))
+    if every:
+        low, high = binomtest(sum(every), len(every)).proportion_ci(method="wilson")
+        rate = (
+            f"{100 * sum(every) / len(every):.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
+        )
+        rows.append(f"{'all':<28}{sum(every):>8}{len(every):>8}  {rate}")
     return "\n".join(rows)
 
 
@@ -323,7 +282,8 @@ def main() -> int:
         os.chdir(root)
         os.environ["PYTHONPATH"] = str(root / "src")
         sys.path.insert(0, str(root / "src"))
-        preload()
+        for name in LIBRARIES:  # which every mutant's tests need and no mutant changes
+            import_module(name)
         return study(root, options)
 
 
@@ -336,21 +296,19 @@ def study(root: Path, options: argparse.Namespace) -> int:
     started = time.process_time()
     baseline = Baseline(root, options.package)
     print(f"{len(baseline.seconds)} tests, {sum(baseline.seconds.values()):.0f} s", flush=True)
-    outcomes = defaultdict(list)
+    outcomes: dict[str, list[bool]] = defaultdict(list)
     for mutant in chosen:
         outcome, difference = tried(root, mutant, baseline, options.budget)
-        outcomes[mutant.path.removeprefix("src/helisim/")].append(outcome)
+        outcomes[mutant.path.removeprefix("src/helisim/")].append(outcome in ("killed", "time"))
         print(f"{outcome} {mutant.path}:{mutant.line}", file=sys.stderr, flush=True)
         if outcome in ("survived", "unseen"):
-            print(f"\n{outcome}: {mutant.operator.removeprefix('core/')}")
-            print(difference, flush=True)
+            print(f"\n{outcome}: {mutant.operator.removeprefix('core/')}\n{difference}", flush=True)
     print(f"\n{table(outcomes)}")
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
     total = spent.ru_utime + spent.ru_stime + time.process_time() - started
     print(f"{total / 60:.1f} minutes of CPU time")
-    found = [one for many in outcomes.values() for one in many]
-    killed = sum(one in ("killed", "time") for one in found)
-    return 0 if killed >= 0.01 * options.least * len(found) else 1
+    found = list(chain.from_iterable(outcomes.values()))
+    return 0 if sum(found) >= 0.01 * options.least * len(found) else 1
 
 
 if __name__ == "__main__":

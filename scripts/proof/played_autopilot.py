@@ -38,14 +38,7 @@ FIELDS = (
 
 
 class PlayedAutopilot:
-    """Sends frames and reads answers as ArduPilot does.
-
-    Attributes:
-        count: of frames, one for each answer that could be read.
-        resent: how often no answer came in time.
-        unread: how many answers could not be read.
-        resets: how often time went back.
-    """
+    """Sends frames and reads answers as ArduPilot does."""
 
     def __init__(self, port, *, channels=16, resend=1.0):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

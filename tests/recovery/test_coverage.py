@@ -1,6 +1,6 @@
 """Statistics of the joint method in closed loop with a gust: bias, and what is stated of errors.
 
-The whole study, 200 replicates with the direct method beside, is scripts/proof/coverage_study.py.
+`replicate` flies and identifies as many replicates as are asked for, with the direct method beside.
 """
 
 import numpy as np

@@ -121,7 +121,7 @@ def test_ardupilots_own_helicopter_turns_as_its_source_states(proof):
 
     Roll above the rotor's modes: 3588.6 / 0.068232 x 1.7635 of the cyclic over s squared.
     """
-    plant, frequency = proof.ArduPilotsHelicopter({}), np.array([2.0, 20.0, 300.0])
+    plant, frequency = proof.ardupilots_helicopter({}), np.array([2.0, 20.0, 300.0])
     found = plant.response(frequency)
     s = 1j * frequency
     yaw = 21.6 * 2.96 * 0.8 / (s + 2.96) * np.exp(-s * (0.05 + 0.0025 + 0.00125))
