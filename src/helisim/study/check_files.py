@@ -196,40 +196,33 @@ class ParameterFiles:
             before = self._places.get(name)
             self._places[name] = path, lines.get(name, self.place(section)[1] or 1)
             if before is not None:
-                text = f"{name} is defined already, in {before[0].name}, line {before[1]}; keep one"
-                self.add(text, name)
-                continue
-            fault = name_fault(name)
+                file, line = before
+                fault = f"{name} is defined already, in {file.name}, line {line}; keep one"
+            elif fault := name_fault(name):
+                self._meant.update(similar(name, glossary()))
+            else:
+                fault = self._take(name, item)
             if fault:
                 self.add(fault, name)
-                self._meant.update(similar(name, glossary()))
-                continue
-            entry = self._entry(name, item)
-            if entry is not None:
-                self.entries[name] = entry
 
-    def _entry(self, name: str, item: Any) -> PhysicalParameter | None:
-        """Return a parameter, or None and a problem."""
+    def _take(self, name: str, item: Any) -> str:
+        """Keep a parameter, or return what is wrong with it."""
         known = term(name)
         unit = known.unit if known else "1"
         try:
             value, written = plain_number(name, item["value"]), str(item["unit"])
             entry = PhysicalParameter(name, value, written, str(item["source"]))
         except InputError as error:
-            self.add(str(error), name)
-            return None
+            return str(error)
         except (TypeError, KeyError, ValueError):
             example = f'{{ value = 1.0, unit = "{unit}", source = "measured" }}'
-            self.add(f"{name} needs a value (a number), a unit and a source: {example}", name)
-            return None
+            return f"{name} needs a value (a number), a unit and a source: {example}"
         if not math.isfinite(value):
-            self.add(f"{name} must be a finite number, got {item['value']!r}", name)
-            return None
+            return f"{name} must be a finite number, got {item['value']!r}"
         fault = unit_fault_of(entry)
-        if fault:
-            self.add(fault, name)
-            return None
-        return entry
+        if not fault:
+            self.entries[name] = entry
+        return fault
 
     def _unused(self, section: str) -> None:
         meant = similar(section, sections())
