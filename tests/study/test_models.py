@@ -1,4 +1,4 @@
-"""The experiment's models: tolerances, what they are given, servos that are known, and their bench."""
+"""The experiment's models: tolerances, what they are given, known servos and their bench."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Summaries of datasets whose numbers are made, so that the answer is known, and the study of them."""
+"""Summaries of datasets whose numbers are made, so that the answer is known, and their study."""
 
 import numpy as np
 import pyarrow as pa
