@@ -312,12 +312,7 @@ _ORDERED = {"actuator": ACTUATORS, "sensor": tuple(SENSORS)}
 
 
 def element_problems(path: Path, roles: Roles) -> list[Problem]:
-    """Return what is wrong with the elements of an MJCF.
-
-    Args:
-        path: of the vehicle's MJCF.
-        roles: the names that its author gave.
-    """
+    """Return what is wrong with the elements of an MJCF, whose author gave them names."""
     try:
         mjcf = Mjcf(path)
     except (ModelError, StorageError) as error:
@@ -446,12 +441,7 @@ _LOOK = {
 
 
 def at_a_glance(own: Mapping[str, float], weight: float) -> dict[str, float]:
-    """Return the figures that need no flight, by name.
-
-    Args:
-        own: parameters of the vehicle.
-        weight: N.
-    """
+    """Return the figures that need no flight, by name; the weight is in N."""
     radius, speed = own["main_rotor.radius"], own["main_rotor.speed"]
     disc = math.pi * radius**2
     solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / (math.pi * radius)
@@ -492,12 +482,7 @@ _AXES = ("ixx", "iyy", "izz")
 
 
 def body_problems(path: Path, files: ParameterFiles) -> list[Problem]:
-    """Return what is wrong with the rigid body that an MJCF describes.
-
-    Args:
-        path: of the vehicle's MJCF, whose elements are all there.
-        files: its parameter files, all there.
-    """
+    """Return what is wrong with the rigid body of an MJCF, whose elements and files are there."""
     roles, own = files.roles, {name: one.value for name, one in files.entries.items()}
     try:
         spec = mujoco.MjSpec.from_file(str(path))

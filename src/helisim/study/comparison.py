@@ -122,11 +122,7 @@ class ParameterRow:
         return "agrees" if "agrees" in both else "not judged"
 
     def misses(self, truth: Truth = "truth") -> tuple[str, ...]:
-        """Return a sentence for each tolerance that is missed, with the amount and the reason.
-
-        Args:
-            truth: which truth `truth` is.
-        """
+        """Return a sentence for each tolerance that is missed, with the amount and the reason."""
         judged = (
             (truth, self.truth, self.error_percent, "tolerance"),
             ("paper", self.paper, self.paper_error_percent, "paper_tolerance"),

@@ -11,7 +11,8 @@ from functools import cache
 from pathlib import Path
 
 from helisim.base.errors import InputError, ModelError, StorageError
-from helisim.base.files import make_folder, read_toml, toml_key, toml_value
+from helisim.base.files import make_folder, read_toml
+from helisim.base.settings import toml_text
 from helisim.study.paper import published, published_of
 from helisim.vehicle import (
     calibrate,
@@ -226,14 +227,8 @@ def _roles_text(roles: Roles, mjcf: str) -> str:
             lines.append(f"# [roles.{kind}]")
             lines += [f'# {role} = "{role}"' for role in known]
         return "\n".join(lines) + "\n"
-    lines.append("[roles]")
-    for key in ("mjcf", "scene"):
-        if getattr(roles, key) is not None:
-            lines.append(f"{key} = {toml_value(getattr(roles, key))}")
-    for kind, names in roles.names.items():
-        lines.append(f"[roles.{kind}]")
-        lines += [f"{toml_key(role)} = {toml_value(one)}" for role, one in names.items()]
-    return "\n".join(lines) + "\n"
+    table = {"mjcf": roles.mjcf, "scene": roles.scene, **roles.names}
+    return "\n".join(lines) + "\n" + toml_text({"roles": table})
 
 
 def calibrated_text(

@@ -153,12 +153,7 @@ def published(vehicle: str) -> Published:
 def published_of(folder: Path, *, instead: str) -> Published:
     """Return what is published of the vehicle in a folder: of a shipped one only.
 
-    Args:
-        folder: of the vehicle, whose name alone says nothing.
-        instead: what the folder can have in place of it, for the message.
-
-    Raises:
-        ModelError: nothing is published; the message says what to do instead.
+    A folder's name alone says nothing. Raises ModelError, which says what to do `instead`.
     """
     if not is_shipped(folder):
         raise ModelError(f"nothing is published of {folder.name!r}: {instead}")
@@ -223,9 +218,7 @@ def overall_from_parts(base: Mapping[str, float], gyro: Mapping[str, float]) -> 
 
     The delay is the sum of the two that the parts have: pedal to gyro, and servo to recorded rate.
 
-    Args:
-        base: N_r, N_ped and tau_r_base by name, SI.
-        gyro: k_p, k_I, k_delta, k_a and tau_PED by name, SI.
+    Of the base N_r, N_ped and tau_r_base by name, of the gyro k_p, k_I, k_delta, k_a and tau_PED.
     """
     n_r, n_ped = base["N_r"], base["N_ped"]
     k_p, k_i, k_delta, k_a = (gyro[name] for name in ("k_p", "k_I", "k_delta", "k_a"))
@@ -247,11 +240,7 @@ def check_overall(
 ) -> OverallCheck:
     """Compare the overall yaw model from its parts with the one identified directly.
 
-    Args:
-        base: parameter -> value of stage one, SI.
-        gyro: parameter -> value of stage two, with what the ground tests gave, SI.
-        overall: parameter -> value of stage three, from [IN2 OUT], SI.
-        band_rad_s: in which the responses are compared.
+    Values are by parameter, SI: of the stages one, two (with what the ground tests gave) and three.
     """
     parts = overall_from_parts(base, gyro)
     direct = {name: overall[name] for name in parts}
@@ -343,11 +332,8 @@ class GyroEffect:
 def gyro_effect(before: Mapping[str, float], after: Mapping[str, float]) -> GyroEffect:
     """Compare the roll-pitch model from IN1 with the one from IN2 (Wu and Chen, section 3.2).
 
-    Delays are left out: a recorder's latencies are in them.
-
-    Args:
-        before: parameter -> value identified from IN1, SI.
-        after: parameter -> value identified from IN2, SI.
+    Values are by parameter, SI, from IN1 and from IN2. Delays are left out: a recorder's latencies
+    are in them.
     """
     paper = published("jr700")
     first, second = paper["rollpitch_in1"], paper["rollpitch_in2"]

@@ -174,10 +174,7 @@ def _changed(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple
 def leaves(data: Any, place: str, without: Collection[str] = ()) -> dict[str, Any]:
     """Return every number and text of JSON data by its place, such as "results.tables[heave].cost".
 
-    Args:
-        data: objects, lists and leaves.
-        place: of the data.
-        without: keys that are left out wherever they stand.
+    Keys `without` are left out wherever they stand.
     """
     if isinstance(data, dict):
         inner = {f"{place}.{key}": one for key, one in data.items() if key not in without}

@@ -98,11 +98,7 @@ def exact_response(
     It is what the estimate tends to. With a reference, that is the joint input-output method's:
     the sticks drive the closed loop, and outputs over inputs have the conditioning channels held.
 
-    Args:
-        vehicle: that flies.
-        model: whose inputs and outputs the response has.
-        recorder: whose latencies are in it.
-        omega: (n_freq,) rad/s.
+    It has the model's inputs and outputs, the recorder's latencies, at omega, (n_freq,) rad/s.
     """
     inputs = "IN2" if model.reference or model.input == "IN2" else "IN1"
     linear = vehicle.linearize(inputs)
