@@ -113,6 +113,10 @@ def words_of(name: str) -> tuple[str, ...]:
     return known.words if known else ()
 
 
+_LARGEST = 1e300
+"""A larger number is none that a float or a formula holds."""
+
+
 def number_of(name: str, value: Any) -> float:
     """Return a parameter's value as a number: of a choice, the place of its word from 0 on.
 
@@ -130,7 +134,7 @@ def number_of(name: str, value: Any) -> float:
         if is_number(value) and value in range(len(words)):
             return float(value)
         raise InputError(f"{name} must be {' or '.join(words)}, got {value!r:.60}")
-    if is_number(value) and math.isfinite(value):
+    if is_number(value) and abs(value) < _LARGEST:
         return float(value)
     raise InputError(f"parameter {name!r} must be a finite number, got {value!r:.60}")
 
@@ -152,7 +156,7 @@ def plain_number(name: str, value: object) -> float:
         return number_of(name, value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r} is no number")
-    return float(value)
+    return float(value) if abs(value) < _LARGEST else math.inf
 
 
 def name_fault(name: str) -> str:
