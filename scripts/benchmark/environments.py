@@ -14,6 +14,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from itertools import product
 
 import gymnasium
 import numpy as np
@@ -23,29 +24,11 @@ from helisim.physics.native import installed
 
 INTEGRATORS = ("Euler", "RK4")
 CORES = os.cpu_count() or 1
-FRAMES = 100
-ROUNDS = 7
-NUM_ENVS = 64
-Cost = tuple[float, float]  # Wall and processor seconds of a physics step.
+FRAMES, ROUNDS, NUM_ENVS = 100, 7, 64
+KINDS = ("", ", in one block", ", plain rollout")
 
 
-def costs(count: int, rounds: int) -> dict[str, Cost]:
-    """Return the least cost a step of each way to fly so many helicopters, by name."""
-    ways: dict[str, Callable[[], int]] = {}
-    for integrator in INTEGRATORS:
-        for threads in (CORES, 1):
-            ways |= _ways(count, integrator=integrator, threads=threads)
-    least: dict[str, Cost] = dict.fromkeys(ways, (np.inf, np.inf))
-    for _ in range(rounds):
-        for name, way in ways.items():
-            wall, processor = time.perf_counter(), time.process_time()
-            steps = way()
-            spent = time.perf_counter() - wall, time.process_time() - processor
-            least[name] = tuple(min(old, new / steps) for old, new in zip(least[name], spent))
-    return least
-
-
-def _ways(count: int, *, integrator: str, threads: int) -> dict[str, Callable[[], int]]:
+def ways(count: int, integrator: str, threads: int) -> dict[str, Callable[[], int]]:
     """Return, by name, what steps an environment or rolls the same out, and returns its steps."""
     env = gymnasium.make_vec(
         "helisim.gym:helisim/Hover-v0",
@@ -77,25 +60,33 @@ def _ways(count: int, *, integrator: str, threads: int) -> dict[str, Callable[[]
                 flights.roll()
         return steps
 
-    name = _name(integrator, threads)
-    return {name: fly, f"{name}, in one block": in_one_block, f"{name}, plain rollout": roll}
+    return dict(zip(_names(integrator, threads), (fly, in_one_block, roll)))
 
 
-def _name(integrator: str, threads: int) -> str:
-    return f"{integrator}, {threads} thread{'s' if threads > 1 else ''}"
+def _names(integrator: str, threads: int) -> list[str]:
+    name = f"{integrator}, {threads} thread{'s' if threads > 1 else ''}"
+    return [f"{name}{kind}" for kind in KINDS]
 
 
 def main(count: int = NUM_ENVS, rounds: int = ROUNDS) -> None:
-    """Print the table, and how much faster all processors are than one."""
+    """Print the least cost a step of each way, and how much faster all processors are than one."""
     print(f"{count} environments, load of the machine {os.getloadavg()[0]:.1f}")
-    found = costs(count, rounds)
+    every: dict[str, Callable[[], int]] = {}
+    for integrator, threads in product(INTEGRATORS, (CORES, 1)):
+        every |= ways(count, integrator, threads)
+    found = {name: np.full(2, np.inf) for name in every}
+    for name in rounds * list(every):
+        start = np.array([time.perf_counter(), time.process_time()])
+        steps = every[name]()
+        spent = np.array([time.perf_counter(), time.process_time()]) - start
+        found[name] = np.minimum(found[name], spent / steps)
     print(f"{'':34}{'steps/s':>10}{'wall us':>9}{'CPU us':>8}")
     for name, (wall, processor) in found.items():
         print(f"{name:34}{1.0 / wall:10,.0f}{1e6 * wall:9.3f}{1e6 * processor:8.3f}")
     for integrator in INTEGRATORS:
-        for kind in ("", ", in one block", ", plain rollout"):
-            many, one = (found[_name(integrator, threads) + kind] for threads in (CORES, 1))
-            print(f"{integrator}{kind}: {one[0] / many[0]:.2f} times as fast as one thread")
+        for kind, many, one in zip(KINDS, _names(integrator, CORES), _names(integrator, 1)):
+            ratio = found[one][0] / found[many][0]
+            print(f"{integrator}{kind}: {ratio:.2f} times as fast as one thread")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ dead man's curve.
 
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,93 +27,63 @@ SOFT = 2.0  # m/s, of sinking.
 GEAR = 0.1  # m, from the origin down to the skids.
 
 
-@dataclass(frozen=True)
-class Fall:
-    """What became of one failure of the engine."""
-
-    height: float
-    speed: float
-    sink: float
-    ended: str
-
-    @property
-    def landed(self) -> bool:
-        """Whether the helicopter can fly again."""
-        return not self.ended and self.sink <= SOFT
+VEHICLE = hs.load("jr700")
 
 
-def fall(case: tuple[float, float]) -> Fall:
-    """Fly one failure, of a height (m) and a speed (m/s)."""
+def fall(case: tuple[float, float]) -> tuple[float, bool]:
+    """Return the sink rate (m/s) after one failure, of a height (m) and a speed (m/s); if landed.
+
+    Landed means that the helicopter can fly again.
+    """
     height, speed = case
     mission = hs.missions.Autorotation(height=height + GEAR, speed=speed)
     plan = hs.FlightPlan(mission=mission, pilot=hs.Pilot(remnant=0.0))
     (flight,) = simulate(VEHICLE, plan, keep_ended=True, jobs=1)
-    reached = Reached.of(VEHICLE, flight)
-    down = reached.touch_down
+    down = Reached.of(VEHICLE, flight).touch_down
     sink = float(flight.velocities[-1, 2]) if down is None else down.sink
-    return Fall(height, speed, sink, "" if flight.end is None else flight.end.why)
+    return sink, flight.end is None and sink <= SOFT
 
 
-def grid(cases: list[tuple[float, float]]) -> list[Fall]:
-    """Fly all, two processes at a time; each is the same alone."""
-    with ProcessPoolExecutor(2) as pool:
-        return list(pool.map(fall, cases, chunksize=8))
-
-
-def printed(falls: list[Fall]) -> None:
-    """Print the sink rate at each touch-down, in brackets where it was no landing."""
-    print("height m | sink rate at the touch-down, m/s, after a failure at a speed of ... m/s")
-    print("         |" + "".join(f"{speed:8.0f}" for speed in SPEEDS))
-    for height in reversed(HEIGHTS):
-        row = [one for one in falls if one.height == height]
-        cells = [f"{one.sink:.1f}" if one.landed else f"({one.sink:.1f})" for one in row]
-        print(f"{height:8.1f} |" + "".join(f"{cell:>8}" for cell in cells))
-
-
-def drawn(falls: list[Fall], path: str) -> None:
-    """Draw the diagram."""
+def drawn(landed: NDArray[np.bool_], path: str) -> None:
+    """Draw the diagram; what is to be avoided is shaded halfway between a landing and none."""
     import matplotlib as mpl
 
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    speeds, heights = np.array(SPEEDS), np.array(HEIGHTS)
-    landed = np.array([one.landed for one in falls]).reshape(heights.size, speeds.size)
+    across, up = np.meshgrid(SPEEDS, HEIGHTS)
     figure, axes = plt.subplots(figsize=(7.2, 5.0), layout="constrained")
-    filled(axes, speeds, heights, landed)
-    across, up = np.meshgrid(speeds, heights)
+    axes.contourf(
+        SPEEDS, HEIGHTS, landed.astype(float), levels=[-0.5, 0.5], colors=["tab:red"], alpha=0.2
+    )
     axes.plot(across[landed], up[landed], "o", ms=4, color="tab:green", label="landed")
     axes.plot(across[~landed], up[~landed], "x", ms=5, color="tab:red", label="broken")
     axes.set(
         xlabel="speed when the engine fails [m/s]",
         ylabel="height of the skids [m]",
         title="JR700: from where the scripted pilot lands without an engine",
+        ylim=(0.0, HEIGHTS[-1] + 2.0),
     )
-    axes.set_ylim(0.0, heights[-1] + 2.0)
     axes.grid(alpha=0.3)
     axes.legend(loc="upper right")
     figure.savefig(path, dpi=150)
     print(f"Written: {path}")
 
 
-def filled(
-    axes: object, speeds: NDArray[np.float64], heights: NDArray[np.float64], landed: NDArray
-) -> None:
-    """Shade what is to be avoided, halfway between a landing and none."""
-    axes.contourf(  # pyright: ignore[reportAttributeAccessIssue]
-        speeds, heights, landed.astype(float), levels=[-0.5, 0.5], colors=["tab:red"], alpha=0.2
-    )
-
-
 def main() -> None:
-    """Fly the grid, print it, and draw it where a file is named."""
-    falls = grid([(height, speed) for height in HEIGHTS for speed in SPEEDS])
-    printed(falls)
+    """Fly the grid, print each touch-down, in brackets where it was no landing, and draw it."""
+    with ProcessPoolExecutor(2) as pool:  # each flight is the same alone
+        falls = list(pool.map(fall, product(HEIGHTS, SPEEDS), chunksize=8))
+    print("height m | sink rate at the touch-down, m/s, after a failure at a speed of ... m/s")
+    print("         |" + "".join(f"{speed:8.0f}" for speed in SPEEDS))
+    for k, height in reversed(list(enumerate(HEIGHTS))):
+        row = falls[k * len(SPEEDS) : (k + 1) * len(SPEEDS)]
+        cells = [f"{sink:.1f}" if landed else f"({sink:.1f})" for sink, landed in row]
+        print(f"{height:8.1f} |" + "".join(f"{cell:>8}" for cell in cells))
     if len(sys.argv) > 1:
-        drawn(falls, sys.argv[1])
+        landed = np.array([one for _, one in falls]).reshape(len(HEIGHTS), len(SPEEDS))
+        drawn(landed, sys.argv[1])
 
-
-VEHICLE = hs.load("jr700")
 
 if __name__ == "__main__":
     main()

@@ -56,19 +56,17 @@ def truth(vehicle: hs.Vehicle, recorder: Recorder) -> dict[str, float]:
     solidity = own["main_rotor.blades"] * own["main_rotor.chord"] / np.pi
     loading = own["main_rotor.lift_slope"] * solidity / own["main_rotor.radius"]
     mean = vehicle.trim.inflow_0 / (speed * own["main_rotor.radius"])
+    names = ("A_lat", "A_lon", "B_lat", "B_lon")
     return {
         **vehicle.derivatives,
         **delays,
+        **dict(zip(names, (a_lat, a_lon, b_lat, b_lon))),
         "tau_0": whole,
         "tau_1": 16.0 / (45.0 * np.pi) / speed / (mean + loading / 16.0),
         "C": 1.0 / own["flapping.lock_reduction"],
         "tau_f": 1.0 / (disc.share * speed),
         "A_b": ab,
         "B_a": ba,
-        "A_lat": a_lat,
-        "A_lon": a_lon,
-        "B_lat": b_lat,
-        "B_lon": b_lon,
         "turn": own["main_rotor.direction"] / speed,
         "torque": -linear.derivative("p", "flap_a") / linear.derivative("p", "flap_b"),
     }
@@ -160,13 +158,11 @@ def draw(path: str, still: hs.Vehicle, moving: hs.Vehicle) -> None:
     axes = figure.subplots(2, len(pairs), sharex=True)
     for vehicle, label in ((still, "quasi-steady"), (moving, "pitt-peters")):
         linear = vehicle.linearize("IN1")
-        response = linear.response(omega)
-        for column, (output, given) in enumerate(pairs):
-            row = linear.system.output_labels.index(output)
-            one = response[row, linear.system.input_labels.index(given)]
-            size, phase = axes[:, column]
-            size.semilogx(omega, 20.0 * np.log10(np.abs(one)), label=label)
-            phase.semilogx(omega, np.rad2deg(np.unwrap(np.angle(one))))
+        system, response = linear.system, linear.response(omega)
+        for (output, given), (size, phase) in zip(pairs, axes.T):
+            row, column = system.output_labels.index(output), system.input_labels.index(given)
+            size.semilogx(omega, 20.0 * np.log10(np.abs(response[row, column])), label=label)
+            phase.semilogx(omega, np.rad2deg(np.unwrap(np.angle(response[row, column]))))
             size.set_title(f"{output}/{given}")
             phase.set_xlabel("rad/s")
     axes[0, 0].set_ylabel("dB")
@@ -183,20 +179,14 @@ def main(count: int = 4, figure: str = "") -> None:
     flights = {axis: hs.fly(moving, sweep, count=count, seed=1) for axis, sweep in SWEEPS.items()}
     true = truth(moving, recorder)
     known = hs.structures.rollpitch_inflow.with_fixed({"turn": true["turn"]})
-    heave = hs.frequency_response(
-        flights["col"], inputs=("col",), outputs=("w", "az"), band=HEAVE_BAND
-    )
-    cyclic = hs.frequency_response(
-        flights["lat"] + flights["lon"],
-        inputs=("lat", "lon"),
-        outputs=("p", "q"),
-        conditioning=("col", "ped"),
-        band=CYCLIC_BAND,
-    )
-    fast = fast_response(flights["lat"] + flights["lon"])
+    col, both = flights["col"], flights["lat"] + flights["lon"]
+    heave = hs.frequency_response(col, inputs=("col",), outputs=("w", "az"), band=HEAVE_BAND)
+    plain = hs.frequency_response(col, inputs=("col",), outputs=("w",), band=(0.8, 15.0))
+    fast = fast_response(both)
+    names = {"inputs": ("lat", "lon"), "outputs": ("p", "q"), "conditioning": ("col", "ped")}
+    cyclic = hs.frequency_response(both, **names, band=CYCLIC_BAND)
     spec = replace(ROLLPITCH_IN1, structure=known)
     exact = exact_response(moving, spec, recorder, np.geomspace(*EXACT_BAND, 150))
-    plain = hs.frequency_response(flights["col"], inputs=("col",), outputs=("w",), band=(0.8, 15.0))
     fits = {
         "heave": {
             QUASI_STEADY: hs.identify(plain, hs.structures.heave),
