@@ -57,7 +57,7 @@ def test_array_docstrings_state_shapes():
         for path in FILES
         for name in without_shapes(path.read_text(encoding="utf-8"))
     ]
-    assert missing == []
+    assert missing == [], "\n".join(missing)
 
 
 def test_the_search_for_shapes_finds_what_lacks_one():

@@ -168,7 +168,7 @@ def proper_part(structure: Structure, values: Mapping[str, float]) -> "control.S
 
 
 class Sensitivity:
-    """Where a structure's response and its slopes are wanted: the inner loop of every fit."""
+    """A structure's response and its slopes at points, (n_point,) each: the inner loop of a fit."""
 
     def __init__(
         self,

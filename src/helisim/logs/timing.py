@@ -105,7 +105,7 @@ class Samples:
         Args:
             findings: that it is added to.
             kind: of the fault.
-            where: (n,) its samples.
+            where: (n_fault,) its samples.
             what: it is.
             done: the repair; None where it wasn't asked for.
             advice: on how to repair it.

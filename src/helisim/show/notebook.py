@@ -28,7 +28,6 @@ from helisim.show.plots import (
     draw_verification,
 )
 from helisim.show.table import Table
-from helisim.study.results import IdentifiedModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     from helisim.design.design import DesignResult
     from helisim.handling.criteria import Criterion
     from helisim.sim import FlightPlan
-    from helisim.study.results import Results, Run
+    from helisim.study.results import IdentifiedModel, Results, Run
     from helisim.vehicle import Linearization, Vehicle
 
 Names = Sequence[str] | str | None
@@ -81,7 +80,7 @@ def plot_response(found: FrequencyResponse, pairs: Names, axes: GivenAxes) -> Fi
 
 def plot_fit(fit: Fit, pairs: Names, axes: GivenAxes) -> Figure:
     """Draw data, model, and their difference, for each pair."""
-    item = IdentifiedModel(fit.structure.name, fit)
+    item = _alone(fit)
     shown = _chosen(fit.structure.outputs, fit.structure.inputs, pairs)
     return _figure(_in_grid(shown, lambda o, i: draw_pair(item, o, i)), axes)
 
@@ -170,7 +169,7 @@ def _response_page(found: FrequencyResponse) -> tuple[str, ...]:
 
 def _fit_page(fit: Fit) -> tuple[str, ...]:
     low, high = fit.band
-    item = IdentifiedModel(fit.structure.name, fit)
+    item = _alone(fit)
     shown = _chosen(fit.structure.outputs, fit.structure.inputs, None)[:_FEW]
     return (
         f"Fit: {fit.structure.name}",
@@ -305,6 +304,12 @@ def _titled(table: Table) -> str:
     lead = f": {table.lead}" if table.lead else ""
     notes = "".join(paragraph(f"{label}: {text}") for label, text in table.notes)
     return paragraph(f"{table.title}{lead}") + page.table(table) + notes
+
+
+def _alone(fit: Fit) -> IdentifiedModel:
+    from helisim.study.results import IdentifiedModel  # behind which stands the simulator
+
+    return IdentifiedModel(fit.structure.name, fit)
 
 
 def _predicted(verification: Verification, records: Iterable[int]) -> list[Drawing]:

@@ -49,6 +49,8 @@ _HOMES = {
 }
 """Module -> its public names; loaded on first use, as a parameter file needs no simulator."""
 
+__all__ = sorted(name for names in _HOMES.values() for name in names)  # pyright: ignore
+
 
 def __getattr__(name: str) -> Any:
     for module, names in _HOMES.items():

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -17,8 +17,9 @@ from helisim.base.settings import from_plain
 from helisim.base.units import DB_PER_NEPER
 from helisim.ident import structures
 from helisim.ident.evaluate import response
-from helisim.vehicle import Vehicle
-from helisim.vehicle.folder import is_shipped
+
+if TYPE_CHECKING:  # a table of numbers needs no simulator
+    from helisim.vehicle import Vehicle
 
 _POINTS = 200
 
@@ -155,13 +156,17 @@ def published_of(folder: Path, *, instead: str) -> Published:
 
     A folder's name alone says nothing. Raises ModelError, which says what to do `instead`.
     """
+    from helisim.vehicle.folder import is_shipped
+
     if not is_shipped(folder):
         raise ModelError(f"nothing is published of {folder.name!r}: {instead}")
     return published(folder.name)
 
 
-def paper_table(vehicle: Vehicle, model: str) -> ReferenceTable:
+def paper_table(vehicle: "Vehicle", model: str) -> ReferenceTable:
     """Return the published table of a model, without values where nothing is published."""
+    from helisim.vehicle.folder import is_shipped
+
     if not is_shipped(vehicle.folder):
         return ReferenceTable(name=model)
     return published(vehicle.name).get(model)

@@ -208,7 +208,7 @@ def state_space_settings(
     limits: Sequence[float],
     plate: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the settings of the compiled law, (n_settings,)."""
+    """Return the settings of the compiled law, (n_settings,), of its matrices, as of the law, each."""
     counts = [len(matrices[0]), len(places)]
     return np.concatenate(
         [counts, trim, limits, plate, places, steady, *(one.ravel() for one in matrices)],
