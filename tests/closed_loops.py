@@ -4,8 +4,7 @@ import control
 import numpy as np
 from scipy.signal import lfilter
 
-from helisim.records.channels import Channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import Channel, FlightRecord
 
 PERIOD = 0.01
 

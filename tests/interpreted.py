@@ -22,7 +22,7 @@ import numba
 import numpy as np
 from numba import types
 
-from helisim.physics import examination, kernel, laws, native
+from helisim.physics import kernel, laws, memory, native
 
 _C = {
     types.void: None,
@@ -46,10 +46,8 @@ def install() -> None:
         id(kernel.doubles_at): _pointer(ctypes.c_double),
         id(kernel.ints_at): _pointer(ctypes.c_int32),
         id(kernel.longs_at): _pointer(ctypes.c_int64),
-        id(examination._met_address): lambda: ctypes.addressof(examination._met),
-        id(examination._report_address): lambda: (
-            ctypes.cast(examination._reported, ctypes.c_void_p).value
-        ),
+        id(memory._met_address): lambda: ctypes.addressof(memory._met),
+        id(memory._report_address): lambda: ctypes.cast(memory._reported, ctypes.c_void_p).value,
         id(laws._address): lambda: laws._table.ctypes.data,
         id(kernel.call): _call,
         id(kernel.buffer): lambda count: (ctypes.c_double * count)(),

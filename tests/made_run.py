@@ -8,8 +8,7 @@ import numpy as np
 from helisim import ident
 from helisim.ident.evaluate import response
 from helisim.ident.verification import Trace
-from helisim.records.channels import CHANNELS, POSITIONS
-from helisim.records.record import FlightRecord
+from helisim.records.record import CHANNELS, POSITIONS, FlightRecord
 from helisim.records.storage import write_record
 from helisim.sim.rigs import Finding, RigTest
 from helisim.study.comparison import ComparisonTable, ParameterRow

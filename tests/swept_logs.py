@@ -6,8 +6,7 @@ import numpy as np
 import plants
 
 from helisim.ident import structures
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
 
 HEAVE = {"Z_w": -0.8, "Z_col": -25.0, "tau_col": 0.03}

@@ -22,8 +22,7 @@ from helisim.base.errors import DivergedError, ModelError, UnknownNameError
 from helisim.physics import native
 from helisim.physics.layout import PARAM
 from helisim.vehicle.folder import model_folder
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 HOP = hs.Doublet(axis="lat", duration=8.0)
 HOOKS = ("passive", "control", "act_dyn", "sensor", "time")

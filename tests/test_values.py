@@ -15,7 +15,7 @@ import pytest
 
 import helisim as hs
 from helisim.base.errors import DivergedError, HelisimError, RecordError, UnknownNameError
-from helisim.base.value import FrozenMap, Value, same
+from helisim.base.settings import FrozenMap, Value, same
 from helisim.design.design import Judged
 from helisim.design.problem import Step
 from helisim.handling.measured.interval import Interval

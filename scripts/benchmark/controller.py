@@ -19,8 +19,7 @@ from helisim.physics.layout import PARAM
 from helisim.sim.flight import prepare
 from helisim.vehicle import ControllerLike
 from helisim.vehicle.assembly import Integrator
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 from step import INTEGRATORS, least
 
 STEPS, ROUNDS = 10_000, 15

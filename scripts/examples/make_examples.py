@@ -16,7 +16,7 @@ import numpy as np
 import helisim as hs
 from helisim.base.files import atomic_write
 from helisim.logs.examples import FOLDER
-from helisim.records.channels import (
+from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
     AXES,

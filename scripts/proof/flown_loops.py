@@ -38,7 +38,7 @@ from helisim.handling.measured.interval import Interval
 from helisim.handling.measured.margins import MeasuredMargins
 from helisim.logs.dataflash import DataFlash
 from helisim.look.loops import flown_loops
-from helisim.records.channels import ATTITUDES, IN1, RATES
+from helisim.records.record import ATTITUDES, IN1, RATES
 from helisim.sitl import Aircraft
 from helisim.sitl.mixing import Controls, Mixer
 

@@ -30,8 +30,8 @@ from helisim.base.settings import check, from_plain
 from helisim.show.canvas import to_figure
 from helisim.show.figure import Drawing, Mark, Panel
 from helisim.vehicle import Vehicle, load
-from helisim.vehicle.blade import lock_reduction
 from helisim.vehicle.calibrate import flapping_of
+from helisim.vehicle.swashplate import lock_reduction
 
 KNOT = 1852.0 / 3600.0
 """m/s."""

@@ -21,7 +21,7 @@ from helisim import ident
 from helisim.sim import Recorder
 from helisim.study.models import ROLLPITCH_IN1
 from helisim.study.truth import exact_response
-from helisim.vehicle.blade import TipPathPlane
+from helisim.vehicle.swashplate import TipPathPlane
 
 VEHICLE = "jr700"
 HEAVE_BAND, CYCLIC_BAND = (0.8, 60.0), (3.0, 42.0)

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from helisim.base import settings
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.settings import (
+    FrozenMap,
     Inline,
+    Value,
     check,
     from_plain,
     parse_notation,
@@ -23,7 +25,6 @@ from helisim.base.settings import (
     to_plain,
     toml_text,
 )
-from helisim.base.value import FrozenMap, Value
 
 PARTS: dict[str, type] = {}
 

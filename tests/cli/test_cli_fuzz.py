@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from helisim.cli import main
 from helisim.physics import memory, native
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
 
 ANY = st.one_of(

@@ -8,8 +8,7 @@ import sys
 import pytest
 
 from helisim.cli import command_names, main
-from helisim.cli.options import wrapped
-from helisim.cli.shared import Progress
+from helisim.cli.options import Progress, wrapped
 
 
 class Terminal(io.StringIO):
@@ -93,7 +92,7 @@ def test_a_log_file_is_told_how_far_a_long_command_is(monkeypatch):
     """After three seconds a line, then one every ten; quicker commands say nothing."""
     stream, clock = io.StringIO(), [0.0]
     monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setattr("helisim.cli.shared.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("helisim.cli.options.time.monotonic", lambda: clock[0])
     with Progress(20, quiet=False) as advance:
         for _ in range(20):
             clock[0] += 1.0
@@ -105,7 +104,7 @@ def test_steps_that_nobody_can_count_are_counted(monkeypatch):
     """A search says how many trials it has made, and not of how many."""
     stream, clock = io.StringIO(), [0.0]
     monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setattr("helisim.cli.shared.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("helisim.cli.options.time.monotonic", lambda: clock[0])
     with Progress(None, quiet=False, unit="trial") as advance:
         clock[0] = 4.0
         advance("yaw")

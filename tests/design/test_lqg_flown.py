@@ -13,7 +13,7 @@ from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import margins
 from helisim.sim import Recorder
 from helisim.study.experiment import fly_sweeps
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import addresses
 
 SERVO = ident.blocks.second_order("servo", omega=200.0, zeta=1.0)
 ROLLPITCH = ident.in_series(ident.structures.rollpitch_speeds, inputs={"lat": SERVO, "lon": SERVO})

@@ -16,8 +16,7 @@ from helisim.sim import Weather
 from helisim.vehicle import load
 from helisim.vehicle.assembly import total_inertia
 from helisim.vehicle.controller import set_controller
-from helisim.vehicle.motion import Motion, addresses, write_motion
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import Motion, addresses, place, write_motion
 
 CALM = {"motion": {}}
 """Options of a start in the trim itself."""

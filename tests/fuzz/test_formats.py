@@ -22,8 +22,7 @@ from dataflash_logs import Log
 from helisim.base.errors import HelisimError, LogError
 from helisim.base.settings import toml_text
 from helisim.logs import REPAIRS, Column
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
 from helisim.study.campaign import read_campaign
 from helisim.study.replay import arguments_of

@@ -12,8 +12,7 @@ from helisim.base.errors import IdentificationError, InputError, UnknownNameErro
 from helisim.handling.loop import Curve, NoResponse
 from helisim.handling.measured.interval import Asked, intervals
 from helisim.handling.measured.margins import cuts_by_name
-from helisim.records.channels import Channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import Channel, FlightRecord
 
 CROSSOVER = {"band": (4.0, 9.0), "draws": 2}
 """Around the crossover alone, at 4.9 rad/s, and no intervals: in a tenth of the time."""

@@ -23,8 +23,7 @@ from helisim.ident.evaluate import (
     state_space,
 )
 from helisim.ident.result import descriptor
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 from ident_data import of_model, slopes
 from late import LATE
 

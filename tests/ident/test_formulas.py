@@ -19,8 +19,7 @@ from helisim.ident.conditioning import random_error
 from helisim.ident.cost import Cost, select
 from helisim.ident.evaluate import response
 from helisim.ident.spectra import cross_spectra
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 
 GRID = np.geomspace(0.5, 25.0, 70)
 ROLLPITCH = structures.rollpitch

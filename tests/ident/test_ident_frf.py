@@ -22,8 +22,7 @@ from helisim.ident import (
 )
 from helisim.ident.evaluate import response
 from helisim.logs import screen
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 
 STEP = 0.05
 BAND = (2.0, 20.0)

@@ -13,7 +13,7 @@ from helisim.base.units import UserUnits, parts, unit_text
 from helisim.ident import FrequencyResponse, Parameter, Structure, identify, structures
 from helisim.ident.evaluate import response
 from helisim.ident.in_units import dimensions, fit_in
-from helisim.records.channels import CHANNELS
+from helisim.records.record import CHANNELS
 
 DEG, FT = 57.29577951308232, 1.0 / 0.3048
 ALL = UserUnits.of("deg,ft,percent")

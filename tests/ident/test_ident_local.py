@@ -8,8 +8,7 @@ from helisim.ident import frequency_response
 from helisim.ident.local import WIDTHS, Task, choose, estimate_bands, smoothed, transients
 from helisim.ident.local_fit import Lines, fit_band, flight_lines
 from helisim.ident.scatter import LineWeights, LocalScatter
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 
 STEP = 0.05
 LIGHT = np.poly(0.995 * np.exp([0.05j, -0.05j]))

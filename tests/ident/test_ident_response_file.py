@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from helisim.base.errors import InputError, StorageError
 from helisim.ident import FrequencyResponse, frequency_response, identify, load_response, structures
 from helisim.ident.response import is_response
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 from swept_logs import HEAVE, flown
 
 OMEGA = np.geomspace(0.5, 20.0, 40)

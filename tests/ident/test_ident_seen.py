@@ -12,8 +12,7 @@ from helisim.ident import Fit, frequency_response, identify, verify
 from helisim.ident.frf import flight_span, record_digest, share_seen
 from helisim.ident.transfer import first_order_delay
 from helisim.logs import read_log, screen
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
 
 FLOWN = {"made_by": "helisim 1, simulation", "seed": 7, "flight": 0, "versions": {"numpy": "2"}}

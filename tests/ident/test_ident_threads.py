@@ -9,9 +9,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from helisim.ident import frequency_response, identify, structures, verify
-from helisim.records.channels import channel
-from helisim.records.provenance import one_blas_thread
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel, one_blas_thread
 
 
 def blas_threads():

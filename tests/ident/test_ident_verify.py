@@ -14,8 +14,7 @@ from helisim.base.units import UserUnits
 from helisim.ident import Fit, FrequencyResponse, identify, structures, verify
 from helisim.ident.evaluate import delayed, matrices, response, simulate, state_space
 from helisim.ident.verification import Approach, overall_theil, theil
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 
 
 def test_simulation_is_the_exact_discretisation():

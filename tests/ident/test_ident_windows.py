@@ -16,8 +16,7 @@ from helisim.ident.cost import Cost, select
 from helisim.ident.evaluate import response
 from helisim.ident.scatter import hann_lobe
 from helisim.ident.spectra import cross_spectra, segment_starts
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 
 STEP = 0.05
 

@@ -9,8 +9,7 @@ import pytest
 
 from helisim.base.errors import InputError, RecordError, StorageError
 from helisim.logs import UNITS, Clock, Column, Layout, Map, read_log
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
 
 P = {"p": Column("p", "rad/s")}

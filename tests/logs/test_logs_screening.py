@@ -6,8 +6,7 @@ import pytest
 from helisim.base.errors import InputError, RecordError
 from helisim.logs import read_log, screen
 from helisim.logs.screening import clock_errors
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 from helisim.records.storage import write_record
 from remedies import said
 

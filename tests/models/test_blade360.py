@@ -18,8 +18,8 @@ from helisim.vehicle import load, read_parameters
 from helisim.vehicle.assembly import check_interface, mass_and_gravity, total_inertia
 from helisim.vehicle.calibrate import DIRECT, SOLVED, calibrate, first_guess
 from helisim.vehicle.folder import model_folder
-from helisim.vehicle.motion import addresses
 from helisim.vehicle.rate_command import sensitivity
+from helisim.vehicle.trim import addresses
 from plates import H3_120
 
 FOLDER = model_folder("blade360")

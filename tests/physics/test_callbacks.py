@@ -18,7 +18,7 @@ from helisim.base.errors import CallbackError
 from helisim.physics import kernel, memory, native
 from helisim.physics.layout import MAGIC
 from helisim.physics.native import installed
-from helisim.vehicle.motion import Motion, write_motion
+from helisim.vehicle.trim import Motion, write_motion
 
 HOOKS = ("passive", "control", "act_dyn", "sensor")
 

@@ -16,8 +16,7 @@ from helisim.physics.motion import Velocities
 from helisim.physics.native import installed
 from helisim.physics.rotor import main_rotor, tail_rotor, turning
 from helisim.vehicle import load
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 MAXON = {
     "drive_engine": drive.ELECTRIC,

@@ -18,7 +18,7 @@ from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
 from helisim.physics.rotor import MainRotor
 from helisim.vehicle import load
-from helisim.vehicle.blade import TipPathPlane, flapping_from_blade
+from helisim.vehicle.swashplate import TipPathPlane, flapping_from_blade
 from one_blade import OneBlade
 
 SPEED = 100.0

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from helisim.physics import motion as frames
-from helisim.vehicle.motion import Motion, motion_rates, rotation_matrix, write_motion
+from helisim.vehicle.trim import Motion, motion_rates, rotation_matrix, write_motion
 
 ROUNDING = 1e-13
 FREE = """

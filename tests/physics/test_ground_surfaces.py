@@ -13,8 +13,7 @@ from helisim.physics import air as ground
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.vehicle import load
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 HUB = np.array([0.0, 0.0, 0.28])
 RADIUS = 0.767

@@ -11,8 +11,7 @@ from mujoco.batch import Batch
 from helisim.physics.layout import PARAM, SWEEP
 from helisim.physics.native import installed
 from helisim.vehicle.folder import model_folder
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 
 def sweeping(model, axis, seed):

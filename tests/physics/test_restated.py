@@ -23,7 +23,7 @@ from helisim.physics.layout import (
     SWEEP,
 )
 from helisim.physics.native import installed
-from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
+from helisim.vehicle.trim import Motion, addresses, rotation_matrix, write_motion
 
 STEP = 0.002
 ROTOR = np.isin(np.arange(ROTOR_STATES + STATE.flap_a), np.r_[STATE.flap_a : STATE.governor + 1])

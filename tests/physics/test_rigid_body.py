@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from helisim.physics.native import installed
 from helisim.vehicle import load
 from helisim.vehicle.assembly import total_inertia
-from helisim.vehicle.motion import Motion, addresses, rotation_matrix, write_motion
+from helisim.vehicle.trim import Motion, addresses, rotation_matrix, write_motion
 
 NO_AIRFRAME = {"airframe.drag_area_x": 0.0, "airframe.drag_area_y": 0.0}
 NO_AIRFRAME |= {"airframe.drag_area_z": 0.0, "fin.area": 0.0}

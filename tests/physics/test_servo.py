@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from helisim.physics.servo import equivalent_delay, servo_rates
+from helisim.physics.gyro import equivalent_delay, servo_rates
 from plates import H3_120
 
 FREQUENCY, DAMPING = 175.0, 0.7

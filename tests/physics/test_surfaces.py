@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helisim.physics.flow import fin, lift_slope, normal_force, tailplane
+from helisim.physics.flow import fin, normal_force, tailplane
 from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
 from helisim.vehicle import load
+from helisim.vehicle.assembly import lift_slope
 
 component = st.floats(-30.0, 30.0)
 turn = st.floats(-3.0, 3.0)

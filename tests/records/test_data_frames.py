@@ -9,8 +9,7 @@ import pytest
 import xarray as xr
 
 from helisim.base.errors import InputError, RecordError, UnknownNameError
-from helisim.records.channels import CHANNELS, Channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import CHANNELS, Channel, FlightRecord
 from made_run import make_flight
 
 RECORD = make_flight(("lat", "p", "thrust"), seed=3, vehicle="jr700")

@@ -11,7 +11,6 @@ HEAVY = ("scipy", "pyarrow", "matplotlib", "control", "numba", "mujoco", "pyulog
 @pytest.mark.parametrize(
     "module",
     [
-        "helisim.records.channels",
         "helisim.records.record",
         "helisim.records.storage",
         "helisim.logs",

@@ -8,9 +8,7 @@ from rerun.chunk import RrdReader
 from scipy.io import loadmat
 
 from helisim.cli import main
-from helisim.records.channels import channel
-from helisim.records.provenance import difference, made_by, versions
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel, difference, made_by, versions
 from helisim.records.storage import read_record, write_record
 
 

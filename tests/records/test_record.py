@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from helisim.base.errors import RecordError, UnknownNameError
-from helisim.records.channels import CHANNELS, IN1, IN2, OUT, SERVOS, Channel, channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import CHANNELS, IN1, IN2, OUT, SERVOS, Channel, FlightRecord, channel
 
 
 def make_record(**changes) -> FlightRecord:

@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helisim.base.errors import RecordError, StorageError
-from helisim.records.channels import Channel, channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import Channel, FlightRecord, channel
 from helisim.records.storage import read_record, write_record
 
 SUFFIXES = (".parquet", ".csv")

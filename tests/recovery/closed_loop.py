@@ -15,8 +15,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from helisim.ident import Structure
 from helisim.ident.evaluate import matrices, response, state_space
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 
 _BLOCK = 64
 

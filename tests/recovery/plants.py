@@ -13,8 +13,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from helisim.ident import Structure
 from helisim.ident.evaluate import matrices, simulate, state_space
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 
 RATE = 2000
 """Simulation rate, Hz."""

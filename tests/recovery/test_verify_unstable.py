@@ -18,8 +18,7 @@ from exact_fits import found as exactly
 from helisim.base.errors import InputError
 from helisim.ident import Structure, verify
 from helisim.ident.verification import ACCEPTABLE_TIC, theil
-from helisim.records.channels import channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, channel
 from helisim.show.plots import draw_verification
 from helisim.study.results import IdentifiedModel
 

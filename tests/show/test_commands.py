@@ -6,8 +6,8 @@ import pytest
 
 from command import fails
 from helisim.cli import main
-from helisim.cli.shared import write_recording
-from helisim.records.channels import CHANNELS, ROTOR
+from helisim.cli.options import write_recording
+from helisim.records.record import CHANNELS, ROTOR
 from helisim.records.storage import read_record, write_record
 from made_run import make_flight, write_run
 
@@ -25,8 +25,8 @@ def test_a_log_becomes_a_recording(tmp_path, capsys):
 
 def test_a_log_file_is_told_of_each_flight_read_and_recorded(tmp_path, capsys, monkeypatch):
     """With every line of progress shown: the logs as they are read, then as they are recorded."""
-    monkeypatch.setattr("helisim.cli.shared._SILENT", 0.0)
-    monkeypatch.setattr("helisim.cli.shared._INTERVAL", 0.0)
+    monkeypatch.setattr("helisim.cli.options._SILENT", 0.0)
+    monkeypatch.setattr("helisim.cli.options._INTERVAL", 0.0)
     logs = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
     for log in logs:
         write_record(make_flight(), log)
@@ -42,7 +42,7 @@ def test_a_log_file_is_told_of_each_flight_read_and_recorded(tmp_path, capsys, m
 
 def test_a_recording_beside_flights_is_progress(tmp_path, capsys, monkeypatch):
     """What `fly --rerun` and `reproduce --rerun` write says how far it is, then how to open it."""
-    monkeypatch.setattr("helisim.cli.shared._SILENT", 0.0)
+    monkeypatch.setattr("helisim.cli.options._SILENT", 0.0)
     write_recording(tmp_path / "a.rrd", {"lat": make_flight()})
     said = capsys.readouterr()
     assert said.err.startswith("lat: flight 1 of 1")

@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from closed_loops import flown, known_loop
 from helisim import margins
-from helisim.base.value import FrozenMap
+from helisim.base.settings import FrozenMap
 from helisim.cli.design import record_gust
 from helisim.design.design import DesignResult, Judged
 from helisim.design.laws import AttitudeAxis, AttitudeCommand, YawAxis

@@ -15,7 +15,7 @@ WRITE = """
 import resource, sys
 from pathlib import Path
 import numpy as np
-from helisim.records.channels import channel
+from helisim.records.record import channel
 from helisim.base.errors import StorageError
 from helisim.ident import structures
 from helisim.show.recording import write_recording

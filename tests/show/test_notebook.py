@@ -15,8 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from helisim.base.errors import InputError, UnknownNameError
-from helisim.records.channels import CHANNELS, Channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import CHANNELS, Channel, FlightRecord
 from helisim.sim import Chirp, FlightPlan, Step, Sweep, Together
 from made_run import make_flight, make_model, write_run
 
@@ -282,7 +281,7 @@ def test_showing_a_log_needs_no_simulator():
     """Neither MuJoCo nor the compiler is imported to draw a record."""
     code = (
         "import sys, numpy as np, helisim as hs\n"
-        "from helisim.records.channels import CHANNELS\n"
+        "from helisim.records.record import CHANNELS\n"
         "record = hs.FlightRecord(np.arange(9.0), np.ones((9, 1)), [CHANNELS['p']])\n"
         "assert 'matplotlib' not in sys.modules\n"
         "record._repr_html_()\n"

@@ -10,8 +10,7 @@ from helisim.design.proof import ComparedCriterion, ComparedFigure, Deviation, S
 from helisim.handling.criteria import Limit, StabilityMargins
 from helisim.handling.measured.interval import Interval
 from helisim.handling.spec import Spec
-from helisim.records.channels import CHANNELS
-from helisim.records.record import FlightRecord
+from helisim.records.record import CHANNELS, FlightRecord
 from helisim.show import tables
 from helisim.show.table import as_text
 

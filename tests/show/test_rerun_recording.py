@@ -9,8 +9,16 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from helisim.base.errors import InputError, StorageError
-from helisim.records.channels import AIR, CHANNELS, IN2, POSITIONS, RATES, Channel, channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import (
+    AIR,
+    CHANNELS,
+    IN2,
+    POSITIONS,
+    RATES,
+    Channel,
+    FlightRecord,
+    channel,
+)
 from helisim.show.recording import GROUPS, write_recording
 
 SINGLE = 1e-6

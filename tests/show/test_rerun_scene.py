@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_rerun_recording import SINGLE, read
 
-from helisim.records.channels import CHANNELS, POSITIONS, ROTOR
+from helisim.records.record import CHANNELS, POSITIONS, ROTOR
 from helisim.show.recording import write_recording
 from helisim.show.viewer import SLOWED, TILT_GAIN
 from helisim.sim import (

@@ -10,7 +10,7 @@ from helisim.physics.native import installed
 from helisim.show.viewer import SLOWED, TILT_GAIN, aim, check_display, prepare_live, watch
 from helisim.sim import Doublet, Sweep
 from helisim.vehicle import load
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import addresses
 from mirror import mirrored
 
 

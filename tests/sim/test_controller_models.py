@@ -21,8 +21,7 @@ from helisim.physics.layout import NO_LAW, PARAM, STATE
 from helisim.sim.flight import simulate
 from helisim.vehicle import Controller
 from helisim.vehicle.folder import model_folder
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 TESTS = Path(__file__).resolve().parents[1]
 FAST = hs.Doublet(axis="lat", duration=4.0, trim_time=1.0)

@@ -12,7 +12,7 @@ from helisim.base.errors import DivergedError, IdentificationError
 from helisim.cli import main
 from helisim.ident import RecordQualityWarning, frequency_response
 from helisim.physics.native import installed
-from helisim.records.channels import ATTITUDES, POSITIONS
+from helisim.records.record import ATTITUDES, POSITIONS
 from helisim.records.storage import read_record, write_record
 from helisim.sim import (
     Doublet,

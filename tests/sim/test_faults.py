@@ -10,8 +10,7 @@ import pytest
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
-from helisim.records.channels import RATES, SERVOS, channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import RATES, SERVOS, FlightRecord, channel
 from helisim.sim import Doublet, FlightPlan, Sweep
 from helisim.sim.faults import (
     ClockDrift,
@@ -26,12 +25,11 @@ from helisim.sim.faults import (
     parse_fault,
     write_faults,
 )
-from helisim.sim.flight import simulate
-from helisim.sim.fly import fly
+from helisim.sim.flight import fly, simulate
 from helisim.sim.limits import FlightEnvelope
 from helisim.sim.plan import Pilot
 from helisim.vehicle import load
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import addresses
 from plates import H3_120
 
 NO_REMNANT = Pilot(remnant=0.0)

@@ -14,7 +14,7 @@ import helisim
 from helisim.base.errors import DivergedError, InputError
 from helisim.cli import main
 from helisim.physics import pilot as pilot_laws
-from helisim.records.channels import CHANNELS, IN1, IN2, OUT, SERVOS
+from helisim.records.record import CHANNELS, IN1, IN2, OUT, SERVOS
 from helisim.records.storage import read_record, write_record
 from helisim.sim import (
     Doublet,
@@ -27,8 +27,8 @@ from helisim.sim import (
     fly_to,
     simulate,
 )
-from helisim.sim.fly import fly_each
-from helisim.sim.trajectory import read_trajectory
+from helisim.sim.flight import fly_each
+from helisim.sim.recorder import read_trajectory
 from helisim.vehicle import load
 from helisim.vehicle.folder import models_folder
 

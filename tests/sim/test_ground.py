@@ -16,7 +16,7 @@ from helisim.show.viewer import prepare_live
 from helisim.sim.flight import simulate
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.missions import TakeOffHoverLand
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import addresses
 
 SWAYING = Deck(
     heave=Swing(amplitude=0.3, period=6.0, phase=0.4),

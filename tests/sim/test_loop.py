@@ -11,16 +11,14 @@ from scipy.optimize import least_squares
 
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
-from helisim.records.channels import IN1, SERVOS
+from helisim.records.record import IN1, SERVOS
 from helisim.sim import Doublet, Sweep
-from helisim.sim.flight import simulate
-from helisim.sim.fly import fly
+from helisim.sim.flight import fly, simulate
 from helisim.sim.plan import FlightPlan, Pilot
 from helisim.sim.recorder import Recorder
 from helisim.study.tune import margins
 from helisim.vehicle import GyroSettings, load
-from helisim.vehicle.motion import Motion, addresses, write_motion
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import Motion, addresses, place, write_motion
 from plates import H3_120
 
 

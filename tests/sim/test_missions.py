@@ -16,8 +16,7 @@ from helisim.sim.ground import outline
 from helisim.sim.missions import MISSIONS, Autopilot, Mission, missions_by_name
 from helisim.sim.missions.autopilot import Glide, Lift, Ramp, Sight
 from helisim.sim.missions.mission import Reached
-from helisim.vehicle.motion import addresses, rotation_matrix
-from helisim.vehicle.trim import collective_stick
+from helisim.vehicle.trim import addresses, collective_stick, rotation_matrix
 
 CALM = hs.Pilot(remnant=0.0)
 

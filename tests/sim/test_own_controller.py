@@ -18,8 +18,7 @@ from helisim.physics.gyro import Seen, cyclic_law, gyro_law
 from helisim.physics.layout import PARAM, STATE
 from helisim.sim.flight import simulate
 from helisim.vehicle import Controller
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 TESTS = Path(__file__).resolve().parents[1]
 SHORT = hs.Sweep(axis="ped", duration=12.0, trim_time=1.0)

@@ -30,8 +30,7 @@ from helisim.sim.flight import prepare
 from helisim.sim.manoeuvres import ThreeTwoOneOne
 from helisim.vehicle import load
 from helisim.vehicle.folder import model_folder
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 DOUBLET = {"axis": "lat", "duration": 4.0, "amplitude": 0.05, "width": 0.7, "trim_time": 1.0}
 

@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import frequency_response
 from helisim.physics.native import installed
-from helisim.records.channels import (
+from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
     CHANNELS,
@@ -24,8 +24,8 @@ from helisim.records.channels import (
     SERVOS,
     VELOCITIES,
     Channel,
+    FlightRecord,
 )
-from helisim.records.record import FlightRecord
 from helisim.records.storage import read_record, write_record
 from helisim.show.recording import write_recording
 from helisim.sim import (
@@ -40,9 +40,9 @@ from helisim.sim import (
     recorder,
 )
 from helisim.sim.flight import simulate
-from helisim.sim.trajectory import Trajectory, read_trajectory
+from helisim.sim.recorder import Trajectory, read_trajectory
 from helisim.vehicle import load
-from helisim.vehicle.motion import Motion, write_motion
+from helisim.vehicle.trim import Motion, write_motion
 from plates import H3_120
 
 STEP = 0.002

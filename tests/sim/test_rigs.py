@@ -9,8 +9,7 @@ import pytest
 from helisim.base.errors import InputError, RecordError, UnknownNameError
 from helisim.cli import main
 from helisim.physics.layout import ACTUATORS
-from helisim.records.channels import CHANNELS
-from helisim.records.record import FlightRecord
+from helisim.records.record import CHANNELS, FlightRecord
 from helisim.sim import Recorder
 from helisim.sim.rigs import (
     PedalSteps,

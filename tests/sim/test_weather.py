@@ -11,11 +11,11 @@ from helisim.base.errors import UnknownNameError
 from helisim.physics import air as law
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.native import installed
-from helisim.records.channels import AIR
+from helisim.records.record import AIR
 from helisim.sim import FlightPlan, Gust, Pilot, Recorder, Sweep, Weather, fly, simulate
 from helisim.sim.flight import prepare, start_state
 from helisim.vehicle import load
-from helisim.vehicle.motion import Motion, addresses, write_motion
+from helisim.vehicle.trim import Motion, addresses, write_motion
 
 SHORT = Sweep(axis="lat", duration=8.0, trim_time=1.0)
 SPAN = 2.0 * 0.767

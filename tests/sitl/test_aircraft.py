@@ -11,7 +11,7 @@ from helisim.base.errors import DivergedError, InputError, UnknownNameError
 from helisim.physics.layout import PARAM, STATE
 from helisim.sim import Deck, Ground, Swing, Weather
 from helisim.sitl.aircraft import Aircraft
-from helisim.vehicle.motion import Motion, addresses, write_motion
+from helisim.vehicle.trim import Motion, addresses, write_motion
 
 LOW = [1234, 1234, 1234, 1500, 0, 0, 0, 1000, *[0] * 8]
 """Blades at their lowest useful pitch, the motor off."""

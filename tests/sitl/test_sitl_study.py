@@ -8,7 +8,7 @@ import pytest
 from helisim.handling.arducopter import COMMANDS, ArduCopterLaw
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.loop import Curve
-from helisim.records.channels import IN1
+from helisim.records.record import IN1
 from helisim.sitl.parameters import read_parameters
 from helisim.vehicle.folder import model_folder
 from script import loaded

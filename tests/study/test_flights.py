@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from helisim.base.errors import DivergedError
-from helisim.records.channels import AXES
+from helisim.records.record import AXES
 from helisim.records.storage import read_record
 from helisim.sim import Flight, Recorder, Sweep
 from helisim.study import experiment

@@ -23,8 +23,7 @@ from helisim.physics.native import installed
 from helisim.study.paper import published
 from helisim.vehicle import load
 from helisim.vehicle.assembly import assemble, check_interface, total_inertia
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 AIRFRAME = published("jr700")["airframe"]
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helisim.base.errors import InputError, ModelError
-from helisim.vehicle.blade import Flapping, TipPathPlane, flapping_from_blade, lock_reduction
+from helisim.vehicle.swashplate import Flapping, TipPathPlane, flapping_from_blade, lock_reduction
 from one_blade import OneBlade
 
 TABLE_3 = Flapping(

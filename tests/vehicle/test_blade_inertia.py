@@ -12,7 +12,7 @@ from command import fails
 from helisim.base.errors import ModelError
 from helisim.cli import main
 from helisim.study.paper import published
-from helisim.vehicle.blade import FLAPPING, Flapping, TipPathPlane
+from helisim.vehicle.swashplate import FLAPPING, Flapping, TipPathPlane
 
 INERTIA = "main_rotor.blade_inertia"
 

@@ -12,9 +12,8 @@ from helisim.base.errors import InputError
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.native import installed
 from helisim.vehicle import Vehicle, load
-from helisim.vehicle.blade import TipPathPlane, flapping_from_blade
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.swashplate import TipPathPlane, flapping_from_blade
+from helisim.vehicle.trim import addresses, place
 
 SERVOS = ("front_position", "left_position", "right_position")
 INFLOW = ("inflow_0", "inflow_s", "inflow_c")

@@ -9,7 +9,7 @@ import pytest
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.physics.native import installed
 from helisim.sim import Doublet
-from helisim.sim.fly import fly
+from helisim.sim.flight import fly
 from helisim.sim.plan import FlightPlan, Pilot
 from helisim.vehicle import GyroSettings, load
 

@@ -10,8 +10,7 @@ from helisim.base.errors import TrimError
 from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.vehicle import find_trim, load
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 SOLVER = 1e-9
 """What find_trim promises to leave, m/s^2 and rad/s^2."""

@@ -10,7 +10,7 @@ from helisim.physics.layout import PARAM
 from helisim.physics.native import installed
 from helisim.study.paper import published
 from helisim.vehicle import load
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import addresses
 from plates import H3_120
 
 PAPER = {

@@ -9,14 +9,13 @@ import pytest
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.records.channels import IN1, IN2, POSITIONS, RATES, SERVOS
+from helisim.records.record import IN1, IN2, POSITIONS, RATES, SERVOS
 from helisim.sim import FlightPlan, Pilot, Recorder, Weather, fly
 from helisim.sim.excitation import Excitation
 from helisim.vehicle import Vehicle, load
 from helisim.vehicle.assembly import assemble
 from helisim.vehicle.folder import model_folder
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import find_trim
+from helisim.vehicle.trim import addresses, find_trim
 from mirror import mirrored
 
 ROUNDING = 1e-11

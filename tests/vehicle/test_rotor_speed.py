@@ -12,7 +12,7 @@ from helisim.sim import Doublet, fly
 from helisim.study.check import check_vehicle
 from helisim.vehicle import load
 from helisim.vehicle.build import write_numbers
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import addresses
 from own_vehicle import copied, edited
 
 STATES = ("speed", "engine", "governor")

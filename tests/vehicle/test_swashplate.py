@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from helisim.base.errors import ModelError
-from helisim.records.channels import IN1, SERVOS
+from helisim.records.record import IN1, SERVOS
 from helisim.sim import FlightPlan, Recorder, Sweep, fly
 from helisim.vehicle import load
 from helisim.vehicle.parameters import Parameters, completed

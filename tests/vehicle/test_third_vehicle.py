@@ -14,7 +14,7 @@ import helisim as hs
 import heron
 from command import fails
 from helisim.cli import main
-from helisim.records.channels import IN1, SERVOS
+from helisim.records.record import IN1, SERVOS
 from helisim.study.experiment import recover
 from helisim.study.tune import margin_table
 from helisim.vehicle import read_parameters

@@ -10,7 +10,7 @@ from helisim.physics.layout import PARAM
 from helisim.physics.motion import Velocities
 from helisim.physics.rotor import MainRotor
 from helisim.vehicle import load
-from helisim.vehicle.force_laws import downwash, wash_coefficients
+from helisim.vehicle.assembly import downwash, wash_coefficients
 
 TIP = 136.5
 """m/s."""

@@ -10,7 +10,7 @@ import helisim as hs
 from helisim.sim import missions
 from helisim.sim.flight import simulate
 from helisim.vehicle.assembly import total_inertia
-from helisim.vehicle.motion import root_body
+from helisim.vehicle.trim import root_body
 
 FLIGHTS = {
     "forward": {"mission": missions.Forward(speed=15.0)},

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from helisim.physics import rotor
 from helisim.physics.inflow import mass_flow
 from helisim.physics.native import installed
-from helisim.vehicle.motion import Motion, write_motion
+from helisim.vehicle.trim import Motion, write_motion
 
 SOLIDITY, SLOPE, NEVER = 0.054, 6.0, 1e3
 

@@ -2,7 +2,7 @@
 
 A message says what was received, what was expected, which names exist, and what to do; it has at
 most 500 characters, none of them a control character. Options of the command line aren't in it:
-an error names what mends it, and the command line words that, here as "(--windows, --repair gaps)":
+an error names the settings that mend it, which the command line words as its options:
 
     raise IdentificationError("the record is too short", remedy="windows,repair=gaps")
 """

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag, expm
 
 from helisim.base.errors import InputError
-from helisim.base.value import FrozenMap, Value
+from helisim.base.settings import FrozenMap, Value
 
 if TYPE_CHECKING:
     import control

@@ -9,7 +9,7 @@ class Option:
     """A setting of a function, and of the command beside it, that mends something.
 
     Attributes:
-        name: as Python has it, such as "max_gap"; the command line words it `--max-gap`.
+        name: as Python has it, such as "max_gap", which the command line words as an option.
         value: to try, such as "0.5"; "" where it is left to the reader.
     """
 

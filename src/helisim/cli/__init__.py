@@ -148,7 +148,7 @@ def parser(words: Sequence[str] = ()) -> Parser:
 
 def _add(commands: object, function: str, name: str) -> Parser:
     """Add a command that a function is, named so, to others."""
-    from helisim.cli.shared import SHARED
+    from helisim.cli.options import SHARED
 
     module = import_module(f"helisim.cli.{_COMMANDS[function]}".rstrip("."))
     return add_command(commands, getattr(module, function), SHARED, name)

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helisim.base.errors import DivergedError, InputError, UnknownNameError
-from helisim.cli.flown import ground, weather
-from helisim.cli.options import Options, wrapped
-from helisim.cli.shared import loaded, parameters, print_written, write_recording
+from helisim.cli.flying import ground, weather
+from helisim.cli.options import Options, loaded, parameters, print_written, wrapped, write_recording
 
 if TYPE_CHECKING:
     from helisim.ident import ArduPilotModel, Fit

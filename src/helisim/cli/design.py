@@ -6,8 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.cli.logs import Bands, describe, located, read_logs, reports
-from helisim.cli.options import Options, wrapped
-from helisim.cli.shared import Progress, print_json, print_recording, print_written
+from helisim.cli.options import (
+    Options,
+    Progress,
+    print_json,
+    print_recording,
+    print_written,
+    wrapped,
+)
 
 if TYPE_CHECKING:
     from helisim.handling.measured.margins import Cut, MeasuredMargins

@@ -35,8 +35,17 @@ from helisim.cli.logs import (
     reports,
     resolved_band,
 )
-from helisim.cli.options import Options, joined_band, names, worded_note, wrapped
-from helisim.cli.shared import Progress, chosen_units, numbers_by_name, print_written
+from helisim.cli.options import (
+    Options,
+    Progress,
+    chosen_units,
+    joined_band,
+    names,
+    numbers_by_name,
+    print_written,
+    worded_note,
+    wrapped,
+)
 
 if TYPE_CHECKING:
     from helisim.ident import Fit, FittedParameter, Parameter, Reduction, Structure
@@ -605,7 +614,7 @@ def verify(o: Options) -> int:
     from helisim.base.files import write_json
     from helisim.ident import load_fit, verify
     from helisim.ident.verify import refuse_seen
-    from helisim.records.provenance import made_by
+    from helisim.records.record import made_by
 
     units, fit = chosen_units(o), load_fit(o.model)
     inputs, outputs = fit.structure.inputs, fit.structure.outputs

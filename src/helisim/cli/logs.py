@@ -12,8 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
-from helisim.cli.options import Options, is_number, names, worded_note, wrapped
-from helisim.cli.shared import Progress, chosen_units, print_recording, print_written
+from helisim.cli.options import (
+    Options,
+    Progress,
+    chosen_units,
+    is_number,
+    names,
+    print_recording,
+    print_written,
+    worded_note,
+    wrapped,
+)
 
 if TYPE_CHECKING:
     from helisim.ident import FrequencyResponse

@@ -5,8 +5,14 @@ from dataclasses import asdict
 from pathlib import Path
 
 from helisim.base.errors import InputError
-from helisim.cli.options import Options
-from helisim.cli.shared import Progress, parameters, print_json, print_written, write_recording
+from helisim.cli.options import (
+    Options,
+    Progress,
+    parameters,
+    print_json,
+    print_written,
+    write_recording,
+)
 
 
 def reproduce(o: Options) -> int:

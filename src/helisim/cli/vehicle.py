@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from helisim.base.errors import InputError
 from helisim.base.text import single_line
-from helisim.cli.options import Options, worded
-from helisim.cli.shared import (
+from helisim.cli.options import (
+    Options,
     Progress,
     loaded,
     print_json,
     print_written,
     replace_parameter_file,
+    worded,
 )
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def linearize(o: Options) -> int:
 
     example: helisim linearize --inputs IN2 --json
     """
-    from helisim.records.provenance import made_by
+    from helisim.records.record import made_by
     from helisim.show.terminal import render_derivatives
 
     vehicle = loaded(o)
@@ -117,7 +118,7 @@ def speeds_of(text: str) -> list[float]:
 
 def _write_trims(flights: "list[Vehicle]", o: Options) -> None:
     from helisim.base.files import write_json
-    from helisim.records.provenance import made_by
+    from helisim.records.record import made_by
 
     found = [
         {
@@ -158,7 +159,7 @@ def bench(o: Options) -> int:
 
     example: helisim bench --json
     """
-    from helisim.records.provenance import made_by
+    from helisim.records.record import made_by
     from helisim.show.terminal import render_rigs
     from helisim.sim.rigs import run_rigs
 

@@ -11,7 +11,7 @@ from helisim.base.display import Displayed, shower
 from helisim.base.errors import InputError
 from helisim.base.files import write_json
 from helisim.base.linear import Linear
-from helisim.base.value import FrozenMap, Value
+from helisim.base.settings import FrozenMap, Value
 from helisim.design.descent import Vector
 from helisim.design.laws.law import Law
 from helisim.design.plant import Plant
@@ -30,8 +30,7 @@ from helisim.handling.criterion import Rating
 from helisim.handling.loop import GRID, NoResponse
 from helisim.handling.spec import Spec
 from helisim.ident import Fit
-from helisim.records.channels import IN2
-from helisim.records.provenance import made_by, one_blas_thread
+from helisim.records.record import IN2, made_by, one_blas_thread
 
 if TYPE_CHECKING:
     from helisim.base.display import Figure

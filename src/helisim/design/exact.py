@@ -14,8 +14,8 @@ from helisim.handling.loop import GRID, Curve, History, Loop, NoResponse
 from helisim.physics.layout import PARAM
 from helisim.sim import Weather
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import addresses
 from helisim.vehicle.sampled import sensed_base
+from helisim.vehicle.trim import addresses
 
 Array = NDArray[np.float64]
 Air = tuple[tuple[float, Vehicle], ...]

@@ -21,13 +21,11 @@ from scipy.linalg import LinAlgWarning, block_diag, expm, matrix_balance
 
 from helisim.base.errors import HelisimError, InputError, UnknownNameError
 from helisim.base.linear import LinearSystem
-from helisim.base.settings import check, setting
-from helisim.base.value import FrozenMap
+from helisim.base.settings import FrozenMap, check, setting
 from helisim.design.laws.state_space import LIMIT, StateSpaceLaw
 from helisim.design.plant import Plant
 from helisim.ident import Fit, Structure
-from helisim.records.channels import IN1, IN2, RATES
-from helisim.records.provenance import made_by
+from helisim.records.record import IN1, IN2, RATES, made_by
 
 if TYPE_CHECKING:
     import control

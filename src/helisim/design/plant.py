@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem, Response, beside
-from helisim.base.value import FrozenMap, Value
+from helisim.base.settings import FrozenMap, Value
 from helisim.handling.loop import BY_NAME, NoResponse
 from helisim.ident import evaluate
 from helisim.ident.result import Fit
-from helisim.records.channels import ATTITUDES as ANGLES
-from helisim.records.channels import IN1, RATES
-from helisim.records.provenance import one_blas_thread
+from helisim.records.record import ATTITUDES as ANGLES
+from helisim.records.record import IN1, RATES, one_blas_thread
 
 Array = NDArray[np.float64]
 _INTEGRALS = tuple(f"integral of {rate}" for rate in RATES)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import DivergedError, InputError, ModelError, TrimError
 from helisim.base.files import atomic_write
-from helisim.base.value import FrozenMap
+from helisim.base.settings import FrozenMap
 from helisim.design.exact import exact_loop, exact_over, hands_off
 from helisim.handling.chart import Border, Limit
 from helisim.handling.closed_loop import ClosedLoop
@@ -22,8 +22,7 @@ from helisim.handling.loop import BY_NAME, Curve, Loop, NoResponse, axis_of
 from helisim.handling.measured.interval import Interval, interval
 from helisim.handling.measured.margins import MeasuredLoop, margins
 from helisim.handling.spec import Spec
-from helisim.records.channels import ATTITUDES, IN1, RATES
-from helisim.records.record import FlightRecord
+from helisim.records.record import ATTITUDES, IN1, RATES, FlightRecord
 from helisim.records.storage import write_record
 from helisim.sim import (
     FlightPlan,

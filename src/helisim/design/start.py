@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
 from helisim.base.linear import Linear, Response
-from helisim.base.value import FrozenMap
+from helisim.base.settings import FrozenMap
 from helisim.design.laws.attitude_command import AttitudeAxis, AttitudeCommand, YawAxis
 from helisim.design.laws.law import Law, Lead
 from helisim.handling.chart import Limit

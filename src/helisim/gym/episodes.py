@@ -16,12 +16,10 @@ from helisim.physics.layout import CONTROL, HISTORY, INJECTION, PARAM, STATE
 from helisim.physics.motion import flip
 from helisim.sim import Weather
 from helisim.vehicle import Vehicle
-from helisim.vehicle.assembly import total_inertia
-from helisim.vehicle.blade import changed
-from helisim.vehicle.force_laws import force_law_block
-from helisim.vehicle.motion import Motion, addresses, root_body, write_motion
+from helisim.vehicle.assembly import force_law_block, total_inertia
 from helisim.vehicle.parameters import Parameters
-from helisim.vehicle.trim import place
+from helisim.vehicle.swashplate import changed
+from helisim.vehicle.trim import Motion, addresses, place, root_body, write_motion
 
 _STICK_LIMIT = 0.5
 """Of a stick, unitised: half its travel to each side."""

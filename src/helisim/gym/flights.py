@@ -23,7 +23,7 @@ from helisim.sim import Weather
 from helisim.sim.flight import thread_count
 from helisim.sim.limits import Limits
 from helisim.vehicle.controller import Flying
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import addresses
 
 _EARLY = 1e-9
 """s by which a new command may come early: times are rounded."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import DisplayError, InputError, UnknownNameError
 from helisim.show.viewer import LiveFlight, Rotors, aim, check_display, open_window
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import root_body
+from helisim.vehicle.trim import root_body
 
 _DRAWN = (
     mujoco.mjtState.mjSTATE_TIME

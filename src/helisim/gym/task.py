@@ -18,7 +18,7 @@ from helisim.base.settings import check, is_number, setting
 from helisim.physics import motion as frames
 from helisim.physics.kernel import fingerprint
 from helisim.physics.layout import STATE
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import addresses
 
 Columns = NDArray[np.float64]
 

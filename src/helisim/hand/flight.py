@@ -18,19 +18,16 @@ from helisim.physics.laws import Failure
 from helisim.physics.layout import CONTROL, PARAM, STATE
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.records.provenance import made_by
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, made_by
 from helisim.sim.flight import begin, generator, steps
 from helisim.sim.ground import FLIPS, Ground
 from helisim.sim.limits import Contact, FlightEnvelope, broken
 from helisim.sim.plan import Pilot, hover_height
-from helisim.sim.recorder import Recorder
-from helisim.sim.trajectory import Trajectory, read_trajectory, sound_samples
+from helisim.sim.recorder import Recorder, Trajectory, read_trajectory, sound_samples
 from helisim.sim.weather import Weather
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import Motion, addresses, read_motion, root_body
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import Trim, collective_stick
+from helisim.vehicle.trim import Motion, Trim, addresses, collective_stick, read_motion, root_body
 
 AssistName = Literal["hover", "level", "none"]
 ASSISTS: tuple[AssistName, ...] = get_args(AssistName)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import atomic_write, read_toml
 from helisim.base.settings import check, from_plain, placed, setting, to_plain, toml_text
-from helisim.records.channels import IN2
+from helisim.records.record import IN2
 
 
 class Deflection(NamedTuple):

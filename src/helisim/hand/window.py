@@ -42,7 +42,7 @@ from helisim.show.viewer import Pace, Rotors, Window, aim, check_display
 from helisim.sim import Ground, Weather
 from helisim.sim.plan import hover_height
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import root_body
+from helisim.vehicle.trim import root_body
 
 CAMERAS = ("behind", "around")
 """From behind, with its heading; around it, heading nowhere."""

@@ -19,9 +19,9 @@ from scipy.signal import butter, freqz
 
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem
-from helisim.base.value import FrozenMap, Value
+from helisim.base.settings import FrozenMap, Value
 from helisim.handling.loop import axis_of
-from helisim.records.channels import ATTITUDES, RATES
+from helisim.records.record import ATTITUDES, RATES
 
 Array = NDArray[np.float64]
 

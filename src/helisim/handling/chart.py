@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.value import Value
+from helisim.base.settings import Value
 
 Level = Literal[1, 2, 3]
 Array = NDArray[np.float64]

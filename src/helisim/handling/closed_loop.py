@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError
 from helisim.base.linear import Linear, LinearSystem, Response
 from helisim.handling.loop import GRID, Axis, Curve, History, NoResponse, axis_of
-from helisim.records.channels import IN2
+from helisim.records.record import IN2
 
 if TYPE_CHECKING:
     import control

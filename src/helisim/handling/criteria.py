@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from helisim.base.errors import InputError
-from helisim.base.settings import setting
+from helisim.base.settings import FrozenMap, setting
 from helisim.base.units import DB_PER_NEPER, RAD_PER_DEG
-from helisim.base.value import FrozenMap
 from helisim.handling import figures
 from helisim.handling.chart import (
     Border,

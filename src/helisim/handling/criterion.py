@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from helisim.base.display import shower
 from helisim.base.errors import InputError
-from helisim.base.settings import check, setting
-from helisim.base.value import FrozenMap
+from helisim.base.settings import FrozenMap, check, setting
 from helisim.handling.chart import Border, Chart, Level, Limit, above, corner, strip
 from helisim.handling.loop import Loop, axis_of
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.base.errors import HelisimError, InputError, UnknownNameError
+from helisim.base.settings import Value
 from helisim.base.units import DB_PER_NEPER
-from helisim.base.value import Value
 
 GRID = np.geomspace(0.2, 150.0, 400)
 """rad/s, where responses are computed unless others are asked for."""

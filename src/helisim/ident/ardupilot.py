@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import parse_object, read_text, write_json
 from helisim.base.linear import LinearSystem
-from helisim.base.settings import convert, placed
+from helisim.base.settings import FrozenMap, Value, convert, placed
 from helisim.base.units import STANDARD_GRAVITY
-from helisim.base.value import FrozenMap, Value
 from helisim.ident.evaluate import matrices, state_space
 from helisim.ident.result import Fit
 from helisim.ident.structure import Structure
-from helisim.records.channels import IN1
+from helisim.records.record import IN1
 
 if TYPE_CHECKING:
     import control

@@ -15,8 +15,8 @@ from scipy.linalg import eigvals
 from scipy.special import fdtri
 
 from helisim.base.note import Note, Option
+from helisim.base.settings import FrozenMap, Value
 from helisim.base.units import DB_PER_NEPER
-from helisim.base.value import FrozenMap, Value
 from helisim.ident.cost import PHASE_WEIGHT, Cost, within
 from helisim.ident.evaluate import matrices
 from helisim.ident.fitted import FittedParameter

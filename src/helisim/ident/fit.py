@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from helisim.base.errors import InputError
-from helisim.base.value import Value
+from helisim.base.settings import Value
 from helisim.ident.bounds import accuracy
 from helisim.ident.cost import Band, Cost, select
 from helisim.ident.diagnosis import degenerate, delay_names, misfit
@@ -24,7 +24,7 @@ from helisim.ident.response import FrequencyResponse
 from helisim.ident.result import Fit
 from helisim.ident.search import Minimum, refine, search
 from helisim.ident.structure import Structure
-from helisim.records.provenance import one_blas_thread, plain
+from helisim.records.record import one_blas_thread, plain
 
 ACCEPTED_RISE = 1.0
 """Rise of the average cost up to which a reduced model counts as good as the full one: an

@@ -13,8 +13,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from helisim.base.errors import InputError
-from helisim.base.settings import convert
-from helisim.base.value import Value
+from helisim.base.settings import Value, convert
 from helisim.ident.structure import Parameter, Structure
 
 CRAMER_RAO_LIMIT = 20.0

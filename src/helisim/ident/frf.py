@@ -15,10 +15,8 @@ from helisim.base.note import Option
 from helisim.ident.composite import Windows, window_lengths
 from helisim.ident.local import Local
 from helisim.ident.response import FrequencyResponse
-from helisim.records.channels import Channel
-from helisim.records.provenance import one_blas_thread
 from helisim.records.quality import at_stop, frozen_runs, spikes
-from helisim.records.record import FlightRecord
+from helisim.records.record import Channel, FlightRecord, one_blas_thread
 
 POINTS_PER_DECADE = 80
 """Density of the frequency grid; 20 points of it a response go into a fit."""

@@ -14,7 +14,7 @@ from helisim.base.units import CONTROL, Powers, UserUnits, parts
 from helisim.ident.fitted import FittedParameter
 from helisim.ident.result import Fit
 from helisim.ident.structure import Structure
-from helisim.records.channels import CHANNELS, signal_powers
+from helisim.records.record import CHANNELS, signal_powers
 
 
 def fit_in(fit: Fit, units: UserUnits) -> tuple[tuple[FittedParameter, ...], tuple[str, ...]]:

@@ -27,7 +27,7 @@ from scipy.linalg import null_space
 
 from helisim.base.display import Displayed
 from helisim.base.errors import IdentificationError, UnknownNameError
-from helisim.base.value import FrozenMap, Value
+from helisim.base.settings import FrozenMap, Value
 from helisim.ident.evaluate import SINGULAR
 from helisim.ident.expression import value_at
 from helisim.ident.structure import Structure

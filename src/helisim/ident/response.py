@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from helisim.base.display import Displayed, shower
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import check_suffix, read_json, write_json
-from helisim.base.settings import check, from_plain, placed, to_plain
+from helisim.base.settings import Value, check, from_plain, placed, to_plain
 from helisim.base.units import UserUnits, decibel, is_unit, unit
-from helisim.base.value import Value
 from helisim.ident.response_text import (
     Curve,
     Text,
@@ -25,8 +24,7 @@ from helisim.ident.response_text import (
     write_columns,
 )
 from helisim.ident.scatter import ErrorModel, scatter_from_plain, scatter_to_plain
-from helisim.records.channels import signal_in
-from helisim.records.provenance import made_by
+from helisim.records.record import made_by, signal_in
 
 if TYPE_CHECKING:
     import control

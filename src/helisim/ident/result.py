@@ -15,8 +15,7 @@ from helisim.base.display import Displayed, shower
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
 from helisim.base.files import atomic_write, read_json, write_json
 from helisim.base.note import Note
-from helisim.base.settings import convert, placed
-from helisim.base.value import FrozenMap, Value
+from helisim.base.settings import FrozenMap, Value, convert, placed
 from helisim.ident import diagnosis
 from helisim.ident.cost import coherence_weight, enough, within
 from helisim.ident.diagnosis import Misfit, Residual
@@ -25,7 +24,7 @@ from helisim.ident.fitted import FittedParameter, finite, latex_table, text_tabl
 from helisim.ident.modes import Modes, modes
 from helisim.ident.response import FrequencyResponse
 from helisim.ident.structure import Structure
-from helisim.records.provenance import versions
+from helisim.records.record import versions
 
 if TYPE_CHECKING:
     import control

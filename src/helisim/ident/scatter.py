@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.value import Value
+from helisim.base.settings import Value
 
 Index = Sequence[int] | NDArray[np.intp]
 

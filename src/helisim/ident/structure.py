@@ -22,7 +22,9 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import atomic_write, read_toml
 from helisim.base.settings import (
+    FrozenMap,
     Inline,
+    Value,
     check,
     convert,
     from_plain,
@@ -31,7 +33,6 @@ from helisim.base.settings import (
     to_plain,
     toml_text,
 )
-from helisim.base.value import FrozenMap, Value
 from helisim.ident.expression import FUNCTIONS, Entry, Expression, Program
 
 Entries = tuple[tuple[str, ...], ...]

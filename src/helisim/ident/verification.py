@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.display import Displayed, shower
-from helisim.base.settings import check, from_plain, to_plain
+from helisim.base.settings import Value, check, from_plain, to_plain
 from helisim.base.units import UserUnits
-from helisim.base.value import Value
-from helisim.records.channels import signal_in
+from helisim.records.record import signal_in
 
 if TYPE_CHECKING:
     from helisim.base.display import Axes, Figure

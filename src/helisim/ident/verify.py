@@ -26,8 +26,7 @@ from helisim.ident.verification import (
     root_mean_square,
     theil,
 )
-from helisim.records.provenance import one_blas_thread
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, one_blas_thread
 
 _SHARED = 0.25
 """A record of whose time the fit has seen more is no new one. Less is what parts share that are

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import StorageError, UnknownNameError
 from helisim.base.files import file_size, first_bytes
+from helisim.base.settings import FrozenMap, Value
 from helisim.base.text import shown
-from helisim.base.value import FrozenMap, Value
 from helisim.logs.report import LogFinding
 from helisim.logs.source import Topics
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from helisim.base.errors import StorageError, UnknownNameError
 from helisim.base.files import atomic_write, make_folder, read_bytes
-from helisim.base.value import FrozenMap
+from helisim.base.settings import FrozenMap
 from helisim.records.record import FlightRecord
 
 FOLDER = Path(__file__).with_name("example_logs")

@@ -11,7 +11,7 @@ from helisim.base.files import read_toml
 from helisim.base.note import Option
 from helisim.base.settings import check, from_plain, placed, read_settings, setting
 from helisim.base.units import PULSE, check_same, is_unit, time_unit, unit
-from helisim.records.channels import CHANNELS, Channel
+from helisim.records.record import CHANNELS, Channel
 
 REPAIRS: dict[str, str] = {
     "duplicates": "average rows that have the same stamp",

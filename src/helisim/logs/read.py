@@ -52,8 +52,7 @@ from helisim.logs.timing import (
     without_duplicates,
 )
 from helisim.logs.ulog import ULOG_MAGIC, open_ulog
-from helisim.records.provenance import made_by, plain
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, made_by, plain
 from helisim.records.storage import read_record, read_table
 
 _OURS_CSV = b"# helisim flight record"

@@ -7,9 +7,8 @@ from typing import Any
 
 from helisim.base.errors import HelisimError, LogError, RecordError, UnknownNameError
 from helisim.base.note import Note, Remedy, options
-from helisim.base.value import FrozenMap, Value
-from helisim.records.channels import some_names
-from helisim.records.record import FlightRecord
+from helisim.base.settings import FrozenMap, Value
+from helisim.records.record import FlightRecord, some_names
 
 OURS = "helisim record"
 """Name of helisim's own format, whose channels need no map."""

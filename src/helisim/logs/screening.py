@@ -27,8 +27,8 @@ from helisim.base.units import (
 from helisim.logs.mapping import Column
 from helisim.logs.report import Findings, LogFinding
 from helisim.logs.timing import GAP, Options, Samples
-from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES
 from helisim.records.quality import frozen_runs, spikes
+from helisim.records.record import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES
 
 Array = NDArray[np.float64]
 _REGULAR = 0.01  # share of the median step by which a step of a steady recorder is off at most

@@ -168,7 +168,7 @@ class Topics(Source):
     def with_column(
         self, name: str, topic: str, values: Callable[[], NDArray[np.float64]], unit: str
     ) -> "Topics":
-        """Return the log with one more column of a topic, (n_row,) `values` made when it is read."""
+        """Return the log with one more column of a topic; `values` returns it, (n_row,)."""
         found, read = copy(self), self._read
         found.names += (name,)
         found._topics, found._units = self._topics | {name: topic}, self._units | {name: unit}

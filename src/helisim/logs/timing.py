@@ -14,8 +14,7 @@ from helisim.base.note import Option, Remedy, options
 from helisim.logs.mapping import Column
 from helisim.logs.report import Findings, LogFinding
 from helisim.logs.source import place
-from helisim.records.channels import Channel
-from helisim.records.record import UNIFORM
+from helisim.records.record import UNIFORM, Channel
 
 GAP = 4.5
 """A step longer than so many median steps is a gap."""

@@ -13,7 +13,7 @@ from helisim.base.errors import HelisimError
 from helisim.base.units import PULSE, UNITS, is_unit, unit
 from helisim.logs.mapping import Column, find_column, split_heading
 from helisim.logs.source import Source
-from helisim.records.channels import (
+from helisim.records.record import (
     ACCELERATIONS,
     ATTITUDES,
     CHANNELS,

@@ -12,8 +12,15 @@ from helisim.base.units import without_trend
 from helisim.ident.rational import order
 from helisim.ident.response import USABLE_COHERENCE
 from helisim.logs.report import LogFinding
-from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, IN2, RATES, VELOCITIES
-from helisim.records.record import FlightRecord
+from helisim.records.record import (
+    ACCELERATIONS,
+    ATTITUDES,
+    IN1,
+    IN2,
+    RATES,
+    VELOCITIES,
+    FlightRecord,
+)
 
 Array = NDArray[np.float64]
 Kind = Literal["sweep", "multisine", "sine", "3-2-1-1", "doublet", "pulse", "motion"]

@@ -15,7 +15,7 @@ from helisim.look.channels import AS_RECORDED, CONTROLS, SeenChannel
 from helisim.look.excitation import FoundAnswer, FoundExcitation, answers, excitation, loops
 from helisim.look.opened import Opened, SeenClock, opened
 from helisim.look.sweeps import FlownSweep, own_sweeps
-from helisim.records.channels import CHANNELS, IN1, IN2, RATES
+from helisim.records.record import CHANNELS, IN1, IN2, RATES
 
 _SHOWN = 8
 """Unused columns that are printed."""

@@ -15,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, LogError
-from helisim.base.value import Value
+from helisim.base.settings import Value
 from helisim.handling.arducopter import ADDED, COMMANDS, ArduCopterLaw
 from helisim.handling.loop import axis_of
 from helisim.handling.measured.margins import Cut, MeasuredMargins, margins
 from helisim.logs.dataflash import DataFlash, Table, open_dataflash
 from helisim.logs.source import file_digest
 from helisim.look.sweeps import FlownSweep, sweeps
-from helisim.records.channels import RATES, Channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import RATES, Channel, FlightRecord
 
 Array = NDArray[np.float64]
 _WIDE = 3.0  # ratio of a band's ends that is worth a band

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import HelisimError, InputError, LogError
 from helisim.base.note import Option
+from helisim.base.settings import FrozenMap
 from helisim.base.units import unit
-from helisim.base.value import FrozenMap
 from helisim.ident import (
     CrossControlWarning,
     FrequencyResponse,
@@ -35,8 +35,7 @@ from helisim.logs.resample import PASSBAND
 from helisim.logs.source import file_digest
 from helisim.logs.timing import Options
 from helisim.look.sweeps import PLACES, FlownSweep, SidAxis, sweeps
-from helisim.records.channels import ATTITUDES, RATES, Channel, some_names
-from helisim.records.record import FlightRecord
+from helisim.records.record import ATTITUDES, RATES, Channel, FlightRecord, some_names
 
 Band = tuple[float, float]
 _Spans = Sequence[tuple[float, float]]

@@ -7,7 +7,6 @@ is computed.
 
 import math
 
-from helisim.physics.examination import UNKNOWN_LAW, report
 from helisim.physics.gyro import Seen, cyclic_law, yaw_law
 from helisim.physics.kernel import buffer, from_element, kernel
 from helisim.physics.laws import COMMANDS, SEEN, ask, row_of
@@ -26,11 +25,13 @@ from helisim.physics.layout import (
 )
 from helisim.physics.memory import (
     TIME_TOLERANCE,
+    UNKNOWN_LAW,
     delayed_control,
     double,
     doubles,
     last_tick,
     long,
+    report,
     sensor_numbers,
     states_end,
     tick_number,

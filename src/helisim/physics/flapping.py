@@ -1,7 +1,7 @@
 """Tip-path-plane dynamics: longitudinal tilt a (rearwards) and lateral tilt b (right).
 
 Wu and Chen, eq. (8) of section 3.2, rows three and four, as what a rigid blade's flapping makes of
-a disc (`helisim.vehicle.blade` has the equation and where it comes from), so that it follows
+a disc (`helisim.vehicle.swashplate` has the equation and where it comes from), so that it follows
 density and rotor speed; with the flapping of forward flight added.
 
 With s = 1 for blades that turn clockwise seen from above and -1 for others, a disc that tilts
@@ -12,20 +12,20 @@ b = -(A mu_y + s B mu_x) / mu.
 Where the inflow has states, each drives the other. Aerodynamic moments on the hub, those that
 precess the disc, slope the inflow; its slopes take lift from the blades where more air goes down.
 In hover that divides the blades' hold on the disc by 1 + a sigma / (16 lambda) once the slopes have
-come; quasi-steady flapping has it so at once (`helisim.vehicle.blade.lock_reduction`), here the
-blades have all of their own Lock number.
+come; quasi-steady flapping has it so at once (`helisim.vehicle.swashplate.lock_reduction`), here
+the blades have all of their own Lock number.
 """
 
 import math
 from collections import namedtuple
 
 from helisim.physics.flow import main_rotor_in
+from helisim.physics.gyro import unmix
 from helisim.physics.inflow import ground_share, inflow_rates, soft_limit, wake
 from helisim.physics.kernel import from_element, kernel
 from helisim.physics.layout import PARAM, STATE
 from helisim.physics.motion import to_shaft
 from helisim.physics.rotor import cyclic_tilt
-from helisim.physics.servo import unmix
 
 _FASTEST = 0.6
 """Advance ratio up to which flapping grows: at 1.41 the equations' hold on the disc is gone."""

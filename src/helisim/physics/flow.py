@@ -9,6 +9,7 @@ import math
 from collections import namedtuple
 
 from helisim.physics import air
+from helisim.physics.gyro import unmix
 from helisim.physics.kernel import from_element, kernel
 from helisim.physics.layout import PARAM, STATE, WASH
 from helisim.physics.memory import position_ahead, speed_ratio
@@ -21,7 +22,6 @@ from helisim.physics.rotor import (
     tail_wrench,
     turning,
 )
-from helisim.physics.servo import unmix
 
 Wash = namedtuple("Wash", "fuselage tail tailplane")
 """Velocities of the main rotor's wake, m/s downwards.
@@ -157,18 +157,6 @@ def fuselage(par, motion, wash):
 
 _STILL = 1e-60
 """(m/s)^2, below which its own square is lost."""
-
-
-def lift_slope(aspect_ratio):
-    """Return the lift slope, 1/rad, of a flat surface (Helmbold's formula).
-
-    From 2 pi of an endless one to pi A / 2 of a slender one (Anderson, Fundamentals of
-    Aerodynamics, section 5.3).
-
-    Args:
-        aspect_ratio: A, span squared over area.
-    """
-    return 2.0 * math.pi * aspect_ratio / (2.0 + math.hypot(aspect_ratio, 2.0))
 
 
 @kernel()

@@ -75,7 +75,7 @@ Row 0 holds the token in place of a handle.
 _table = np.zeros((_ROWS, _WIDTH), dtype=np.int64)  # its memory is taken as it is used
 _table[0, _HANDLE] = int.from_bytes(os.urandom(6), "little") | 1
 _address = address_of("helisim_laws", _table.ctypes.data)
-_lock = threading.RLock()  # a law may be released while memory is taken for another
+LOCK = threading.RLock()  # a law may be released while memory is taken for another
 _free: list[int] = []
 _used = [0, 1]
 """Count of all laws so far, and the first row that never had one."""
@@ -208,8 +208,8 @@ class OwnLaw:
     def watched(self) -> "Registered":
         """Return the law in the table; how it fails is said where a block of `installed` ends."""
         one = Registered(self)
-        with _lock:
-            _watched.add(one)
+        with LOCK:
+            WATCHED.add(one)
         return one
 
     def lasting(self) -> "Registered":
@@ -241,7 +241,7 @@ class OwnLaw:
 
 
 _lasting: "dict[Any, Registered]" = {}
-_watched: "weakref.WeakSet[Registered]" = weakref.WeakSet()
+WATCHED: "weakref.WeakSet[Registered]" = weakref.WeakSet()
 
 
 class Called:
@@ -324,7 +324,7 @@ class Registered:
             address = ctypes.cast(self._code, ctypes.c_void_p).value or 0
         self._settings = np.ascontiguousarray(law.settings, dtype=np.float64)
         self._kept = np.zeros(SEEN + 1 + COMMANDS + law.states)
-        with _lock:
+        with LOCK:
             if not _free and _used[1] == _ROWS:
                 raise InputError(
                     f"this process has {_ROWS} control laws; there is room for no more"
@@ -342,7 +342,7 @@ class Registered:
 
     def release(self) -> None:
         """Take the law out of the table; whoever still names it is refused."""
-        with _lock:
+        with LOCK:
             if _table[self._index, _HANDLE] == self.handle:
                 _table[self._index, _HANDLE] = 0
                 _free.append(self._index)
@@ -422,17 +422,6 @@ class Registered:
         return called
 
 
-def watched_failures() -> list[str]:
-    """Return how laws failed that stay in models, each in one text; then they count as said."""
-    with _lock:
-        kept = list(_watched)
-    return [
-        f"controller {one.law.name!r} {failure.why}\n{failure.traceback}".rstrip()
-        for one in kept
-        if (failure := one.failure()) is not None
-    ]
-
-
 def raised(error: BaseException) -> Failure:
     """Return what a law raised: the kind, its text, and where, from the law's own lines on."""
     if isinstance(error, _UnfitError):
@@ -470,7 +459,7 @@ def _compiled(law: OwnLaw) -> Any:
     `boundscheck=False`: behind them is memory of the simulation.
     """
     key = (law.place, law.states, law.settings.size, law.reset)
-    with _lock:
+    with LOCK:
         known = _natives.setdefault(law.function, {})
         if key not in known:
             try:

@@ -227,12 +227,9 @@ TAIL_STATES = len(STATE) - STATE.gyro_r_lead
 """States of the shipped gyro's two laws: for the swashplate, for the tail."""
 
 
-def rotor_states(law_states: int = SWASH_STATES + TAIL_STATES) -> int:
-    """Return the activations of the rotor's actuator, where the laws have so many states."""
-    return FIRST_LAW_STATE - STATE.flap_a + 2 * law_states
-
-
-ROTOR_STATES = rotor_states()
+WITHOUT_LAWS = FIRST_LAW_STATE - STATE.flap_a
+"""Activations of the rotor's actuator, less two for each state of the laws."""
+ROTOR_STATES = WITHOUT_LAWS + 2 * (SWASH_STATES + TAIL_STATES)
 """The least that a vehicle's MJCF has."""
 
 LAYOUT = float(zlib.crc32(repr((ACTUATORS, SENSORS, STATE._fields, PARAM._fields)).encode()))

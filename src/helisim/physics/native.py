@@ -19,12 +19,12 @@ import numpy as np
 from numba import cfunc, types
 
 from helisim.base.errors import CallbackError, InputError
-from helisim.physics import controller, examination
+from helisim.physics import controller, memory
 from helisim.physics.air import write_turbulence_rates
 from helisim.physics.drive import drive
-from helisim.physics.examination import ACTUATION_OFF, PASSIVE_OFF, Remark, examine_new
 from helisim.physics.flapping import keep_tilt_and_inflow_rates, tilt_rates
 from helisim.physics.flow import flow, flow_later, heat, wrench
+from helisim.physics.gyro import write_servo_rates
 from helisim.physics.kernel import (
     CallbackCompiler,
     buffer,
@@ -32,9 +32,13 @@ from helisim.physics.kernel import (
     fingerprint,
     kernel,
 )
-from helisim.physics.laws import watched_failures
+from helisim.physics.laws import LOCK, WATCHED
 from helisim.physics.layout import CONTROL, MAGIC, PARAM, ROTOR, SENSOR, STATE
 from helisim.physics.memory import (
+    ACTUATION_OFF,
+    PASSIVE_OFF,
+    Remark,
+    examine_new,
     held_for,
     is_rotor,
     is_tick,
@@ -47,7 +51,6 @@ from helisim.physics.memory import (
 )
 from helisim.physics.motion import apply_wrench, contact_force
 from helisim.physics.pilot import fly
-from helisim.physics.servo import write_servo_rates
 
 _ACCELERATION_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
 _DRIVEN = STATE.tail_rate + 1
@@ -315,13 +318,13 @@ def installed() -> Iterator[None]:
     with _loan.lock:
         if _loan.blocks == 0:
             _install(compiled())
-            examination.forget_models()
+            memory.forget_models()
         _loan.blocks += 1
     _loan.own.depth = getattr(_loan.own, "depth", 0) + 1
     try:
         yield
     except BaseException as error:
-        for one in [*(remark.text for remark in _leave()), *watched_failures()]:
+        for one in [*(remark.text for remark in _leave()), *_watched_failures()]:
             error.add_note(one)
         raise
     else:
@@ -332,7 +335,7 @@ def installed() -> Iterator[None]:
         for remark in found:
             if remark.refused:
                 raise CallbackError(remark.text)
-        failures = watched_failures()
+        failures = _watched_failures()
         if failures:
             error = CallbackError(failures[0])
             for one in failures[1:]:
@@ -347,7 +350,7 @@ def _leave() -> list[Remark]:
         _loan.own.depth -= 1
         found: list[Remark] = []
         if _loan.own.depth <= 0:
-            found = _loan.unsaid + examination.taken()
+            found = _loan.unsaid + memory.taken()
             _loan.unsaid = []
         if _loan.blocks == 0:
             _remove(_loan.functions)
@@ -373,7 +376,7 @@ def check_model(model: mujoco.MjModel) -> tuple[str, ...]:
         InputError: it is no mujoco.MjModel.
     """
     check_is_model(model)
-    for remark in examination.examine(model._address):
+    for remark in memory.examine(model._address):
         if remark.refused:
             raise CallbackError(remark.text)
     bodies = []
@@ -418,3 +421,14 @@ def _address(callback: Any) -> int | None:
         return ctypes.cast(callback, ctypes.c_void_p).value
     except ctypes.ArgumentError:
         return None
+
+
+def _watched_failures() -> list[str]:
+    """Return how laws failed that stay in models, each in one text; then they count as said."""
+    with LOCK:
+        kept = list(WATCHED)
+    return [
+        f"controller {one.law.name!r} {failure.why}\n{failure.traceback}".rstrip()
+        for one in kept
+        if (failure := one.failure()) is not None
+    ]

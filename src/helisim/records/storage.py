@@ -34,9 +34,7 @@ from helisim.base.files import (
     read_bytes,
     read_text,
 )
-from helisim.records.channels import Channel, Kind
-from helisim.records.provenance import one_line
-from helisim.records.record import FlightRecord
+from helisim.records.record import Channel, FlightRecord, Kind, one_line
 
 if TYPE_CHECKING:
     import pyarrow as pa  # slow to import

@@ -14,8 +14,7 @@ import numpy as np
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.ident import Fit, FrequencyResponse, Modes, Verification
-from helisim.records.channels import CHANNELS, IN1, IN2, RATES
-from helisim.records.record import FlightRecord
+from helisim.records.record import CHANNELS, IN1, IN2, RATES, FlightRecord
 from helisim.show import page, tables
 from helisim.show.figure import DARK, LIGHT, Drawing, colour_variables, drawing_style
 from helisim.show.page import paragraph

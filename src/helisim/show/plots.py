@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError
 from helisim.base.units import decibel
 from helisim.ident import USABLE_COHERENCE, Fit, FrequencyResponse, Verification
-from helisim.records import channels as c
-from helisim.records.channels import ATTITUDES, CHANNELS, IN1, RATES
-from helisim.records.record import FlightRecord
+from helisim.records import record as c
+from helisim.records.record import ATTITUDES, CHANNELS, IN1, RATES, FlightRecord
 from helisim.show.figure import Array, Drawing, Ink, Mark, Panel, extent, less
 
 if TYPE_CHECKING:

@@ -42,9 +42,8 @@ from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, Timeline
 
 from helisim.base.errors import InputError
 from helisim.base.files import atomic_write
-from helisim.records import channels
-from helisim.records.provenance import made_by
-from helisim.records.record import FlightRecord
+from helisim.records import record as channels
+from helisim.records.record import FlightRecord, made_by
 from helisim.show import tables
 from helisim.show.canvas import to_png
 from helisim.show.plots import draw_pair, pairs_of

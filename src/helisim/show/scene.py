@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helisim.base.errors import InputError
-from helisim.base.value import FrozenMap
+from helisim.base.settings import FrozenMap
 from helisim.physics.motion import flip
-from helisim.records.channels import ATTITUDES, POSITIONS, ROTOR
-from helisim.records.record import FlightRecord
+from helisim.records.record import ATTITUDES, POSITIONS, ROTOR, FlightRecord
 from helisim.show.viewer import SLOWED, TILT_GAIN, drawn_tilt, drawn_turn
 from helisim.sim.ground import Ground
 from helisim.vehicle.folder import Roles

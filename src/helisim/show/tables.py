@@ -16,8 +16,7 @@ from helisim.handling.figures import rejection
 from helisim.handling.loop import Loop, NoResponse, axis_of
 from helisim.ident import USABLE_COHERENCE, Fit, FittedParameter, FrequencyResponse, Mode, Modes
 from helisim.ident.verification import VerificationFigures
-from helisim.records.channels import IN1
-from helisim.records.record import FlightRecord
+from helisim.records.record import IN1, FlightRecord
 from helisim.show.table import (
     NO_BREAK,
     PERCENT,

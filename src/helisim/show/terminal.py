@@ -8,7 +8,7 @@ from typing import TextIO
 import numpy as np
 
 from helisim.design.laws import Law
-from helisim.records.channels import IN1
+from helisim.records.record import IN1
 from helisim.show import tables
 from helisim.show.table import GREEN, NO_BREAK, RED, as_text, filled, formatted, paint
 from helisim.sim.rigs import RigTest

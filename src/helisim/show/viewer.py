@@ -28,8 +28,7 @@ from helisim.sim.limits import broken
 from helisim.sim.plan import hover_height
 from helisim.vehicle import Vehicle
 from helisim.vehicle.folder import Roles
-from helisim.vehicle.motion import addresses, root_body
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place, root_body
 
 if TYPE_CHECKING:
     from helisim.sitl.aircraft import Aircraft

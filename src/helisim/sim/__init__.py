@@ -15,8 +15,7 @@ from helisim.sim.faults import (
     ServoWeak,
     parse_fault,
 )
-from helisim.sim.flight import simulate
-from helisim.sim.fly import Flight, fly, fly_all, fly_each, fly_to
+from helisim.sim.flight import Flight, fly, fly_all, fly_each, fly_to, simulate
 from helisim.sim.ground import Deck, Ground, Swing
 from helisim.sim.limits import FlightEnvelope
 from helisim.sim.manoeuvres import (
@@ -34,8 +33,7 @@ from helisim.sim.manoeuvres import (
 from helisim.sim.missions import Mission
 from helisim.sim.multisine import Multisine
 from helisim.sim.plan import FlightPlan, Pilot, read_plan, write_plan
-from helisim.sim.recorder import Recorder
-from helisim.sim.trajectory import End, Trajectory
+from helisim.sim.recorder import End, Recorder, Trajectory
 from helisim.sim.weather import Gust, Weather
 
 __all__ = [

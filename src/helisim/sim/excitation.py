@@ -30,7 +30,7 @@ from scipy.interpolate import CubicSpline
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.settings import check, is_number, setting, to_plain
 from helisim.physics.layout import HISTORY, INJECTION, PARAM
-from helisim.records.channels import ATTITUDES, AXES, RATES
+from helisim.records.record import ATTITUDES, AXES, RATES
 from helisim.vehicle import Vehicle
 
 T = TypeVar("T")

@@ -11,8 +11,7 @@ from scipy.interpolate import CubicSpline
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.settings import check, from_plain, read_settings, setting
 from helisim.physics.layout import NEVER, PARAM, READS_HELD, READS_ZERO
-from helisim.records.channels import CHANNELS, RATES, SERVOS, channel
-from helisim.records.record import FlightRecord
+from helisim.records.record import CHANNELS, RATES, SERVOS, FlightRecord, channel
 
 _READS = {"zero": READS_ZERO, "held": READS_HELD}
 

@@ -18,8 +18,7 @@ from helisim.physics.motion import flip
 from helisim.physics.native import installed
 from helisim.records.record import FlightRecord
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import place
+from helisim.vehicle.trim import addresses, place
 
 _HEAVIER = 1e6  # Mass of a deck over that of who lands on it: what the landing does to its motion
 _SETTLING = 2.0  # s, in which a vehicle comes to rest on its landing gear

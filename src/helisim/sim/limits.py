@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
 from helisim.base.settings import check, setting
-from helisim.records.channels import IN2, SERVOS
+from helisim.records.record import IN2, SERVOS
 from helisim.sim.ground import Ground, Outline, outline
-from helisim.sim.trajectory import End, Trajectory
+from helisim.sim.recorder import End, Trajectory
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import root_body
+from helisim.vehicle.trim import root_body
 
 HARDEST_LANDING = 2.5
 """m/s, of sinking, that landing gear stands: a drop from 13 inches (14 CFR 27.725)."""

@@ -21,7 +21,7 @@ from helisim.logs.mapping import TIME_NAMES, Clock, Column, split_heading
 from helisim.logs.read import open_source
 from helisim.physics.layout import DOUBLET, PARAM, SWEEP
 from helisim.physics.pilot import sweep_phase
-from helisim.records.channels import AXES, IN1, IN2, SERVOS
+from helisim.records.record import AXES, IN1, IN2, SERVOS
 from helisim.sim.excitation import (
     PLACES,
     Excitation,

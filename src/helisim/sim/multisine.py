@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError
 from helisim.base.settings import setting
 from helisim.physics.memory import TICK_TOLERANCE
-from helisim.records.channels import AXES
+from helisim.records.record import AXES
 from helisim.sim.excitation import PLACES, complete, own_setting
 from helisim.sim.manoeuvres import Timed
 

@@ -24,22 +24,18 @@ from helisim.base.settings import to_plain
 from helisim.physics.drive import IDEAL, MOTOR
 from helisim.physics.layout import CONTROL, PARAM, SENSOR, STATE
 from helisim.physics.native import installed
-from helisim.records.provenance import made_by
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, made_by
 from helisim.sim.flight import begin, generator, steps
 from helisim.sim.ground import Ground
 from helisim.sim.limits import Contact
-from helisim.sim.recorder import Recorder
-from helisim.sim.trajectory import read_trajectory
+from helisim.sim.recorder import Recorder, read_trajectory
 from helisim.sim.weather import Weather
 from helisim.sitl.link import Sensed
 from helisim.sitl.mixing import Outputs
 from helisim.vehicle import Vehicle, load
-from helisim.vehicle.assembly import with_room
+from helisim.vehicle.assembly import check_motor, with_room
 from helisim.vehicle.controller import DIRECT, SHIPPED, Controller, law_room
-from helisim.vehicle.force_laws import check_motor
-from helisim.vehicle.motion import addresses
-from helisim.vehicle.trim import find_trim
+from helisim.vehicle.trim import addresses, find_trim
 
 _SPOOL_UP = 12.0
 """s, to the nominal speed where no motor's numbers say it: usual for speed controllers."""

@@ -21,7 +21,7 @@ from helisim.handling.arducopter import COMMANDS, ArduCopterLaw, Rates
 from helisim.handling.closed_loop import ClosedLoop
 from helisim.handling.figures import Margins, Rejection, margins, rejection
 from helisim.handling.loop import BY_NAME, axis_of
-from helisim.records.channels import ATTITUDES, IN1, RATES
+from helisim.records.record import ATTITUDES, IN1, RATES
 
 Array = NDArray[np.float64]
 Response = NDArray[np.complex128]

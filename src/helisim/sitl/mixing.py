@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, ModelError
-from helisim.records.channels import IN1
+from helisim.records.record import IN1
 from helisim.vehicle.swashplate import Swashplate
 
 _CHANNELS = 32

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError
 from helisim.base.files import atomic_write, read_text
 from helisim.base.linear import Linear
+from helisim.base.settings import FrozenMap
 from helisim.base.units import STANDARD_GRAVITY
-from helisim.base.value import FrozenMap
 from helisim.handling.arducopter import COMMANDS
 from helisim.handling.loop import axis_of
-from helisim.records.channels import IN1
+from helisim.records.record import IN1
 from helisim.sitl.gains import FILTER_HZ, GYRO_HZ, INPUT_TIME, LOOP_RATE, Tuning, tune
 from helisim.sitl.mixing import (
     CYCLIC,

@@ -29,7 +29,7 @@ from helisim.base.settings import (
     value_object,
 )
 from helisim.base.text import shown
-from helisim.records.channels import AXES
+from helisim.records.record import AXES
 from helisim.sim import FlightEnvelope, FlightPlan, Pilot, Recorder, Sweep, Weather
 from helisim.study.models import KNOWN_MODELS, MODELS, ModelSpec
 from helisim.vehicle import Vehicle, load, standard_parameters

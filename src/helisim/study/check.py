@@ -24,7 +24,7 @@ from helisim.vehicle import Vehicle, load
 from helisim.vehicle.build import unwritten
 from helisim.vehicle.calibrate import DIRECT, SOLVED
 from helisim.vehicle.folder import is_shipped, mjcf_file, model_folder
-from helisim.vehicle.motion import root_body
+from helisim.vehicle.trim import root_body
 
 _MISSED = 1e-3
 """Of a target: published ones have four digits, and calibration leaves 1e-8."""

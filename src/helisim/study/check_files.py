@@ -18,11 +18,9 @@ from helisim.base.note import Command, Option
 from helisim.physics.layout import ACTUATORS, ROTOR, ROTOR_STATES, SENSORS
 from helisim.physics.memory import TICK_TOLERANCE
 from helisim.vehicle.assembly import total_inertia, wanted_inertia
-from helisim.vehicle.blade import INERTIA, INSTEAD, lock_number, with_both
 from helisim.vehicle.build import Element, Mjcf
 from helisim.vehicle.calibrate import DIRECT, SOLVED, UNKNOWNS, spared
 from helisim.vehicle.folder import PARAMETER_FILES, ROLES, Roles
-from helisim.vehicle.motion import root_body
 from helisim.vehicle.parameters import (
     Parameters,
     PhysicalParameter,
@@ -36,6 +34,8 @@ from helisim.vehicle.parameters import (
     unit_fault_of,
 )
 from helisim.vehicle.rate_command import STARTS
+from helisim.vehicle.swashplate import INERTIA, INSTEAD, lock_number, with_both
+from helisim.vehicle.trim import root_body
 
 _PLACED = re.compile(r"(?P<file>.+?)(?:, line |:)(?P<line>\d+): (?P<text>.*)", re.S)
 

@@ -20,7 +20,7 @@ import numpy as np
 from helisim.base.errors import InputError, StorageError
 from helisim.base.files import make_folder
 from helisim.base.note import Command, Option
-from helisim.base.value import Value
+from helisim.base.settings import Value
 from helisim.design.design import DRAWN, MARGIN, MODELS, DesignResult, design
 from helisim.design.laws import AttitudeCommand, Law, RateCommand
 from helisim.design.plant import Plant
@@ -41,8 +41,7 @@ from helisim.ident import (
     structures,
 )
 from helisim.ident.structures import with_inflow
-from helisim.records.channels import AXES
-from helisim.records.record import FlightRecord
+from helisim.records.record import AXES, FlightRecord
 from helisim.sim.rigs import Finding, RigTest
 from helisim.study.comparison import frequency_response
 from helisim.study.experiment import Flights, Source, servo_test, sweeps_of

@@ -15,13 +15,10 @@ from helisim.base.files import make_folder, write_json
 from helisim.base.settings import check, setting, to_plain
 from helisim.handling.loop import axis_of
 from helisim.ident import blocks
-from helisim.records.channels import AXES, SERVO_POSITIONS
-from helisim.records.provenance import one_blas_thread, versions
-from helisim.records.record import FlightRecord
+from helisim.records.record import AXES, SERVO_POSITIONS, FlightRecord, one_blas_thread, versions
 from helisim.records.storage import read_record
 from helisim.sim import Doublet, Flight, FlightPlan, Recorder, Sweep, fly_all
-from helisim.sim.flight import thread_count
-from helisim.sim.fly import write_flight
+from helisim.sim.flight import thread_count, write_flight
 from helisim.sim.rigs import Finding, RigTest, StickSweep, hold, run_rigs, sweep_stick
 from helisim.study.comparison import (
     ComparisonTable,

@@ -20,7 +20,6 @@ from helisim.vehicle import (
     standard_parameters,
 )
 from helisim.vehicle.assembly import mass_and_gravity
-from helisim.vehicle.blade import INERTIA, REDUCTION, lock_number, stated, with_both
 from helisim.vehicle.calibrate import (
     DIRECT,
     HOVER,
@@ -53,6 +52,7 @@ from helisim.vehicle.parameters import (
     to_toml,
 )
 from helisim.vehicle.rate_command import STARTS
+from helisim.vehicle.swashplate import INERTIA, REDUCTION, lock_number, stated, with_both
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WIDTH = 98

@@ -12,8 +12,7 @@ import numpy as np
 from helisim.base.errors import HelisimError, InputError
 from helisim.base.files import read_json
 from helisim.base.settings import from_plain, is_number, placed, to_plain
-from helisim.records.provenance import difference
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, difference
 from helisim.records.storage import read_record
 from helisim.study.experiment import Arguments, reproduce
 from helisim.study.results import FITS, FLIGHTS, RESULTS, read_models, read_results

@@ -33,9 +33,16 @@ from helisim.base.errors import (
 from helisim.base.files import atomic_write, make_folder, parse_object, read_bytes
 from helisim.design.exact import air_met
 from helisim.ident import ClosedLoopWarning, CrossControlWarning
-from helisim.records.channels import AXES, IN1
-from helisim.records.provenance import difference, made_by, one_line, plain, versions
-from helisim.records.record import FlightRecord
+from helisim.records.record import (
+    AXES,
+    IN1,
+    FlightRecord,
+    difference,
+    made_by,
+    one_line,
+    plain,
+    versions,
+)
 from helisim.records.storage import read_table
 from helisim.sim import FlightPlan, Recorder, fly
 from helisim.sim.rigs import RigTest, run_rigs

@@ -14,12 +14,9 @@ from helisim.base.display import Displayed
 from helisim.base.errors import InputError, StorageError, UnknownNameError
 from helisim.base.files import read_json, write_json
 from helisim.base.note import Command, Option
-from helisim.base.settings import check, from_plain, placed, setting, to_plain
-from helisim.base.value import FrozenMap, Value
+from helisim.base.settings import FrozenMap, Value, check, from_plain, placed, setting, to_plain
 from helisim.ident.verification import VerificationFigures
-from helisim.records.channels import AXES
-from helisim.records.provenance import made_by
-from helisim.records.record import FlightRecord
+from helisim.records.record import AXES, FlightRecord, made_by
 from helisim.records.storage import read_record
 from helisim.sim.rigs import RigTest
 from helisim.study.comparison import ComparisonTable

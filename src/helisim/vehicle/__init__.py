@@ -1,6 +1,5 @@
 """The vehicle: MJCF and parameters to a model that is trimmed and can be linearised."""
 
-from helisim.vehicle.blade import Flapping, flapping_from_blade
 from helisim.vehicle.calibrate import calibrate
 from helisim.vehicle.controller import Controller, ControllerLike, set_controller
 from helisim.vehicle.linearize import Linearization, linearize
@@ -11,6 +10,7 @@ from helisim.vehicle.parameters import (
     isa_density,
     read_parameters,
 )
+from helisim.vehicle.swashplate import Flapping, flapping_from_blade
 from helisim.vehicle.trim import Trim, find_trim
 from helisim.vehicle.vehicle import Vehicle, load, standard_parameters
 

@@ -31,10 +31,15 @@ from scipy.optimize import root
 
 from helisim.base.errors import InputError, ModelError
 from helisim.vehicle.assembly import assemble, mass_and_gravity
-from helisim.vehicle.blade import INERTIA, Flapping, flapping_from_blade, lock_reduction
 from helisim.vehicle.linearize import linearize, plain_rotor, stability_derivatives
 from helisim.vehicle.parameters import Parameters, PhysicalParameter, completed, glossary, untuned
-from helisim.vehicle.swashplate import Swashplate
+from helisim.vehicle.swashplate import (
+    INERTIA,
+    Flapping,
+    Swashplate,
+    flapping_from_blade,
+    lock_reduction,
+)
 from helisim.vehicle.trim import find_trim
 
 DIRECT = ("tau_f", "A_b", "B_a", "A_lat", "A_lon", "B_lat", "B_lon")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from helisim.base.errors import InputError, ModelError
-from helisim.base.value import Value
+from helisim.base.settings import Value
 from helisim.physics import laws
 from helisim.physics.laws import (
     Failure,
@@ -34,10 +34,10 @@ from helisim.physics.layout import (
     STATE,
     SWASH_STATES,
     TAIL_STATES,
-    rotor_states,
+    WITHOUT_LAWS,
 )
 from helisim.physics.native import check_is_model
-from helisim.vehicle.motion import addresses
+from helisim.vehicle.trim import addresses
 
 Law = Callable[..., Any]
 """`law(seen, state, settings)` or with the first one or two of these; returns servo commands."""
@@ -273,7 +273,7 @@ class Controller(Value):
         if needed > room:
             raise ModelError(
                 f"controller {self.name!r} has {needed} states and the model has room for {room}: "
-                f'give the rotor\'s actuator actdim="{rotor_states(needed)}"'
+                f'give the rotor\'s actuator actdim="{WITHOUT_LAWS + 2 * needed}"'
             )
         handles = {one.law.place: one.handle for one in registered}
         for place, slot, index in (
@@ -357,7 +357,7 @@ def set_controller(model: mujoco.MjModel, controller: ControllerLike, *, prefix:
 def law_room(model: mujoco.MjModel, prefix: str = "") -> int:
     """Return for how many states of control laws there is room in a model."""
     kept = int(model.actuator_actnum[addresses(model, prefix).rotor])
-    return (kept - rotor_states(0)) // 2
+    return (kept - WITHOUT_LAWS) // 2
 
 
 def source_digest(*functions: Any) -> str:

@@ -11,11 +11,10 @@ from helisim.base.errors import ModelError
 from helisim.physics.gyro import CYCLIC, YAW, Seen, cyclic_law, yaw_law
 from helisim.physics.laws import Called
 from helisim.physics.layout import CONTROL, FIRST_LAW_STATE, PARAM, ROTOR
-from helisim.records.channels import IN1, IN2, RATES
+from helisim.records.record import IN1, IN2, RATES
 from helisim.vehicle.controller import SHIPPED, Controller
-from helisim.vehicle.motion import addresses
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import Trim, place, steady_force
+from helisim.vehicle.trim import Trim, addresses, place, steady_force
 
 if TYPE_CHECKING:
     import control

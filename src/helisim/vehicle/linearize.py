@@ -14,10 +14,17 @@ from helisim.base.errors import ModelError
 from helisim.base.linear import LinearSystem
 from helisim.physics.layout import CONTROL, PARAM, ROTOR, STATE, StateIndex
 from helisim.physics.native import installed
-from helisim.records.channels import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
-from helisim.vehicle.motion import Motion, addresses, motion_rates, specific_force, write_motion
+from helisim.records.record import ACCELERATIONS, ATTITUDES, IN1, RATES, VELOCITIES
 from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import Trim, place
+from helisim.vehicle.trim import (
+    Motion,
+    Trim,
+    addresses,
+    motion_rates,
+    place,
+    specific_force,
+    write_motion,
+)
 
 if TYPE_CHECKING:
     from helisim.base.display import Axes, Figure

@@ -9,7 +9,7 @@ import numpy as np
 from helisim.base.errors import ModelError
 from helisim.base.linear import LinearSystem
 from helisim.physics.memory import TIME_TOLERANCE
-from helisim.records.channels import ACCELERATIONS, IN1, IN2, RATES
+from helisim.records.record import ACCELERATIONS, IN1, IN2, RATES
 from helisim.vehicle.linearize import OUTPUTS, Linearization
 
 _SERVOS = ("front", "left", "right", "tail")

@@ -17,14 +17,13 @@ from helisim.base.display import Displayed
 from helisim.base.errors import InputError, ModelError
 from helisim.base.linear import LinearSystem
 from helisim.base.note import Command, Option
-from helisim.base.value import Value
+from helisim.base.settings import Value
+from helisim.physics.gyro import equivalent_delay
 from helisim.physics.layout import PARAM, SENSOR
 from helisim.physics.motion import flip
 from helisim.physics.native import installed
-from helisim.physics.servo import equivalent_delay
-from helisim.records.channels import ACCELERATIONS, IN1, RATES
-from helisim.vehicle.assembly import Around, Integrator, assemble, with_room
-from helisim.vehicle.blade import INSTEAD, changed, with_both
+from helisim.records.record import ACCELERATIONS, IN1, RATES
+from helisim.vehicle.assembly import Around, Integrator, assemble, force_law_block, with_room
 from helisim.vehicle.controller import (
     DIRECT,
     GYRO,
@@ -34,10 +33,8 @@ from helisim.vehicle.controller import (
     law_room,
 )
 from helisim.vehicle.folder import PARAMETER_FILES, Roles, is_shipped, model_folder, read_roles
-from helisim.vehicle.force_laws import force_law_block
 from helisim.vehicle.law import linearize_law
 from helisim.vehicle.linearize import Linearization, linearize, plain_rotor, stability_derivatives
-from helisim.vehicle.motion import addresses, root_body
 from helisim.vehicle.parameters import (
     GyroSettings,
     Parameters,
@@ -47,8 +44,8 @@ from helisim.vehicle.parameters import (
     untuned,
 )
 from helisim.vehicle.sampled import close
-from helisim.vehicle.swashplate import Swashplate
-from helisim.vehicle.trim import HEIGHT, Trim, find_trim, place
+from helisim.vehicle.swashplate import INSTEAD, Swashplate, changed, with_both
+from helisim.vehicle.trim import HEIGHT, Trim, addresses, find_trim, place, root_body
 
 if TYPE_CHECKING:
     import control

@@ -10,7 +10,7 @@ import pytest
 import helisim as hs
 from helisim.base.errors import InputError, StorageError, WorkerError
 from helisim.cli import main
-from helisim.records.provenance import versions
+from helisim.records.record import versions
 from helisim.sim import Recorder
 from helisim.study.campaign import campaign_from
 from helisim.study.comparison import identify_model

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
 from helisim.base.linear import LinearSystem, Response
-from helisim.base.settings import setting
-from helisim.base.value import Value
+from helisim.base.settings import Value, setting
 from helisim.design.laws import attitude_kernel as kernel
 from helisim.design.laws.attitude_kernel import ATTITUDE, GENERAL, HEAVE
 from helisim.design.laws.law import (
@@ -31,7 +30,7 @@ from helisim.design.laws.law import (
     probed,
     register,
 )
-from helisim.records.channels import IN1
+from helisim.records.record import IN1
 from helisim.vehicle.swashplate import as_it_is
 
 if TYPE_CHECKING:

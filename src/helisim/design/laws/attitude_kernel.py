@@ -8,11 +8,10 @@ stand one after the other in arrays; the layouts here say where.
 
 from typing import NamedTuple
 
-from helisim.physics.gyro import rotate, winds_up
+from helisim.physics.gyro import mix, rotate, unmix, winds_up
 from helisim.physics.kernel import kernel, known
 from helisim.physics.laws import KnownLaw
 from helisim.physics.pilot import wrap_to_pi
-from helisim.physics.servo import mix, unmix
 
 MOST_FILTERS = 4
 """Of one axis."""

@@ -14,9 +14,17 @@ from numpy.typing import NDArray
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.files import atomic_write, read_toml
 from helisim.base.linear import Linear, LinearSystem
-from helisim.base.settings import Inline, check, from_plain, placed, setting, to_plain, toml_text
-from helisim.base.value import FrozenMap
-from helisim.records.channels import IN1
+from helisim.base.settings import (
+    FrozenMap,
+    Inline,
+    check,
+    from_plain,
+    placed,
+    setting,
+    to_plain,
+    toml_text,
+)
+from helisim.records.record import IN1
 
 if TYPE_CHECKING:
     from helisim.vehicle import Controller, Vehicle

@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 
 from helisim.base.linear import LinearSystem
 from helisim.design.laws.law import TabledLaw, not_negative, number, positive, probed, register
-from helisim.physics.gyro import CYCLIC, YAW, gyro_law, rotate
+from helisim.physics.gyro import CYCLIC, YAW, gyro_law, rotate, unmix
 from helisim.physics.kernel import kernel, known
 from helisim.physics.laws import KnownLaw
 from helisim.physics.layout import NEVER, PARAM, SWASH_STATES, TAIL_STATES
-from helisim.physics.servo import unmix
-from helisim.records.channels import IN2, RATES
-from helisim.vehicle.force_laws import write_gyro_filters
-from helisim.vehicle.motion import addresses
+from helisim.records.record import IN2, RATES
+from helisim.vehicle.assembly import write_gyro_filters
 from helisim.vehicle.swashplate import as_it_is
-from helisim.vehicle.trim import gyro_integrals
+from helisim.vehicle.trim import addresses, gyro_integrals
 
 if TYPE_CHECKING:
     from helisim.vehicle import Controller, Vehicle

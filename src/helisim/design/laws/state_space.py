@@ -17,15 +17,13 @@ from numpy.typing import NDArray
 
 from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.linear import LinearSystem
-from helisim.base.settings import check, from_plain, setting, to_plain
-from helisim.base.value import FrozenMap, Value
+from helisim.base.settings import FrozenMap, Value, check, from_plain, setting, to_plain
 from helisim.design.laws.law import LIMIT, Law, named, register
-from helisim.physics.gyro import Seen
+from helisim.physics.gyro import Seen, mix, unmix
 from helisim.physics.kernel import kernel, known
 from helisim.physics.laws import KnownLaw
 from helisim.physics.pilot import wrap_to_pi
-from helisim.physics.servo import mix, unmix
-from helisim.records.channels import ACCELERATIONS, IN1
+from helisim.records.record import ACCELERATIONS, IN1
 
 if TYPE_CHECKING:
     from helisim.vehicle import Controller, Vehicle
@@ -208,7 +206,7 @@ def state_space_settings(
     limits: Sequence[float],
     plate: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the settings of the compiled law, (n_settings,), of its matrices, as of the law, each."""
+    """Return the settings of the compiled law, (n_settings,); arguments are as of the law, each."""
     counts = [len(matrices[0]), len(places)]
     return np.concatenate(
         [counts, trim, limits, plate, places, steady, *(one.ravel() for one in matrices)],

@@ -16,16 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import IdentificationError, InputError, UnknownNameError
-from helisim.base.value import Value
+from helisim.base.settings import Value
 from helisim.handling.loop import BY_NAME, Axis, Curve, History, NoResponse, axis_of
 from helisim.handling.measured.interval import UNITS, Asked, Interval, intervals
 from helisim.ident import CrossControlWarning, RecordQualityWarning
 from helisim.ident.frf import frequency_response
 from helisim.ident.local_fit import flight_lines
 from helisim.ident.scatter import LocalScatter
-from helisim.records.channels import IN1, IN2
-from helisim.records.provenance import one_blas_thread
-from helisim.records.record import FlightRecord
+from helisim.records.record import IN1, IN2, FlightRecord, one_blas_thread
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -17,8 +17,7 @@ import numpy as np
 from helisim.base.errors import InputError
 from helisim.physics.layout import PARAM
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import Motion, root_body
-from helisim.vehicle.trim import Trim, collective_stick
+from helisim.vehicle.trim import Motion, Trim, collective_stick, root_body
 
 _ATTITUDE, _VELOCITY, _POSITION = 3.0, 1.0, 0.35
 """rad/s, at which the loops of attitude, velocity and position cross over."""

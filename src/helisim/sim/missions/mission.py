@@ -27,8 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helisim.base.errors import InputError
-from helisim.base.settings import check, setting
-from helisim.base.value import Value
+from helisim.base.settings import Value, check, setting
 from helisim.physics.laws import Failure, raised
 from helisim.physics.layout import HANDS_OFF_ROTOR, PARAM, ROTOR, STATE
 from helisim.physics.motion import flip
@@ -36,10 +35,9 @@ from helisim.sim.excitation import check_plain, register
 from helisim.sim.ground import FLIPS, Ground, outline
 from helisim.sim.limits import point_heights
 from helisim.sim.missions.autopilot import Autopilot, OuterLoop, Sight
-from helisim.sim.trajectory import Script, Trajectory
+from helisim.sim.recorder import Script, Trajectory
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import Motion, addresses
-from helisim.vehicle.trim import Trim
+from helisim.vehicle.trim import Motion, Trim, addresses
 
 MISSIONS: dict[str, type["Mission"]] = {}
 """Every mission by the name of its class; a subclass of `Mission` joins on its definition."""

@@ -11,12 +11,10 @@ from helisim.base.errors import InputError, UnknownNameError
 from helisim.base.settings import check, setting
 from helisim.physics import pilot
 from helisim.physics.motion import flip
-from helisim.records.provenance import made_by
-from helisim.records.record import FlightRecord
+from helisim.records.record import FlightRecord, made_by
 from helisim.sim.flight import roll
 from helisim.sim.limits import FlightEnvelope
-from helisim.sim.recorder import Recorder
-from helisim.sim.trajectory import read_trajectory
+from helisim.sim.recorder import Recorder, read_trajectory
 from helisim.vehicle import Vehicle
 from helisim.vehicle.assembly import assemble
 

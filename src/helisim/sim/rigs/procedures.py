@@ -33,7 +33,7 @@ from helisim.sim.rigs.found import (
     plumb_line,
 )
 from helisim.vehicle import Vehicle
-from helisim.vehicle.motion import root_body
+from helisim.vehicle.trim import root_body
 
 _STEP_BAND = (2.0, 60.0)
 """rad/s. A step has content everywhere; below, the resolution of the slow ramp's record tells,
