@@ -8,7 +8,7 @@ import pytest
 
 import helisim as hs
 from helisim.design.exact import air_met
-from helisim.records.channels import AXES
+from helisim.records.record import AXES
 from helisim.sim import fly
 from helisim.study.campaign import campaign_from, read_campaign
 from helisim.study.comparison import frequency_response, identify_model
