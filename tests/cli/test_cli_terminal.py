@@ -134,7 +134,7 @@ def test_a_command_imports_no_other():
         "print(*sorted(n for n in sys.modules if n.startswith('helisim.cli.')), file=sys.stderr)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    names = ("options", "shared", "study")
+    names = ("options", "study")
     assert done.stderr.split() == [f"helisim.cli.{name}" for name in names]
 
 

@@ -122,4 +122,4 @@ def test_a_view_needs_a_display(capsys, monkeypatch, arguments):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr("helisim.show.viewer.sys.platform", "linux")
-    assert "helisim fly --axis lat" in fails(capsys, "view", *arguments)
+    assert "`helisim fly` writes a recording" in fails(capsys, "view", *arguments)

@@ -112,7 +112,8 @@ class LinearSystem(Value):
         names = (
             tuple(one) for one in (system.input_labels, system.output_labels, system.state_labels)
         )
-        return LinearSystem(a, b, c, d, float(system.dt or 0.0) or None, *names)
+        inputs, outputs, states = names
+        return LinearSystem(a, b, c, d, float(system.dt or 0.0) or None, inputs, outputs, states)
 
     def to_control(self) -> "control.StateSpace":
         """Return it as python-control's StateSpace, without its delays."""

@@ -169,7 +169,8 @@ def law_show(o: Options) -> int:
     if not o.json:
         print(law_text(law, period))
         return 0
-    linear = law.linear(period).sampled
+    known: Any = law.linear(period)
+    linear = known.sampled
     matrices = {name: getattr(linear, name).tolist() for name in ("a", "b", "c", "d")}
     facts = {"period": period, "inputs": list(linear.inputs), "outputs": list(linear.outputs)}
     print_json({**facts, **matrices})

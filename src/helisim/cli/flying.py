@@ -293,7 +293,7 @@ def fly(o: Options) -> int:
         @manoeuvre
         --mission NAME[,NAME=VALUE...]  fly this script, see below: take_off_hover_land, forward,
             pirouette, autorotation
-        --missions <prints=flown.missions_in_words>  list all missions with settings
+        --missions <prints=flying.missions_in_words>  list all missions with settings
         --count N  fly N times into the folder DIR, or go on where an earlier run stopped
         @jobs
         --out FILE|DIR  record to write, .parquet or .csv; with --count a folder of them

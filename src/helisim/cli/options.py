@@ -364,7 +364,7 @@ a ground is flat, or SETTING=VALUE[,...], to take off from and to land on:
     be given again
 --sequence S <float maybe=0>  fly them one after the other, S seconds of trimmed flight between
     (default: 0)
---kinds <prints=flown.kinds_in_words>  list all kinds with their settings
+--kinds <prints=flying.kinds_in_words>  list all kinds with their settings
 --axis AXIS  col|lon|lat|ped{}
 --at PLACE  sticks (default), servos, actuators or sensors (axis p, q, r, phi, theta, psi)
 --duration S  of the flight, s (default: a sweep's is 90)

@@ -73,8 +73,8 @@ class _Gains:
     def of(cls, vehicle: Vehicle, par: NDArray[np.float64]) -> "_Gains":
         gravity = float(np.linalg.norm(vehicle.model.opt.gravity))
         roll_rate, yaw_rate = (
-            abs(par[PARAM.gyro_p_per_lat]),
-            abs(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a]),
+            abs(float(par[PARAM.gyro_p_per_lat])),
+            abs(float(par[PARAM.gyro_k_delta] / par[PARAM.gyro_k_a])),
         )
         return cls(
             attitude=_ATTITUDE / roll_rate,

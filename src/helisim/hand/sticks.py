@@ -193,7 +193,8 @@ class JoystickMap:
                 f"{', '.join(ORDERS[:2])}, got {order!r}"
             )
         names = [_LETTERS[letter] for letter in order.upper()]
-        return cls(**{name: _axis(n, turned=name == "lon") for n, name in enumerate(names)})
+        axes = {name: _axis(n, turned=name == "lon") for n, name in enumerate(names)}
+        return cls(centring=False, **axes)
 
     @classmethod
     def gamepad(cls, mode: int = 2) -> "JoystickMap":

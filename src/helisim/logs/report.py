@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from helisim.base.errors import HelisimError, LogError, RecordError, UnknownNameError
-from helisim.base.note import Note, Remedy, options
+from helisim.base.note import Note, Option, Remedy, options
 from helisim.base.settings import FrozenMap, Value
 from helisim.records.record import FlightRecord, some_names
 
@@ -38,7 +38,7 @@ class LogFinding(Note):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        remedy = [f"{one.name}={one.value}" for one in self.remedy]
+        remedy = [f"{one.name}={one.value}" for one in self.remedy if isinstance(one, Option)]
         return {**vars(self), "remedy": remedy, "rows": list(self.rows)}
 
 

@@ -339,7 +339,7 @@ def _reference(used: Sequence[_Looked], inputs: Sequence[str]) -> tuple[str, ...
     """Return the sticks, where a loop is closed and all were excited."""
     sticks = tuple(_STICK.get(name, "") for name in inputs)
     found = [finding for one in used for finding in one.found.findings if finding.kind == "loop"]
-    closed = {option.value for one in found for option in one.remedy}
+    closed = {o.value for one in found for o in one.remedy if isinstance(o, Option)}
     excited = {e.channel for one in used for e in one.found.excitations}
     return sticks if closed & set(sticks) and set(sticks) <= excited else ()
 

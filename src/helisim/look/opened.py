@@ -256,6 +256,8 @@ class _Reading:
         """Take what a refusal says mends it; return whether there is such a thing."""
         before, channels = len(self.taken), self.map.channels
         for option in finding.remedy:
+            if not isinstance(option, Option):
+                continue
             name, value, options = option.name, option.value, self._options
             if name == "repair" and value in REPAIRS and value not in options.repairs:
                 self._options = options._replace(repairs=options.repairs | {value})

@@ -238,13 +238,12 @@ def pairs_of(fit: Fit) -> list[tuple[str, str]]:
 def draw_verifications(item: IdentifiedModel) -> list[Drawing]:
     """Return one figure for each flight that verified a model."""
     found = item.verification
-    names = () if found is None else item.verified_on or range(1, len(found.traces) + 1)
+    if found is None:
+        return []
+    names = item.verified_on or [f"flight {k + 1}" for k in range(len(found.traces))]
     return [
-        draw_verification(
-            f"time_{item.name}_{k + 1}", found, k, name if item.verified_on else f"flight {name}"
-        )
+        draw_verification(f"time_{item.name}_{k + 1}", found, k, name)
         for k, name in enumerate(names)
-        if found is not None
     ]
 
 

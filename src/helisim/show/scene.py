@@ -291,8 +291,12 @@ def _archetypes(model: mujoco.MjModel, geoms: _Geoms) -> dict[str, rr.AsComponen
     ):
         keep = model.geom_type[geoms.ids] == int(kind)
         if keep.any():
-            shapes[name] = _batch(model, name, _Geoms(*(one[keep] for one in geoms)))
+            shapes[name] = _batch(model, name, _kept(geoms, keep))
     return shapes
+
+
+def _kept(geoms: _Geoms, keep: NDArray[np.bool]) -> _Geoms:
+    return _Geoms(**{name: one[keep] for name, one in geoms._asdict().items()})
 
 
 def _batch(model: mujoco.MjModel, name: str, some: _Geoms) -> rr.AsComponents:

@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -135,7 +135,8 @@ def law_text(law: Law, period: float) -> str:
     Raises:
         InputError: it can't tick so.
     """
-    linear = law.linear(period).sampled
+    known: Any = law.linear(period)
+    linear = known.sampled
     lines = [
         f"{law.kind}: {', '.join(linear.inputs)} -> {', '.join(linear.outputs)}",
         f"{len(linear.a)} states, each {1e3 * period:g} ms",

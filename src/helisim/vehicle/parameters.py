@@ -7,6 +7,7 @@ default and bounds, and which number of the force laws it is.
 import json
 import math
 import re
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -113,7 +114,7 @@ def words_of(name: str) -> tuple[str, ...]:
     return known.words if known else ()
 
 
-_LARGEST = 1e300
+_LARGEST = sys.float_info.max
 """A larger number is none that a float or a formula holds."""
 
 
@@ -134,7 +135,7 @@ def number_of(name: str, value: Any) -> float:
         if is_number(value) and value in range(len(words)):
             return float(value)
         raise InputError(f"{name} must be {' or '.join(words)}, got {value!r:.60}")
-    if is_number(value) and abs(value) < _LARGEST:
+    if is_number(value) and abs(value) <= _LARGEST:
         return float(value)
     raise InputError(f"parameter {name!r} must be a finite number, got {value!r:.60}")
 
@@ -156,7 +157,7 @@ def plain_number(name: str, value: object) -> float:
         return number_of(name, value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r} is no number")
-    return float(value) if abs(value) < _LARGEST else math.inf
+    return float(value) if abs(value) <= _LARGEST else math.inf
 
 
 def name_fault(name: str) -> str:
