@@ -57,7 +57,7 @@ def test_parameters_can_be_set(capsys):
 def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
     """A parameter off its tolerance is listed, and the exit status is 1."""
     strict = Tolerance(percent=1e-9, reason="no estimate is this good")
-    monkeypatch.setitem(models.HEAVE.tolerances, "Z_w", strict)
+    monkeypatch.setitem(models.HEAVE.tolerances._items, "Z_w", strict)
     assert main(["reproduce", "--flights", "1", "--quiet", "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
     assert "missed:" in printed

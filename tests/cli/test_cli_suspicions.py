@@ -49,6 +49,6 @@ def test_a_fit_that_fails_is_explained(tmp_path, capsys):
     assert "with p's column in deg/s, not rad/s: J would be" in printed
     assert "rad/s, and can reach 40: column 'p [rad/s]' is in deg/s" in printed
     option = ["--channel", "p=p [rad/s]:deg/s"]
-    assert "try --channel 'p=p [rad/s]:deg/s'" in printed
+    assert "(--channel 'p=p [rad/s]:deg/s')" in printed
     assert main(["identify", str(log), *options, *option]) == 0
     assert "likely causes" not in capsys.readouterr().out

@@ -268,9 +268,8 @@ def test_works_without_a_writable_cache(tmp_path):
     source = Path(native.__file__).resolve().parents[1]
     package = tmp_path / "helisim"
     package.mkdir()
-    for name in ("__init__.py", "errors.py"):
-        shutil.copy(source / name, package)
-    shutil.copytree(source / "physics", package / "physics", ignore=shutil.ignore_patterns("*pyc*"))
+    for name in ("base", "physics"):
+        shutil.copytree(source / name, package / name, ignore=shutil.ignore_patterns("*pyc*"))
     (package / "__init__.py").write_text("")
     (package / "physics" / "__pycache__").write_text("not a folder")
     (tmp_path / "home").write_text("not a folder")
