@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from helisim import load, read_record
+from helisim.base.settings import FrozenMap
 from helisim.cli import main
 from helisim.study import models
 from helisim.study.models import Tolerance
@@ -57,7 +58,8 @@ def test_parameters_can_be_set(capsys):
 def test_a_missed_tolerance_is_status_1(tmp_path, capsys, monkeypatch):
     """A parameter off its tolerance is listed, and the exit status is 1."""
     strict = Tolerance(percent=1e-9, reason="no estimate is this good")
-    monkeypatch.setitem(models.HEAVE.tolerances._items, "Z_w", strict)
+    items = vars(FrozenMap)["_items"].__get__(models.HEAVE.tolerances)
+    monkeypatch.setitem(items, "Z_w", strict)
     assert main(["reproduce", "--flights", "1", "--quiet", "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
     assert "missed:" in printed
