@@ -4,6 +4,8 @@ import csv
 import json
 import subprocess
 import sys
+import textwrap
+import tomllib
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from command import fails
 from helisim.cli import main
 from helisim.ident import Structure, load_fit, structures
 from helisim.logs import read_log
+from helisim.logs.mapping import Map
 from helisim.records.storage import write_record
 from swept_logs import HEAVE, csv_writer, flown, write_foreign
 
@@ -245,3 +248,15 @@ def test_a_first_order_model_takes_no_slow_imports(tmp_path, sweep_csv):
             f"assert not {SLOW!r} & set(sys.modules), {SLOW!r} & set(sys.modules)",
         ]
         subprocess.run([sys.executable, "-c", "\n".join(run)], check=True)
+
+
+def test_the_map_of_the_help_is_a_map(capsys):
+    """The example that a user copies is read, with its comments."""
+    with pytest.raises(SystemExit):
+        main(["identify", "--help"])
+    page = textwrap.dedent(capsys.readouterr().out.split("such as\n  [time]")[1])
+    example = textwrap.dedent("  [time]" + page.partition("\n\n  [file]")[0])
+    given = Map.from_dict(tomllib.loads(example))
+    assert given.channels["lat"].trim == 1520
+    assert given.time is not None
+    assert given.time.unit == "us"

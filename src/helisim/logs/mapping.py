@@ -26,28 +26,6 @@ REPAIRS: dict[str, str] = {
 }
 """What may be done to a log, each only on request."""
 
-MAP_EXAMPLE = """\
-[time]
-column = "t"
-unit = "us"
-
-[channels.p]
-column = "gyro_x"
-unit = "deg/s"
-sign = -1
-
-[channels.lat]
-column = "rc1"
-unit = "us"          # pulse width: (pulse - trim) / range
-trim = 1520
-range = 800
-
-[file]               # only where it can't be found out, CSV
-delimiter = ";"
-decimal = ","
-"""
-"""A map as a file."""
-
 TIME_NAMES = ("time", "t", "timestamp", "time_s", "time_ms", "time_us", "timestamp_us", "timeus")
 """Headings that mean time, in lower case and without a unit in brackets."""
 
@@ -229,7 +207,7 @@ class Map:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Map":
-        """Read a map from plain data, as a TOML file holds it; as in `MAP_EXAMPLE`.
+        """Read a map from plain data, as its TOML file (`helisim identify --help`) holds it.
 
         Raises:
             InputError: a key is unknown, missing or of the wrong kind.
@@ -249,7 +227,7 @@ class Map:
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Map":
-        """Read a map from a TOML file; as in `MAP_EXAMPLE`.
+        """Read a map from a TOML file, of which `helisim identify --help` shows an example.
 
         Raises:
             StorageError: the file can't be read or isn't TOML.
