@@ -207,7 +207,7 @@ class Map:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Map":
-        """Read a map from plain data, as its TOML file (`helisim identify --help`) holds it.
+        """Read a map from plain data, as a TOML file holds it.
 
         Raises:
             InputError: a key is unknown, missing or of the wrong kind.
@@ -227,7 +227,7 @@ class Map:
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> "Map":
-        """Read a map from a TOML file, of which `helisim identify --help` shows an example.
+        """Read a map from a TOML file, such as the help of `identify` shows.
 
         Raises:
             StorageError: the file can't be read or isn't TOML.
